@@ -1,0 +1,25 @@
+"""o3dleaf: a laser scan and a micro-CT volume of a leaf, made into one smooth, multi-scale surface.
+
+The names below are loaded when they are first used, so that `import o3dleaf` costs nothing; they
+stand in the order of the story in the stub beside this file, `__init__.pyi`.
+
+Examples
+--------
+>>> import open3d as o3d, o3dleaf as o3l  # doctest: +SKIP
+>>> leaf = o3l.create_multiscale_leaf(o3d.io.read_point_cloud("scan.ply"), o3l.read_volume("ct.tif"))  # doctest: +SKIP
+>>> leaf.write_mesh("leaf.ply", spacing=0.024)  # doctest: +SKIP
+"""
+
+from typing import Any
+
+import lazy_loader
+
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415 - reading metadata costs as much as all the rest here
+
+        return version("o3dleaf")
+    return _load(name)

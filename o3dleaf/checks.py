@@ -1,0 +1,113 @@
+"""The only input validation of the package: each check returns a clean array or raises `InputError`."""
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
+    """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
+
+    A C-contiguous, writeable float64 array comes back as it is, anything else as a copy.
+
+    Parameters
+    ----------
+    points : (n, d) array_like
+        Coordinates, one point a row. A flat array of length d counts as one point where `dim` is d.
+    name : str
+        The argument's name, for the message.
+    dim : int, optional
+        The number of columns that the points must have.
+    least : int
+        The smallest number of points that will do.
+
+    Raises
+    ------
+    InputError
+        If the array has another shape, too few rows, or a value that is not finite.
+    """
+    array = _as_floats(points, name)
+    if array.ndim == 1 and dim is not None and array.shape == (dim,):
+        array = array[np.newaxis]
+    columns = array.shape[1] if array.ndim == 2 else 0
+    if columns == 0 or columns != (dim or columns):
+        wanted = f"(n, {dim})" if dim else "(n, d)"
+        raise InputError(f"{name}: has shape {array.shape}; give one point a row, shape {wanted}")
+    if len(array) < least:
+        raise InputError(f"{name}: holds {len(array)} points; at least {least} are needed")
+    return require_finite(array, name)
+
+
+def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
+    try:
+        return np.require(array, np.float64, ["C", "A", "W", "E"])
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
+
+
+def as_values(values: npt.ArrayLike, count: int, name: str = "values") -> FloatArray:
+    """Return `values` as a finite (count,) float64 array, or raise `InputError`."""
+    array = _as_floats(values, name)
+    if array.shape != (count,):
+        raise InputError(f"{name}: has shape {array.shape}; give one value a point, shape ({count},)")
+    return require_finite(array, name)
+
+
+def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> FloatArray:
+    """Return `weights` as a (count,) array of finite numbers above zero, or raise `InputError`."""
+    array = as_values(weights, count, name)
+    if np.any(array <= 0):
+        raise InputError(f"{name}: {np.sum(array <= 0)} are not above zero; leave such points out")
+    return array
+
+
+def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:
+    """Return `bounds` as a (2, dim) array, lower corner then upper corner, or raise `InputError`."""
+    array = as_points(bounds, name, dim=dim)
+    if len(array) != 2 or np.any(array[1] < array[0]):
+        raise InputError(f"{name}: give the lower corner, then the upper corner, shape (2, {dim})")
+    return array
+
+
+def require_finite(array: FloatArray, name: str) -> FloatArray:
+    """Return `array` if all of it is finite, else raise `InputError` with the count and the first place."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = np.argwhere(~finite)
+        raise InputError(
+            f"{name}: {len(bad)} values are NaN or infinite, the first at index {tuple(bad[0].tolist())}; remove them"
+        )
+    return array
+
+
+def require_positive(value: float, name: str) -> float:
+    """Return `value` as a float if it is finite and above zero, else raise `InputError`."""
+    number = float(value)
+    if not (np.isfinite(number) and number > 0):
+        raise InputError(f"{name}: is {value}; give a number above zero")
+    return number
+
+
+def require_choice(value: str, choices: Iterable[str], name: str) -> str:
+    """Return `value` if it is one of `choices`, else raise `InputError` that lists them."""
+    known = list(choices)
+    if value not in known:
+        raise InputError(f"{name}: unknown {value!r}; choose one of {', '.join(known)}")
+    return value
+
+
+def require_file(path: str | PathLike[str]) -> Path:
+    """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
+    found = Path(path)
+    if not found.is_file():
+        raise InputError(f"{found}: no such file; check the path")
+    if found.stat().st_size == 0:
+        raise InputError(f"{found}: the file is empty; export it again")
+    return found

@@ -1,0 +1,25 @@
+"""What can go wrong, by name; every message says the cause and then the cure."""
+
+
+class O3DLeafError(Exception):
+    """Base of every error that o3dleaf raises on purpose; the command line prints it in one line."""
+
+
+class InputError(O3DLeafError, ValueError):
+    """An argument or a file does not hold what it should."""
+
+
+class UnitError(InputError):
+    """Two lengths in different or unknown units meet, or a length has an impossible size."""
+
+
+class IllPosedError(O3DLeafError):
+    """The data cannot determine the interpolant that was asked for (names the rank found)."""
+
+
+class ReconstructionError(O3DLeafError):
+    """A stage of the reconstruction ran but its result is not a usable surface."""
+
+
+class MemoryBudgetError(O3DLeafError, MemoryError):
+    """The job would not fit into the stated memory budget."""

@@ -1,0 +1,154 @@
+"""One thread pool for every compiled loop of the package, with progress, interruption and fixed blocks.
+
+Compiled functions are serial and release the GIL; this module drives them over fixed blocks. A
+block's result never depends on the number of threads, so neither does any result of the package.
+"""
+
+import importlib
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
+from contextlib import contextmanager
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from o3dleaf.errors import InputError
+
+Progress = Callable[[int, int], None]
+"""Called as ``progress(done, total)`` from the calling thread while long work runs."""
+
+
+class _Here(threading.local):
+    """What is true of the calling thread."""
+
+    is_worker = False
+
+    def enter(self) -> None:
+        self.is_worker = True
+
+
+_here = _Here()
+
+
+class _Pool:
+    """The executor, made at first use, and made anew after a fork or a change of the thread count."""
+
+    def __init__(self) -> None:
+        self.threads = os.cpu_count() or 1
+        self.executor: ThreadPoolExecutor | None = None
+        self.owner = -1
+
+    def get(self) -> ThreadPoolExecutor:
+        if self.executor is None or self.owner != os.getpid():
+            self.executor = ThreadPoolExecutor(self.threads, "o3dleaf", initializer=_here.enter)
+            self.owner = os.getpid()
+        return self.executor
+
+    def resize(self, threads: int) -> None:
+        if self.executor is not None and self.owner == os.getpid():
+            self.executor.shutdown(wait=True)
+        self.executor, self.threads = None, threads
+
+
+_pool = _Pool()
+
+
+def get_num_threads() -> int:
+    """Return the number of threads that compiled loops run on."""
+    return _pool.threads
+
+
+def set_num_threads(threads: int) -> None:
+    """Set the number of threads for compiled loops (default: all cores); results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        If `threads` is below 1.
+    """
+    if threads < 1:
+        raise InputError(f"threads: is {threads}; give 1 or more")
+    _pool.resize(threads)
+
+
+def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:
+    """Yield (start, stop) of consecutive blocks of `size` (the last may be shorter) that cover `count`."""
+    for start in range(0, count, size):
+        yield start, min(start + size, count)
+
+
+def run_blocks(task: Callable[[int, int], Any], count: int, size: int, progress: Progress | None = None) -> None:
+    """Call ``task(start, stop)`` for every block of `size` out of `count`, on all threads.
+
+    The task writes its own rows of a shared array; nothing is reduced across blocks, so that the
+    result is the same for any number of threads. Ctrl-C, or an error in a block, cancels the blocks
+    that have not started, waits for those that have, and is raised here. Inside a block the blocks
+    of another call run one after another, in the block's own thread.
+
+    Parameters
+    ----------
+    task : callable
+        Compiled with ``nogil``, or any function of (start, stop).
+    count, size : int
+        Number of items and items in a block.
+    progress : callable, optional
+        ``progress(done, count)``, called as blocks finish.
+    """
+    todo = list(blocks(count, size))
+    if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
+        for start, stop in todo:
+            task(start, stop)
+            if progress:
+                progress(stop, count)
+        return
+    pool, lengths, done = _pool.get(), dict[Future[Any], int](), 0
+    try:
+        for start, stop in todo:
+            lengths[pool.submit(task, start, stop)] = stop - start
+        for future in as_completed(lengths):
+            future.result()
+            done += lengths[future]
+            if progress:
+                progress(done, count)
+    finally:
+        for future in lengths:
+            future.cancel()
+        wait(lengths)
+
+
+class _BlasLimit:
+    """One process-wide limit, shared by nested and concurrent users, lifted by the last of them."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.users = 0
+        self.limit: threadpool_limits | None = None
+
+    def enter(self) -> None:
+        with self.lock:
+            if self.users == 0:
+                # Numba's linear algebra is SciPy's: a library that is not loaded yet would escape the limit.
+                importlib.import_module("scipy.linalg")
+                self.limit = threadpool_limits(limits=1, user_api="blas")
+            self.users += 1
+
+    def leave(self) -> None:
+        with self.lock:
+            self.users -= 1
+            if self.users == 0 and self.limit is not None:
+                self.limit.restore_original_limits()
+
+
+_blas = _BlasLimit()
+
+
+@contextmanager
+def single_threaded_blas() -> Iterator[None]:
+    """Hold BLAS at one thread: its last bits depend on the thread count, and our pool has the cores."""
+    _blas.enter()
+    try:
+        yield
+    finally:
+        _blas.leave()
