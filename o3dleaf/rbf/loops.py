@@ -1,0 +1,419 @@
+"""The compiled loops of this chapter: assemble and solve one local system, evaluate one interpolant.
+
+Everything here works in a ball's unit coordinates z = (x − c)/R, in which the tail's monomials are
+well scaled and φ stays of order one. Points are stored (d, n), so that the loop over n vectorises.
+Functions are serial and release the GIL; `o3dleaf.parallel` drives them.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+REASSOCIATE = {"reassoc", "contract", "nsz"}
+"""What the sums need to vectorise; NaN and infinity keep their meaning."""
+
+RANK_TOLERANCE = 1e-8
+"""Singular values of the tail below this share of the largest count as zero: data that lie on a plane
+(or a quadric) to within rounding at coordinates 10⁶ times the ball's size."""
+
+SINGULAR = 3e-14
+"""Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
+points 10⁻⁶ of the ball apart leave five times as much."""
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def squared_distances(z, points, count, out):
+    """Write |z − z_j|² into out[:count]."""
+    for j in range(count):
+        difference = z[0] - points[0, j]
+        out[j] = difference * difference
+    for axis in range(1, points.shape[0]):
+        coordinate = z[axis]
+        for j in range(count):
+            difference = coordinate - points[axis, j]
+            out[j] += difference * difference
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def radial_values(power, squared, count):
+    """Turn squared distances into φ(r), in place."""
+    if power == 1:
+        for j in range(count):
+            squared[j] = -math.sqrt(squared[j])
+    elif power == 3:
+        for j in range(count):
+            squared[j] *= math.sqrt(squared[j])
+    else:
+        half = power // 2
+        sign = 1.0 if half % 2 else -1.0
+        for j in range(count):
+            r2 = squared[j]
+            value = sign
+            for _ in range(half):
+                value *= r2
+            if power % 2:
+                squared[j] = value * math.sqrt(r2)
+            elif r2 > 0.0:
+                squared[j] = 0.5 * value * math.log(r2)
+            else:
+                squared[j] = 0.0
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def radial_slopes(power, squared, count):
+    """Turn squared distances into φ′(r)/r, in place; 0 at r = 0, where it multiplies the vector z − z_j = 0."""
+    if power == 3:
+        for j in range(count):
+            squared[j] = 3.0 * math.sqrt(squared[j])
+        return
+    half = power // 2
+    sign = 1.0 if half % 2 else -1.0
+    for j in range(count):
+        r2 = squared[j]
+        if r2 > 0.0:
+            value = sign
+            for _ in range(half - 1):
+                value *= r2
+            if power == 1:
+                squared[j] = -1.0 / math.sqrt(r2)
+            elif power % 2:
+                squared[j] = power * value * math.sqrt(r2)
+            else:
+                squared[j] = value * (0.5 * power * math.log(r2) + 1.0)
+
+
+@njit(nogil=True, cache=True)
+def monomial(z, exponent):
+    """Return the monomial z^exponent."""
+    value = 1.0
+    for axis in range(z.size):
+        for _ in range(exponent[axis]):
+            value *= z[axis]
+    return value
+
+
+@njit(nogil=True, cache=True)
+def monomial_slope(z, exponent, along):
+    """Return the derivative of z^exponent along one axis."""
+    if exponent[along] == 0:
+        return 0.0
+    value = float(exponent[along])
+    for axis in range(z.size):
+        for _ in range(exponent[axis] - (1 if axis == along else 0)):
+            value *= z[axis]
+    return value
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def dot(a, b, count):
+    """Return Σ a_j b_j over the first `count` entries."""
+    total = 0.0
+    for j in range(count):
+        total += a[j] * b[j]
+    return total
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def local_value(z, points, weights, tail, exponents, power, scratch):
+    """Return Σ λ_j φ(|z − z_j|) + Σ a_k p_k(z) of one interpolant at one point."""
+    count = points.shape[1]
+    squared_distances(z, points, count, scratch)
+    radial_values(power, scratch, count)
+    value = dot(weights, scratch, count)
+    for k in range(tail.size):
+        value += tail[k] * monomial(z, exponents[k])
+    return value
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def local_gradient(z, points, weights, tail, exponents, power, scratch, out):
+    """Write Σ λ_j φ′(r_j)/r_j (z − z_j) + Σ a_k ∇p_k(z) into `out`."""
+    count = points.shape[1]
+    squared_distances(z, points, count, scratch)
+    radial_slopes(power, scratch, count)
+    for j in range(count):
+        scratch[j] *= weights[j]
+    for axis in range(z.size):
+        total = 0.0
+        for j in range(count):
+            total += scratch[j] * (z[axis] - points[axis, j])
+        for k in range(tail.size):
+            total += tail[k] * monomial_slope(z, exponents[k], axis)
+        out[axis] = total
+
+
+@njit(nogil=True, cache=True)
+def radial_matrix(points, power):
+    """Return A with A_ij = φ(|z_i − z_j|), symmetric, zero on the diagonal."""
+    count = points.shape[1]
+    matrix = np.zeros((count, count))
+    z = np.empty(points.shape[0])
+    for i in range(count):
+        for axis in range(z.size):
+            z[axis] = points[axis, i]
+        squared_distances(z, points, i, matrix[i])
+        radial_values(power, matrix[i], i)
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
+    return matrix
+
+
+@njit(nogil=True, cache=True)
+def tail_matrix(points, exponents):
+    """Return P with P_ik = p_k(z_i)."""
+    count = points.shape[1]
+    matrix = np.empty((count, len(exponents)))
+    z = np.empty(points.shape[0])
+    for i in range(count):
+        for axis in range(z.size):
+            z[axis] = points[axis, i]
+        for k in range(len(exponents)):
+            matrix[i, k] = monomial(z, exponents[k])
+    return matrix
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def householder(matrix):
+    """Factor `matrix` (n, q) = Q R in place: R above, reflectors I − β v vᵀ below; return (v rows, β)."""
+    count, columns = matrix.shape
+    steps = min(count, columns)
+    vectors = np.zeros((steps, count))
+    betas = np.zeros(steps)
+    for k in range(steps):
+        norm = 0.0
+        for i in range(k, count):
+            norm += matrix[i, k] * matrix[i, k]
+        norm = math.sqrt(norm)
+        if norm == 0.0:
+            continue
+        pivot = -norm if matrix[k, k] > 0.0 else norm
+        for i in range(k, count):
+            vectors[k, i] = matrix[i, k]
+        vectors[k, k] -= pivot
+        length = 0.0
+        for i in range(k, count):
+            length += vectors[k, i] * vectors[k, i]
+        betas[k] = 2.0 / length
+        for column in range(k, columns):
+            product = 0.0
+            for i in range(k, count):
+                product += vectors[k, i] * matrix[i, column]
+            product *= betas[k]
+            for i in range(k, count):
+                matrix[i, column] -= product * vectors[k, i]
+    return vectors, betas
+
+
+@njit(nogil=True, cache=True)
+def rotation_scales(exponents):
+    """Return √(|α|!/α!) of each monomial: scaled so, rotations of space turn the monomials of a degree orthogonally."""
+    scales = np.ones(len(exponents))
+    for k in range(len(exponents)):
+        total = 0
+        for exponent in exponents[k]:
+            for step in range(1, exponent + 1):
+                total += 1
+                scales[k] *= math.sqrt(total / step)
+    return scales
+
+
+@njit(nogil=True, cache=True)
+def restrict_tail(tail, scales):
+    """Return (reflectors, β, R, basis): the tail reduced to a rank-revealing basis on its points.
+
+    `basis` (q, r) turns coefficients of the reduced tail into coefficients of the monomials. It is
+    the identity for a tail of full rank; else its columns are the right singular vectors of P with
+    singular values above `RANK_TOLERANCE`, under `rotation_scales`, so that the fit does not depend
+    on how the plane that holds the points is turned.
+    """
+    columns = tail.shape[1]
+    factored = tail.copy()
+    vectors, betas = householder(factored)
+    rank, basis = columns, np.eye(columns)
+    if columns > 0:
+        steps = min(tail.shape[0], columns)
+        _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) * scales, False)
+        rank = 0
+        for value in singular:
+            if value > RANK_TOLERANCE * singular[0]:
+                rank += 1
+        if rank < columns:
+            basis = np.ascontiguousarray((rows[:rank] * scales).T)
+            factored = tail @ basis
+            vectors, betas = householder(factored)
+    return vectors, betas, np.triu(factored[:rank, :rank]), basis
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def reflect_both_sides(matrix, vectors, betas, forward):
+    """Replace the symmetric `matrix` by Qᵀ A Q (forward) or Q A Qᵀ, one reflector, a rank-two update, after another."""
+    count, steps = len(matrix), len(vectors)
+    product = np.empty(count)
+    for step in range(steps):
+        k = step if forward else steps - 1 - step
+        v, beta = vectors[k], betas[k]
+        for i in range(count):
+            product[i] = beta * dot(matrix[i], v, count)
+        half = 0.5 * beta * dot(product, v, count)
+        for i in range(count):
+            product[i] -= half * v[i]
+        for i in range(count):
+            vi, wi = v[i], product[i]
+            row = matrix[i]
+            for j in range(count):
+                row[j] -= vi * product[j] + wi * v[j]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def reflect(vector, vectors, betas, forward):
+    """Replace `vector` by Qᵀ x (forward) or by Q x (backward)."""
+    steps, count = vectors.shape
+    for step in range(steps):
+        k = step if forward else steps - 1 - step
+        scale = betas[k] * dot(vectors[k], vector, count)
+        for i in range(count):
+            vector[i] -= scale * vectors[k, i]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def cholesky_solve(matrix, right):
+    """Solve the positive definite system in place of `right`; return whether it was fit for it."""
+    count = len(matrix)
+    lower = matrix
+    try:
+        lower = np.linalg.cholesky(matrix)
+    except Exception:  # noqa: BLE001 - Numba knows this one class only; it is LinAlgError
+        return False
+    least = SINGULAR * np.trace(matrix)
+    for i in range(count):
+        if lower[i, i] * lower[i, i] <= least:
+            return False
+    for i in range(count):
+        right[i] = (right[i] - dot(lower[i], right, i)) / lower[i, i]
+    for i in range(count - 1, -1, -1):
+        right[i] /= lower[i, i]
+        for j in range(i):
+            right[j] -= lower[i, j] * right[i]
+    return True
+
+
+@njit(nogil=True, cache=True)
+def solve_positive(matrix, right):
+    """Solve the positive semi-definite system in place of `right`; return how many directions it left out.
+
+    Coinciding points make the matrix singular, each in the direction of their difference. Without
+    it their weights come out equal, and the fit goes through their mean: the limit of a vanishing
+    smoothing.
+    """
+    if len(matrix) == 0 or cholesky_solve(matrix, right):
+        return 0
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    coefficients = np.ascontiguousarray(vectors.T) @ right
+    least, dropped = SINGULAR * np.trace(matrix), 0
+    for i in range(len(matrix)):
+        if eigenvalues[i] > least:
+            coefficients[i] /= eigenvalues[i]
+        else:
+            coefficients[i] = 0.0
+            dropped += 1
+    right[:] = vectors @ coefficients
+    return dropped
+
+
+@njit(nogil=True, cache=True)
+def project(points, exponents, power, diagonal):
+    """Return (Qᵀ (A + D) Q, reflectors, β, R, basis) of a local system: its part on the null space of Pᵀ is positive."""
+    matrix = radial_matrix(points, power)
+    for i in range(len(matrix)):
+        matrix[i, i] += diagonal[i]
+    vectors, betas, triangle, basis = restrict_tail(tail_matrix(points, exponents), rotation_scales(exponents))
+    reflect_both_sides(matrix, vectors, betas, True)
+    return matrix, vectors, betas, triangle, basis
+
+
+@njit(nogil=True, cache=True)
+def solve_local(points, values, exponents, power, diagonal):
+    """Solve (A + D) λ + P a = f, Pᵀ λ = 0, equation (2) of the paper, on the null space of Pᵀ.
+
+    Parameters
+    ----------
+    points : (d, n) unit coordinates
+    values : (n,)
+    exponents : (q, d)
+    power : int
+    diagonal : (n,)
+        D, in unit coordinates: the smoothing, divided by each point's weight.
+
+    Returns
+    -------
+    weights (n,), tail (q,), rank of P, directions left out
+    """
+    matrix, vectors, betas, triangle, basis = project(points, exponents, power, diagonal)
+    count, rank = len(values), len(triangle)
+    rotated = values.copy()
+    reflect(rotated, vectors, betas, True)
+    weights = np.zeros(count)
+    weights[rank:] = rotated[rank:]
+    dropped = solve_positive(matrix[rank:, rank:].copy(), weights[rank:])
+    reduced = np.empty(rank)
+    for k in range(rank - 1, -1, -1):
+        total = rotated[k] - dot(matrix[k, rank:], weights[rank:], count - rank)
+        for j in range(k + 1, rank):
+            total -= triangle[k, j] * reduced[j]
+        reduced[k] = total / triangle[k, k]
+    reflect(weights, vectors, betas, False)
+    return weights, basis @ reduced, rank, dropped
+
+
+@njit(nogil=True, cache=True)
+def spectrum(points, values, exponents, power):
+    """Return (eigenvalues e, coefficients c) of a local system on the null space of Pᵀ.
+
+    With them the residual of smoothing s is Σ (s c/(e + s))², for every s at once.
+    """
+    matrix, vectors, betas, triangle, _ = project(points, exponents, power, np.zeros(len(values)))
+    rank = len(triangle)
+    rotated = values.copy()
+    reflect(rotated, vectors, betas, True)
+    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
+    return eigenvalues, np.ascontiguousarray(eigenvectors.T) @ rotated[rank:]
+
+
+@njit(nogil=True, cache=True)
+def held_out(points, values, exponents, power, diagonal, groups):
+    """Return f − F⁽⁻ᴵ⁾ at every point, F⁽⁻ᴵ⁾ fitted without the whole group I of the point; NaN where too few are left.
+
+    With B = (A + D)⁻¹ on the null space of Pᵀ, zero elsewhere, it is B_II⁻¹ (B f)_I: no refit. Groups are
+    runs of equal numbers in `groups` (n,).
+    """
+    matrix, vectors, betas, triangle, _ = project(points, exponents, power, diagonal)
+    count, rank = len(values), len(triangle)
+    inverse = np.zeros((count, count))
+    inverse[rank:, rank:] = np.linalg.inv(matrix[rank:, rank:].copy())
+    reflect_both_sides(inverse, vectors, betas, False)
+    pulled = inverse @ values
+    errors = np.full(count, np.nan)
+    for group in np.unique(groups):
+        rows = np.flatnonzero(groups == group)
+        if count - rows.size < 2 * rank:
+            continue
+        block = np.empty((rows.size, rows.size))
+        right = np.empty(rows.size)
+        for i in range(rows.size):
+            right[i] = pulled[rows[i]]
+            for j in range(rows.size):
+                block[i, j] = inverse[rows[i], rows[j]]
+        solve_positive(block, right)
+        errors[rows] = right
+    return errors
+
+
+@njit(nogil=True, cache=True)
+def evaluate(start, stop, queries, points, weights, tail, exponents, power, values, gradients):
+    """Fill values[start:stop] and, where `gradients` has rows, gradients[start:stop] of one interpolant."""
+    scratch = np.empty(points.shape[1])
+    for i in range(start, stop):
+        values[i] = local_value(queries[i], points, weights, tail, exponents, power, scratch)
+        if len(gradients):
+            local_gradient(queries[i], points, weights, tail, exponents, power, scratch, gradients[i])

@@ -1,0 +1,54 @@
+"""The polynomial tail: all monomials of a total degree, none twice, and their slopes."""
+
+import math
+
+import numpy as np
+import pytest
+import reference
+from tolerances import ROUNDING
+
+from o3dleaf.errors import InputError
+from o3dleaf.rbf import loops
+from o3dleaf.rbf.tail import tail_exponents
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4])
+@pytest.mark.parametrize("degree", [-1, 0, 1, 2, 3])
+def test_the_tail_holds_every_monomial_once_lowest_degree_first(d, degree):
+    exponents = tail_exponents(d, degree)
+    assert exponents.shape == (math.comb(degree + d, d) if degree >= 0 else 0, d)
+    assert {tuple(row) for row in exponents.tolist()} == set(reference.powers(d, degree))
+    assert np.all(np.diff(exponents.sum(axis=1)) >= 0)
+
+
+def test_ten_terms_for_degree_two_in_space():
+    assert len(tail_exponents(3, 2)) == 10
+
+
+def test_a_degree_below_minus_one_is_refused():
+    with pytest.raises(InputError, match="-1 \\(no tail\\)"):
+        tail_exponents(3, -2)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_monomials_and_their_slopes(d):
+    """The slope of zᵅ along an axis is α z^(α − e), 0 where α is 0, also at z = 0."""
+    exponents = tail_exponents(d, 4)
+    for z in (np.zeros(d), np.random.default_rng(d).uniform(-1, 1, d)):
+        for exponent in exponents:
+            assert loops.monomial(z, exponent) == pytest.approx(np.prod(z**exponent), rel=ROUNDING)
+            for axis in range(d):
+                lower = exponent - (np.arange(d) == axis)
+                expected = exponent[axis] * np.prod(z**lower) if exponent[axis] else 0.0
+                assert loops.monomial_slope(z, exponent, axis) == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_rotation_scales_make_a_rotation_orthogonal():
+    """Σ_α scaled² z^α y^α over total degree t is (z·y)^t, which no rotation changes."""
+    exponents = tail_exponents(3, 3)
+    scales = loops.rotation_scales(exponents)
+    z, y = np.random.default_rng(0).random((2, 3))
+    terms = scales**2 * np.prod((z * y) ** exponents, axis=1)
+    for degree in range(4):
+        total = terms[exponents.sum(axis=1) == degree].sum()
+        assert total == pytest.approx((z @ y) ** degree, rel=ROUNDING)

@@ -1,0 +1,134 @@
+"""Every tolerance of the tests, by name, each with its reason; a tolerance earns its place by failing once.
+
+Before a constant comes in here, break the code under test on purpose and see the test fail with
+it: a tolerance that nothing can exceed is no test. Constants are grouped by chapter, in the order
+of the house.
+"""
+
+# --- the house ---
+
+START_SECONDS = 0.4
+"""Processor time: `import o3dleaf` takes 0.06 s, `o3dleaf --help` about 0.25; Open3D alone would add 1.6."""
+
+# --- rbf and pu ---
+
+ROUNDING = 1e-13
+"""The same few operations in another order."""
+
+KERNEL_SLOPE = 1e-8
+"""A difference quotient of φ."""
+
+FIELD_TWIN = 1e-10
+"""twin"""
+
+SCIPY = 1e-8
+"""scipy"""
+
+FIELD_GRADIENT = 1e-7
+"""gradient"""
+
+POLYNOMIAL = 1e-9
+"""poly"""
+
+SIMILARITY = 1e-9
+"""sim"""
+
+MEAN_OF_DUPLICATES = 1e-9
+"""dup"""
+
+RHO_LIMIT = 1e-6
+"""rho"""
+
+WEIGHT_DIFFERENCE = 1e-8
+"""w"""
+
+SEAM = 1e-10
+"""seam"""
+
+TURNED = 1e-10
+"""turn"""
+
+HELD_OUT = 1e-8
+"""held"""
+
+GCV_TWIN = 1e-8
+"""gcv"""
+
+GCV_MINIMUM = 1e-6
+"""gcv min"""
+
+# --- leaf ---
+
+ROUND_TRIP = 1e-9
+"""Share of the leaf's length: Newton ends at rounding, 1e-13 mm on the wheat leaf; a step less leaves 1e-6."""
+
+FRAME_ORTHONORMAL = 1e-12
+"""Gram-Schmidt and a cross product are right to a few roundings."""
+
+ANALYTIC_VS_DIFFERENCE = 1e-6
+"""Central differences at a step of 1e-5 carry about 1e-10 of truncation and 1e-11/1e-5 of rounding."""
+
+TWIN = 1e-10
+"""A fast path and its literal twin add the same terms in another order."""
+
+SURFACE_ORDER = 0.2
+"""Observed order of |G| at the vertices, three spacings of a factor 2; linear interpolation gives 2."""
+
+# --- ct ---
+
+ALIGNED_DEGREES = 0.3
+"""Degrees: the ridges of a 1.7 mm patch wander that much; found within 0.17 on 24 turned patches."""
+
+ALIGNED_VOXELS = 0.25
+"""Voxels: the blade's middle is a mean over thousands of columns, each right to half a voxel; 0.06 measured."""
+
+ROUND_TRIP_SPACING = 1e-12
+"""Relative: a TIFF keeps ratios of two whole numbers, exact for six digits."""
+
+# --- samples ---
+
+SAMPLE_DIFFERENCE = 1e-7
+"""Central differences of the synthetic truths at a step of 1e-3 µm (1e-4 mm, 100 times this) agree to a tenth of it."""
+
+FACE_INTENSITY = 1e-12
+"""On a bare blade the profile passes through one half at the face; the other face is 11 standard deviations away."""
+
+SHEET_ARC = 1e-6
+"""The cubic axis through 401 exact tangents is 3e-8 off in its slope; the difference quotient adds 1e-8."""
+
+SHEET_DISTANCE = 1e-6
+"""Millimetres: the closest point within 2 mm of the blade, where Gauss-Newton converges to rounding."""
+
+KEPT_DECIMALS = 0.5 + 1e-2
+"""Units of the last decimal that the sample files keep: half of one, and single precision."""
+
+# --- mesh ---
+
+ISOSURFACE_ORDER = 0.2
+"""Observed order of the vertices' distance to a sphere over a factor 8 of spacing; linear interpolation gives 2."""
+
+SPHERE_VOLUME = 3e-3
+"""A polyhedron of spacing 0.06 in a unit sphere lacks about (0.06)^2 / 2 of its volume; turned inside out, twice all."""
+
+LATTICE_EDGE = 1e-12
+"""A crossing is three roundings of numbers up to 13; positions from float32 are off by 1e-6."""
+
+BOX_INDEPENDENCE = 1e-9
+"""Lattices of two boxes start at other multiples of the spacing, so that positions differ by roundings."""
+
+RIGHT_ANGLE = 1e-5
+"""arctan2 of a product and a cross product, to first order in an angle of 0.1 degrees."""
+
+SIMPLIFIED_SPHERE = 0.01
+"""2000 triangles keep the volume of a sphere to 4 pi / 2000 of its area; a collapsed part would cost more."""
+
+STL_DIGITS = 1e-6
+"""STL holds float32: 6e-8 of lengths around 1."""
+
+# --- view ---
+
+BACKGROUND = 1.5 / 255
+"""Paper is a constant colour, rounded to 8 bits."""
+
+SILHOUETTE = 1.5
+"""Pixels beside a rim that supersampling mixes, and the facets of a coarse sphere."""
