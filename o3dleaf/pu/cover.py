@@ -1,0 +1,114 @@
+"""An adaptive cover: balls around the cells of a box that is halved until each holds few enough points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
+from o3dleaf.pu.index import BallIndex
+from o3dleaf.rbf.tail import IntArray
+
+MOST_HALVINGS = 200
+"""A cell halved this often has shrunk below rounding in every direction: its points coincide."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Balls Ω_i whose union holds a box, and which points each of them is fitted to.
+
+    Attributes
+    ----------
+    centres : (M, d) ndarray
+    radii : (M,) ndarray
+    bounds : (2, d) ndarray
+        The box that is covered.
+    offsets, members : (M + 1,), (total,) int64 ndarrays
+        Ball i is fitted to the points ``members[offsets[i]:offsets[i + 1]]``, in rising order: all
+        the points in it, or its nearest ones where it holds too few.
+    """
+
+    centres: FloatArray
+    radii: FloatArray
+    bounds: FloatArray
+    offsets: IntArray
+    members: IntArray
+
+    @classmethod
+    def fit(cls, points: FloatArray, bounds: FloatArray, points_per_ball: tuple[int, int], overlap: float) -> "Cover":
+        """Cover `bounds` by balls that hold at most ``points_per_ball[1]`` of the points.
+
+        The box is halved across its longest side until the ball around each cell, `overlap` times
+        the cell's half diagonal, holds few enough points; cells tile the box, so no query is ever
+        uncovered. A ball that holds fewer than ``points_per_ball[0]`` points is fitted to that many
+        nearest ones, all of its own among them.
+
+        Raises
+        ------
+        InputError
+            If the bounds on points or the overlap make no sense, or too many points coincide.
+        """
+        least, most = points_per_ball
+        if not 1 <= least <= most:
+            raise InputError(f"points_per_ball: is {points_per_ball}; give (least, most) with 1 <= least <= most")
+        if not 1 < overlap < 10:
+            raise InputError(f"overlap: is {overlap}; give a factor above 1, such as 1.1")
+        tree = cKDTree(points)
+        low, high = _halve_until_small(tree, bounds, most, overlap)
+        centres, radii = _circumscribe(low, high, overlap)
+        index = BallIndex.build(centres, radii, bounds)
+        offsets, members = index.members(points)
+        least = min(least, len(points))
+        few = np.flatnonzero(np.diff(offsets) < least)
+        _, nearest = tree.query(centres[few], k=np.arange(1, least + 1), workers=-1)
+        offsets, members = _replace_rows(offsets, members, few, np.sort(nearest, axis=1))
+        return cls(centres, radii, bounds, offsets, members)
+
+    @property
+    def counts(self) -> IntArray:
+        """(M,) number of points that each ball is fitted to, the paper's N_i."""
+        return np.diff(self.offsets)
+
+
+def _circumscribe(low: FloatArray, high: FloatArray, overlap: float) -> tuple[FloatArray, FloatArray]:
+    radii = overlap * np.linalg.norm(high - low, axis=1) / 2
+    return (low + high) / 2, np.where(radii > 0, radii, 1.0)
+
+
+def _halve_until_small(tree: cKDTree, bounds: FloatArray, most: int, overlap: float) -> tuple[FloatArray, FloatArray]:
+    """Return the (M, d) lower and upper corners of the final cells, in a fixed order."""
+    low, high = bounds[:1].copy(), bounds[1:].copy()
+    done: list[tuple[FloatArray, FloatArray]] = []
+    for _ in range(MOST_HALVINGS):
+        centres, radii = _circumscribe(low, high, overlap)
+        large = tree.query_ball_point(centres, radii, workers=-1, return_length=True) > most
+        done.append((low[~large], high[~large]))
+        low, high = low[large], high[large]
+        if not len(low):
+            return np.concatenate([cell[0] for cell in done]), np.concatenate([cell[1] for cell in done])
+        low, high = _halve(low, high)
+    raise InputError(f"points: more than {most} coincide near {low[0]}; remove duplicated points")
+
+
+def _halve(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    row, axis = np.arange(len(low)), np.argmax(high - low, axis=1)
+    middle = (low[row, axis] + high[row, axis]) / 2
+    lower_high, upper_low = high.copy(), low.copy()
+    lower_high[row, axis] = middle
+    upper_low[row, axis] = middle
+    return np.concatenate([low, upper_low]), np.concatenate([lower_high, high])
+
+
+def _replace_rows(offsets: IntArray, members: IntArray, rows: IntArray, new: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the ragged rows (offsets, members) with `rows` replaced by the rows of `new`."""
+    counts = np.diff(offsets)
+    counts[rows] = new.shape[1]
+    replaced = np.zeros(len(counts), dtype=bool)
+    replaced[rows] = True
+    fresh = np.concatenate([[0], np.cumsum(counts)])
+    result = np.empty(fresh[-1], dtype=np.int64)
+    owner = np.repeat(replaced, counts)
+    result[~owner] = members[~np.repeat(replaced, np.diff(offsets))]
+    result[owner] = new.ravel()
+    return fresh, result

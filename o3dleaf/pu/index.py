@@ -1,0 +1,86 @@
+"""Which balls hold a point: a tree of boxes, each with the list of the balls that reach into it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.parallel import run_blocks
+from o3dleaf.pu import loops
+from o3dleaf.rbf.tail import IntArray
+
+LOCATE_BLOCK = 65536
+
+
+@dataclass(frozen=True, eq=False)
+class BallIndex:
+    """Images of balls over a box, findable by the points they hold.
+
+    An image is a ball and a displacement s: a plain cover has one image a ball with s = 0, a tiled
+    one has several, so that tiling copies neither points nor coefficients (paper, section 2.6).
+
+    Attributes
+    ----------
+    bounds : (2, d) ndarray
+        The box whose points can be looked up.
+    balls : (K,) int64 ndarray
+        The ball of each image.
+    shifts : (K, d) ndarray
+        The displacement of each image.
+    centres, radii : (K, d), (K,) ndarrays
+        Where the images lie.
+    tree : tuple of ndarrays
+        Split axis (−1: leaf), split position, first child, and the leaves' lists of images.
+    """
+
+    bounds: FloatArray
+    balls: IntArray
+    shifts: FloatArray
+    centres: FloatArray
+    radii: FloatArray
+    tree: tuple[IntArray, FloatArray, IntArray, IntArray, IntArray, IntArray]
+
+    @classmethod
+    def build(cls, centres: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":
+        """Index the balls (M, d), (M,) over `bounds`, one image each."""
+        shifts = np.zeros_like(centres)
+        tree = loops.build_tree(centres, radii, bounds[0], bounds[1])
+        return cls(bounds, np.arange(len(centres)), shifts, centres, radii, tree)
+
+    @classmethod
+    def periodic(cls, centres: FloatArray, radii: FloatArray, bounds: FloatArray, period: FloatArray) -> "BallIndex":
+        """Index all images, under shifts by whole `period` (d,), that reach into the cell `bounds`; 0: not periodic."""
+        repeats = np.zeros(len(period), dtype=np.int64)
+        moving = period > 0
+        lowest, highest = (centres - radii[:, None]).min(axis=0), (centres + radii[:, None]).max(axis=0)
+        reach = np.maximum(bounds[1] - lowest, highest - bounds[0])
+        repeats[moving] = np.ceil(reach[moving] / period[moving]).astype(np.int64)
+        steps = np.stack(np.meshgrid(*[np.arange(-n, n + 1) for n in repeats], indexing="ij"), axis=-1)
+        shifts = (steps.reshape(-1, len(period)) * period)[:, None, :]
+        moved = centres + shifts
+        gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
+        step, balls = np.nonzero(np.linalg.norm(gap, axis=2) < radii)
+        balls = balls.astype(np.int64)
+        images = np.ascontiguousarray(moved[step, balls])
+        tree = loops.build_tree(images, radii[balls], bounds[0], bounds[1])
+        return cls(bounds, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
+
+    def locate(self, points: FloatArray) -> IntArray:
+        """Return the (n,) tree leaf of each of the (n, d) points, which must lie in `bounds`."""
+        leaves = np.empty(len(points), dtype=np.int64)
+
+        def task(start: int, stop: int) -> None:
+            loops.locate(start, stop, points, self.tree, leaves)
+
+        run_blocks(task, len(points), LOCATE_BLOCK)
+        return leaves
+
+    def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
+        leaves = self.locate(points)
+        counts = np.zeros(len(self.radii) + 1, dtype=np.int64)
+        loops.count_members(points, leaves, self.tree, self.centres, self.radii, counts)
+        offsets = np.cumsum(counts)
+        rows = np.empty(offsets[-1], dtype=np.int64)
+        loops.fill_members(points, leaves, self.tree, self.centres, self.radii, offsets[:-1].copy(), rows)
+        return offsets, rows

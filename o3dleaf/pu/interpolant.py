@@ -1,0 +1,151 @@
+"""The partition-of-unity interpolant: F(x) = Σ w_i(x) F_i(x), the paper's section 2.3."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray, as_bounds, as_points, as_values, as_weights
+from o3dleaf.errors import IllPosedError, InputError
+from o3dleaf.field import Field, clamp
+from o3dleaf.parallel import Progress
+from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.index import BallIndex
+from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
+from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.rbf.smoothing import Amount, as_smoothing
+from o3dleaf.units import check_unit
+
+POINTS_PER_BALL = (200, 400)
+OVERLAP = 1.1
+
+LocalFitter = Callable[[FloatArray, FloatArray], Field]
+"""Fits one ball: (n, d) points and (n,) values in, a Field out."""
+
+
+@dataclass(frozen=True, eq=False)
+class PUInterpolant:
+    r"""A function blended from local fits in overlapping balls, with Wendland's weight and Shepard's sum.
+
+    .. math:: F(x) = \sum_i w_i(x) F_i(x), \qquad
+              w_i(x) = \frac{w(|x - c_i|/r_i)}{\sum_k w(|x - c_k|/r_k)}
+
+    Built by `fit`. Every point of `bounds` lies in some ball; outside, the value is the one at the
+    nearest point of `bounds` less the distance to it.
+
+    Attributes
+    ----------
+    cover : Cover
+    index : BallIndex
+    local : LocalSplines or LocalFields
+    unit : str or None
+    """
+
+    cover: Cover
+    index: BallIndex
+    local: LocalFits
+    unit: str | None
+
+    @classmethod
+    def fit(  # noqa: PLR0913 - the options of a spline, of a cover and of a field
+        cls,
+        points: npt.ArrayLike,
+        values: npt.ArrayLike,
+        *,
+        kernel: str | Polyharmonic = "cubic",
+        degree: int | None = None,
+        smoothing: Amount | None = None,
+        rho: Amount | None = None,
+        points_per_ball: int | tuple[int, int] = POINTS_PER_BALL,
+        overlap: float = OVERLAP,
+        weights: npt.ArrayLike | None = None,
+        unit: str | None = None,
+        bounds: npt.ArrayLike | None = None,
+        local: LocalFitter | None = None,
+        progress: Progress | None = None,
+    ) -> "PUInterpolant":
+        r"""Cover the data with balls and fit each of them.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+            Data sites, in `unit`.
+        values : (n,) array_like
+        kernel, degree
+            As in `RBFInterpolant.fit`: by default r³ with the tail of its energy's null space
+            (degree 2 in 3-D).
+        smoothing : float or "gcv", optional
+            The number on the diagonal of every ball, as in SciPy; 0 by default. The surface then does
+            not depend on the size of the balls as long as the smoothing's own bandwidth, about
+            (θ·smoothing/density)^(1/2m), stays well below their radius; give larger balls if it does not.
+        rho : float or "gcv", optional
+            The paper's ρ instead, in unit^(2m−d): N_i ρ/θ on the diagonal of ball i with N_i points.
+        points_per_ball : int or (least, most)
+            Balls hold at most `most` points; one that holds fewer than `least` is fitted to its
+            `least` nearest. An int n stands for (n/2, n).
+        overlap : float
+            Radius of a ball over half the diagonal of its cell, above 1.
+        weights : (n,) array_like, optional
+            How far each value is to be trusted, above 0: point j gets its ball's number divided by its
+            weight on the diagonal. They matter only where something is smoothed.
+        unit : str, optional
+        bounds : (2, d) array_like, optional
+            The box to cover, if larger than the data's bounding box.
+        local : callable, optional
+            ``local(points, values) -> Field`` fits a ball by any other method; the options of the
+            spline (kernel to rho) then have no meaning.
+        progress : callable, optional
+            ``progress(done, total)`` over balls.
+
+        Raises
+        ------
+        InputError
+            If the input has a wrong shape or is not finite, or an option makes no sense.
+        IllPosedError
+            If the degree is below what the kernel needs. Data that cannot determine the tail are no
+            error: its terms that vanish on the ball's points are left out.
+        """
+        sites = as_points(points, least=1)
+        data = as_values(values, len(sites))
+        box = _box(sites, bounds)
+        size = (max(points_per_ball // 2, 1), points_per_ball) if isinstance(points_per_ball, int) else points_per_ball
+        cover = Cover.fit(sites, box, size, overlap)
+        index = BallIndex.build(cover.centres, cover.radii, box)
+        if local is not None:
+            rows = np.split(cover.members, cover.offsets[1:-1])
+            return cls(cover, index, LocalFields([local(sites[r], data[r]) for r in rows]), check_unit(unit))
+        phi = as_kernel(kernel, sites.shape[1])
+        degree = phi.degree if degree is None else degree
+        if degree < phi.least_degree:
+            raise IllPosedError(f"degree: is {degree}; this kernel needs at least {phi.least_degree}")
+        rule = as_smoothing(phi, smoothing, rho)
+        trust = None if weights is None else as_weights(weights, len(sites))
+        splines = LocalSplines.fit(cover, sites, data, phi, degree, rule, trust=trust, progress=progress)
+        return cls(cover, index, splines, check_unit(unit))
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, d) the covered box, in `unit`."""
+        return self.cover.bounds
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) values at (n, d) points."""
+        inside, distance, _ = clamp(as_points(points, dim=self.bounds.shape[1]), self.bounds)
+        return self.local.blend(self.index, inside, gradient=False)[0] - distance
+
+    def gradient(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n, d) analytic gradients at (n, d) points, through the weights and the local fits."""
+        inside, _, outward = clamp(as_points(points, dim=self.bounds.shape[1]), self.bounds)
+        slope = self.local.blend(self.index, inside, gradient=True)[1]
+        return np.where(outward == 0, slope, 0.0) - outward
+
+
+def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:
+    tight = np.array([sites.min(axis=0), sites.max(axis=0)])
+    if bounds is None:
+        return tight
+    box = as_bounds(bounds, sites.shape[1])
+    if np.any(tight[0] < box[0]) or np.any(tight[1] > box[1]):
+        raise InputError("bounds: do not hold all the points; enlarge them or crop the points first")
+    return box
