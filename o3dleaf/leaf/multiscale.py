@@ -1,0 +1,186 @@
+"""The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.checks import FloatArray, as_bounds, require_positive
+from o3dleaf.errors import ReconstructionError
+from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.frame import LeafFrame
+from o3dleaf.leaf.height import HeightMap
+from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.tiling import TiledField
+from o3dleaf.mesh.arrays import build_mesh
+from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
+from o3dleaf.mesh.components import RemovedComponents, connected_components, largest_components
+from o3dleaf.mesh.lattice import Lattice, sample_lattice
+from o3dleaf.mesh.polygonise import polygonise
+from o3dleaf.parallel import Progress
+from o3dleaf.units import unit_scale
+
+LAYERS = 16
+"""Least number of lattice layers through the patch's thickness: a blade thinner than the spacing keeps both faces."""
+
+
+SHEET_SHARE = 0.25
+"""A connected piece with this share of the largest one's area is a face of the blade; voids and specks are far smaller."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """The two faces of an open multi-scale blade, and what was left out of them.
+
+    Attributes
+    ----------
+    mesh : open3d.geometry.TriangleMesh
+        Two sheets, adaxial and abaxial, in world coordinates.
+    removed : RemovedComponents
+        Voids and specks (closed), scraps at the rim (open).
+    """
+
+    mesh: o3d.geometry.TriangleMesh
+    removed: RemovedComponents
+
+
+class MultiscaleLeaf:
+    r"""One implicit function of the whole leaf, in world coordinates; the surface is G(x) = 0, G > 0 is leaf.
+
+    .. math:: G(x) = F(T^*(x)), \qquad T^*(x) = (y_1,\, y_2,\, y_3 - H(y_1, y_2)), \quad y = T(x)
+
+    with F the tiled micro-structure (the sums over balls and copies of the paper's section 2.6) and T
+    the leaf frame's coordinates. The leaf works in the scan's unit; the texture keeps its own.
+
+    Attributes
+    ----------
+    texture : TiledField
+    blade : Blade
+        Frame, height map and outline.
+    scale : float
+        Factor from the scan's unit to the texture's.
+    """
+
+    def __init__(self, texture: TiledField, frame: LeafFrame, height_map: HeightMap, outline: AlphaShape) -> None:
+        """Put the texture on the blade.
+
+        Raises
+        ------
+        UnitError
+            If only one of texture and frame has a unit.
+        """
+        self.texture = texture
+        self.blade = Blade(frame, height_map, outline)
+        self.scale = unit_scale(frame.unit, texture.unit)
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of world points: the scan's."""
+        return self.blade.unit
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) a box of the world that holds the leaf, outline and micro-structure."""
+        low, high = self.texture.cell[:, 2] / self.scale
+        along = np.linspace(*self.blade.outline.bounds[:, 0], 512)
+        across = np.linspace(*self.blade.outline.bounds[:, 1], 32)
+        flat = np.stack(np.meshgrid(along, across, [low, high], indexing="ij"), axis=-1).reshape(-1, 3)
+        world = self.blade.lift(flat)
+        slack = np.linalg.norm(np.diff(world.reshape(512, -1, 3), axis=0), axis=2).max()
+        return np.array([world.min(axis=0) - slack, world.max(axis=0) + slack])
+
+    def __call__(self, x: npt.ArrayLike) -> FloatArray:
+        """Return G(x) at (n, 3) world points, in the unit of CT intensity; < 0 outside."""
+        return self.texture(self.blade.flatten(x) * self.scale)
+
+    def gradient(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
+        flat = self.blade.flatten(x)
+        return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale)
+
+    def extract_mesh(
+        self,
+        spacing: float,
+        region: npt.ArrayLike | None = None,
+        *,
+        method: str = "cubes",
+        progress: Progress | None = None,
+    ) -> o3d.geometry.TriangleMesh:
+        """Return both faces of the leaf as a triangle mesh in world coordinates; see `extract_sheets`."""
+        return self.extract_sheets(spacing, region, method=method, progress=progress).mesh
+
+    def extract_sheets(
+        self,
+        spacing: float,
+        region: npt.ArrayLike | None = None,
+        *,
+        method: str = "cubes",
+        progress: Progress | None = None,
+    ) -> Sheets:
+        """Polygonise F in flat coordinates, discard what lies outside the outline, and map it to the world.
+
+        Parameters
+        ----------
+        spacing : float
+            Step along and across, in the scan's unit; the step through the blade is a whole fraction
+            of it, at least `LAYERS` for the patch.
+        region : (2, 2) array_like, optional
+            Lower and upper (along, across) of the part wanted, in the scan's unit.
+        method : {"cubes", "tetrahedra"}
+            Marching cubes, or marching tetrahedra as in the paper.
+        progress : callable, optional
+            ``progress(done, total)`` in field evaluations.
+
+        Raises
+        ------
+        ReconstructionError
+            If the result is not exactly two sheets.
+        """
+        step = require_positive(spacing, "spacing")
+        outline = self.blade.outline
+        box = outline.bounds if region is None else as_bounds(region, 2, "region")
+        lattice = self._lattice(box, step)
+        columns = lattice.columns()
+        keep = outline.contains(columns) & np.all((columns >= box[0]) & (columns <= box[1]), axis=1)
+        mask = keep.reshape(lattice.shape[:2])
+        flat_field = _Scaled(self.texture, self.scale, self.unit)
+        samples = sample_lattice(flat_field, lattice, keep=mask, progress=progress)
+        indices, triangles = polygonise(samples, 0.0, method, keep=mask)
+        flat = lattice.positions(indices)
+        flat, triangles = discard_triangles(flat, triangles, outline.contains(flat[:, :2]))
+        flat, triangles = trim_to_manifold(flat, triangles)
+        _, areas = connected_components((flat, triangles))
+        count = int(np.sum(areas > SHEET_SHARE * areas.max(initial=0.0)))
+        if count != 2:
+            raise ReconstructionError(
+                f"the surface at {step:.4g} {self.unit or ''} is in {count} sheets, not two (adaxial, abaxial); "
+                "use a finer spacing or another threshold"
+            )
+        return Sheets(*largest_components(build_mesh(self.blade.lift(flat), triangles), 2))
+
+    def _lattice(self, box: FloatArray, step: float) -> Lattice:
+        """Return the lattice over a box of the plane, one layer beyond the patch's extent above and below."""
+        low, high = self.texture.cell[:, 2] / self.scale
+        layer = step / np.ceil(step * LAYERS / (high - low))
+        bounds = np.array([[*box[0], low - layer], [*box[1], high + layer]])
+        return Lattice.covering(bounds, (step, step, layer))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A field seen in another unit of length: x ↦ F(scale · x)."""
+
+    field: TiledField
+    scale: float
+    unit: str | None
+
+    @property
+    def bounds(self) -> FloatArray:
+        return self.field.bounds / self.scale
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        return self.field(np.asarray(points) * self.scale)
+
+    def gradient(self, points: npt.ArrayLike) -> FloatArray:
+        return self.field.gradient(np.asarray(points) * self.scale) * self.scale

@@ -1,0 +1,133 @@
+"""The outline of the blade in the (along, across) plane: an α-shape (Edelsbrunner and Mücke 1994)."""
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import Delaunay, QhullError
+
+from o3dleaf.checks import FloatArray, as_points, require_positive
+from o3dleaf.errors import InputError
+from o3dleaf.parallel import run_blocks
+from o3dleaf.rbf.tail import IntArray
+
+BLOCK = 65536
+
+
+class AlphaShape:
+    """The union of the Delaunay triangles of planar points whose circumradius is at most α, in one piece.
+
+    Attributes
+    ----------
+    points : (n, 2) ndarray
+    alpha : float
+        The largest circumradius kept, in the points' unit.
+    automatic : bool
+        Whether α was chosen: the least at which one edge-connected component has every point.
+    triangles : (m, 3) int ndarray
+        The triangles kept: those of the largest edge-connected component.
+    pieces : int
+        Number of edge-connected components at this α, the kept one included.
+    """
+
+    def __init__(self, points: npt.ArrayLike, alpha: float | None = None) -> None:
+        """Build the α-shape of (n, 2) points; without `alpha` it is the least that makes one piece of all the points.
+
+        Raises
+        ------
+        InputError
+            If there are fewer than three points, they lie on a line, or no triangle is as small as α.
+        """
+        self.points = as_points(points, dim=2, least=3)
+        try:
+            delaunay = Delaunay(self.points)
+        except QhullError as cause:
+            raise InputError("points: lie on one line; an outline needs an area") from cause
+        radii = circumradii(self.points, delaunay.simplices)
+        self.automatic = alpha is None
+        self.alpha = _least_alpha(delaunay, radii) if alpha is None else require_positive(alpha, "alpha")
+        kept = np.flatnonzero(radii <= self.alpha)
+        if not len(kept):
+            raise InputError(f"alpha: {self.alpha:.4g} is below every circumradius (least {radii.min():.4g}); enlarge it")
+        self.pieces, labels = _components(delaunay.neighbors, kept)
+        areas = np.bincount(labels, triangle_areas(self.points, delaunay.simplices[kept]))
+        self.triangles: IntArray = delaunay.simplices[kept[labels == np.argmax(areas)]].astype(np.int64)
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The outline as a polygon, gaps of the scan inside the blade filled."""
+        union = shapely.union_all(shapely.polygons(self.points[self.triangles]))
+        outer = union if union.geom_type == "Polygon" else max(union.geoms, key=lambda part: part.area)
+        polygon = shapely.Polygon(outer.exterior)
+        shapely.prepare(polygon)
+        return polygon
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 2) bounding box of the outline."""
+        return np.array(self.polygon.bounds).reshape(2, 2)
+
+    @property
+    def area(self) -> float:
+        """Area of the outline in the plane, gaps filled."""
+        return float(self.polygon.area)
+
+    def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return for each of the (n, 2) points whether it lies in the outline or on it."""
+        queries = as_points(points, dim=2)
+        inside = np.empty(len(queries), dtype=bool)
+        polygon = self.polygon
+
+        def task(start: int, stop: int) -> None:
+            inside[start:stop] = shapely.intersects_xy(polygon, queries[start:stop, 0], queries[start:stop, 1])
+
+        run_blocks(task, len(queries), BLOCK)
+        return inside
+
+
+def triangle_areas(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:
+    """Return the (m,) areas of planar triangles."""
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    return np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / 2
+
+
+def circumradii(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:
+    """Return the (m,) circumradii of planar triangles: product of the sides over four times the area; ∞ for flat ones."""
+    corners = points[triangles]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    area = triangle_areas(points, triangles)
+    return np.where(area > 0, sides.prod(axis=1) / (4 * np.where(area > 0, area, 1.0)), np.inf)
+
+
+def _components(neighbours: npt.NDArray[np.integer], kept: IntArray) -> tuple[int, IntArray]:
+    """Return the number of edge-connected components of the kept triangles and the component of each."""
+    place = np.full(len(neighbours) + 1, -1)
+    place[kept] = np.arange(len(kept))
+    other = place[neighbours[kept]]
+    row, side = np.nonzero(other >= 0)
+    graph = coo_array((np.ones(len(row)), (row, other[row, side])), shape=(len(kept), len(kept)))
+    count, labels = connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)
+
+
+def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
+    """Return the least α at which the largest component has every point that a triangle of finite radius has."""
+    candidates = np.unique(radii[np.isfinite(radii)])
+    if not len(candidates):
+        raise InputError("points: lie on one line; an outline needs an area")
+    reachable = len(np.unique(delaunay.simplices[np.isfinite(radii)]))
+
+    def one_piece(alpha: float) -> bool:
+        kept = np.flatnonzero(radii <= alpha)
+        _, labels = _components(delaunay.neighbors, kept)
+        largest = kept[labels == np.argmax(np.bincount(labels))]
+        return len(np.unique(delaunay.simplices[largest])) == reachable
+
+    low, high = 0, len(candidates) - 1
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if one_piece(candidates[middle]) else (middle + 1, high)
+    return float(candidates[low])
