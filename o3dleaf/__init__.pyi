@@ -1,4 +1,11 @@
 # The public names, in the order of the story; `__init__.py` reads this file and loads them lazily.
+from . import samples as samples
+from .cloud.prepare import remove_stray_points as remove_stray_points
+from .cloud.read import read_point_cloud as read_point_cloud
+from .ct.align import align_blade as align_blade
+from .ct.formats import read_volume as read_volume
+from .ct.tiff import write_volume as write_volume
+from .ct.volume import Volume as Volume
 from .errors import IllPosedError as IllPosedError
 from .errors import InputError as InputError
 from .errors import MemoryBudgetError as MemoryBudgetError
@@ -6,7 +13,28 @@ from .errors import O3DLeafError as O3DLeafError
 from .errors import ReconstructionError as ReconstructionError
 from .errors import UnitError as UnitError
 from .field import Field as Field
+from .leaf.blade import Blade as Blade
+from .leaf.frame import LeafFrame as LeafFrame
+from .leaf.height import HeightMap as HeightMap
+from .leaf.midrib import find_midrib as find_midrib
+from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
+from .leaf.outline import AlphaShape as AlphaShape
+from .leaf.tiling import TiledField as TiledField
+from .mesh.clean import clean_mesh as clean_mesh
+from .mesh.clean import simplify_mesh as simplify_mesh
+from .mesh.files import write_triangle_mesh as write_triangle_mesh
+from .mesh.isosurface import extract_isosurface as extract_isosurface
+from .mesh.quality import MeshReport as MeshReport
+from .mesh.quality import mesh_report as mesh_report
 from .parallel import get_num_threads as get_num_threads
 from .parallel import set_num_threads as set_num_threads
+from .pipeline import create_blade as create_blade
+from .pipeline import create_multiscale_leaf as create_multiscale_leaf
+from .pipeline import create_texture as create_texture
+from .pu.interpolant import PUInterpolant as PUInterpolant
+from .rbf.interpolant import RBFInterpolant as RBFInterpolant
+from .rbf.kernels import polyharmonic as polyharmonic
+from .view.render import render as render
+from .view.window import show as show
 
 __version__: str

@@ -29,13 +29,15 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         yield temporary
         temporary.replace(target)
     except OSError as cause:
-        raise O3DLeafError(f"{target}: could not be written ({cause.strerror}); free space or choose another") from cause
+        raise O3DLeafError(
+            f"{target}: could not be written ({cause.strerror}); free space or choose another"
+        ) from cause
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """Return `path` if a file of that name could be written, else raise `InputError`: before hours of work, not after."""
+    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")

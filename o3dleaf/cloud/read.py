@@ -34,7 +34,7 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3) -> o3d.geomet
     if file.suffix.lower() == ".ply":
         _check_ply(file)
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        cloud = o3d.io.read_point_cloud(str(file), remove_nan_points=False, remove_infinite_points=False)
+        cloud = o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)
     points = np.asarray(cloud.points)
     if not len(points):
         raise InputError(f"{file}: no points could be read; is it a damaged file or an empty cloud?")

@@ -10,7 +10,7 @@ from o3dleaf.checks import FloatArray, as_bounds, as_points, require_positive
 from o3dleaf.errors import ReconstructionError, UnitError
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
-from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.outline import CRUMBS, AlphaShape
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import largest_components
@@ -38,7 +38,9 @@ class Blade:
     def __post_init__(self) -> None:
         """Refuse parts in different units: they were fitted to one scan."""
         if self.frame.unit != self.height_map.unit:
-            raise UnitError(f"frame is in {self.frame.unit}, height map in {self.height_map.unit}; fit both in one unit")
+            raise UnitError(
+                f"frame is in {self.frame.unit}, height map in {self.height_map.unit}; fit both in one unit"
+            )
 
     @property
     def unit(self) -> str | None:
@@ -67,7 +69,7 @@ class Blade:
         inner = gradient.copy()
         inner[:, :2] -= gradient[:, 2:] * self.height_map.gradient(flat[:, :2])
         turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
-        return np.linalg.solve(turned, inner[..., None])[..., 0]
+        return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
 
     def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.
@@ -95,9 +97,16 @@ class Blade:
             self.outline.contains(plane),
         )
         if not len(triangles):
-            raise ReconstructionError(f"no triangle of {step:.4g} {self.unit or ''} fits the outline; use a finer spacing")
+            raise ReconstructionError(
+                f"no triangle of {step:.4g} {self.unit or ''} fits the outline; use a finer spacing"
+            )
         vertices, triangles = trim_to_manifold(vertices, triangles)
-        mesh, _ = largest_components(build_mesh(self.lift(vertices), triangles), 1)
+        mesh, removed = largest_components(build_mesh(self.lift(vertices), triangles), 1)
+        if removed.open_area > CRUMBS * mesh.get_surface_area():
+            raise ReconstructionError(
+                f"at {step:.4g} {self.unit or ''} the blade falls into {1 + removed.open} pieces, where its outline is "
+                "narrower than the spacing; use a finer spacing or a larger alpha"
+            )
         return mesh
 
 

@@ -177,7 +177,7 @@ def _on_segments(spline: BSpline, breaks: FloatArray) -> FloatArray:
 def _distinct(control: FloatArray) -> FloatArray:
     """Return the control points less those that repeat the one before them."""
     moved = np.linalg.norm(np.diff(control, axis=0), axis=1) > 0
-    distinct = control[np.concatenate([[True], moved])]
+    distinct: FloatArray = control[np.concatenate([[True], moved])]
     if len(distinct) < 2:
         raise InputError("midrib: all its points coincide; give at least two distinct control points, from base to tip")
     return distinct

@@ -1,4 +1,4 @@
-"""The height map H: the blade's height over its flattened plane, a smoothed explicit interpolant (paper, section 2.4)."""
+"""The height map H: the blade's height over its flattened plane, a smoothed explicit fit (paper, section 2.4)."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -147,4 +147,4 @@ def _resample(control: FloatArray, step: float) -> FloatArray:
 def _smooth(control: FloatArray, amount: float) -> FloatArray:
     """Return (I + μ DᵀD)⁻¹ c, D the second differences: a polyline that bends less (Whittaker 1923)."""
     bend = np.diff(np.eye(len(control)), 2, axis=0)
-    return np.linalg.solve(np.eye(len(control)) + amount * bend.T @ bend, control)
+    return np.asarray(np.linalg.solve(np.eye(len(control)) + amount * bend.T @ bend, control), dtype=np.float64)

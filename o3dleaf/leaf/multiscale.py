@@ -22,11 +22,10 @@ from o3dleaf.parallel import Progress
 from o3dleaf.units import unit_scale
 
 LAYERS = 16
-"""Least number of lattice layers through the patch's thickness: a blade thinner than the spacing keeps both faces."""
-
+"""Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
 
 SHEET_SHARE = 0.25
-"""A connected piece with this share of the largest one's area is a face of the blade; voids and specks are far smaller."""
+"""A connected piece of this share of the largest one's area is a face of the blade; voids and specks are smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +82,8 @@ class MultiscaleLeaf:
     def bounds(self) -> FloatArray:
         """(2, 3) a box of the world that holds the leaf, outline and micro-structure."""
         low, high = self.texture.cell[:, 2] / self.scale
-        along = np.linspace(*self.blade.outline.bounds[:, 0], 512)
-        across = np.linspace(*self.blade.outline.bounds[:, 1], 32)
+        first, last = self.blade.outline.bounds
+        along, across = np.linspace(first[0], last[0], 512), np.linspace(first[1], last[1], 32)
         flat = np.stack(np.meshgrid(along, across, [low, high], indexing="ij"), axis=-1).reshape(-1, 3)
         world = self.blade.lift(flat)
         slack = np.linalg.norm(np.diff(world.reshape(512, -1, 3), axis=0), axis=2).max()

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import shapely
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, QhullError
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.checks import FloatArray, as_points, require_positive
 from o3dleaf.errors import InputError
@@ -15,6 +15,8 @@ from o3dleaf.parallel import run_blocks
 from o3dleaf.rbf.tail import IntArray
 
 BLOCK = 65536
+CRUMBS = 0.01
+"""Share of the shrunk outline's area that may lie in other pieces than the largest."""
 
 
 class AlphaShape:
@@ -26,7 +28,8 @@ class AlphaShape:
     alpha : float
         The largest circumradius kept, in the points' unit.
     automatic : bool
-        Whether α was chosen: the least at which one edge-connected component has every point.
+        Whether α was chosen: the least at which one edge-connected component has every point, without
+        a neck narrower than two median spacings, where a mesh of that step would come apart.
     triangles : (m, 3) int ndarray
         The triangles kept: those of the largest edge-connected component.
     pieces : int
@@ -51,7 +54,9 @@ class AlphaShape:
         self.alpha = _least_alpha(delaunay, radii) if alpha is None else require_positive(alpha, "alpha")
         kept = np.flatnonzero(radii <= self.alpha)
         if not len(kept):
-            raise InputError(f"alpha: {self.alpha:.4g} is below every circumradius (least {radii.min():.4g}); enlarge it")
+            raise InputError(
+                f"alpha: {self.alpha:.4g} is below every circumradius (least {radii.min():.4g}); enlarge it"
+            )
         self.pieces, labels = _components(delaunay.neighbors, kept)
         areas = np.bincount(labels, triangle_areas(self.points, delaunay.simplices[kept]))
         self.triangles: IntArray = delaunay.simplices[kept[labels == np.argmax(areas)]].astype(np.int64)
@@ -59,9 +64,7 @@ class AlphaShape:
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The outline as a polygon, gaps of the scan inside the blade filled."""
-        union = shapely.union_all(shapely.polygons(self.points[self.triangles]))
-        outer = union if union.geom_type == "Polygon" else max(union.geoms, key=lambda part: part.area)
-        polygon = shapely.Polygon(outer.exterior)
+        polygon = _filled_union(self.points[self.triangles])
         shapely.prepare(polygon)
         return polygon
 
@@ -91,11 +94,12 @@ class AlphaShape:
 def triangle_areas(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:
     """Return the (m,) areas of planar triangles."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    return np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / 2
+    twice: FloatArray = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    return np.abs(twice) / 2
 
 
 def circumradii(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:
-    """Return the (m,) circumradii of planar triangles: product of the sides over four times the area; ∞ for flat ones."""
+    """Return the (m,) circumradii of planar triangles: product of sides over four times the area; ∞ for flat ones."""
     corners = points[triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     area = triangle_areas(points, triangles)
@@ -113,18 +117,33 @@ def _components(neighbours: npt.NDArray[np.integer], kept: IntArray) -> tuple[in
     return int(count), labels.astype(np.int64)
 
 
+def _filled_union(triangles: FloatArray) -> shapely.Polygon:
+    """Return the union of edge-connected triangles (m, 3, 2) without its holes."""
+    return shapely.Polygon(_largest(shapely.union_all(shapely.polygons(triangles))).exterior)
+
+
+def _largest(shape: shapely.Geometry) -> shapely.Polygon:
+    return max(shapely.get_parts(shape), key=lambda part: part.area)
+
+
 def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
-    """Return the least α at which the largest component has every point that a triangle of finite radius has."""
+    """Return the least α at which the largest component has every point and no narrow neck."""
     candidates = np.unique(radii[np.isfinite(radii)])
     if not len(candidates):
         raise InputError("points: lie on one line; an outline needs an area")
+    points = delaunay.points
     reachable = len(np.unique(delaunay.simplices[np.isfinite(radii)]))
+    spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
 
     def one_piece(alpha: float) -> bool:
         kept = np.flatnonzero(radii <= alpha)
         _, labels = _components(delaunay.neighbors, kept)
-        largest = kept[labels == np.argmax(np.bincount(labels))]
-        return len(np.unique(delaunay.simplices[largest])) == reachable
+        largest = delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]]
+        if len(np.unique(largest)) < reachable:
+            return False
+        # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.
+        core = _filled_union(points[largest]).buffer(-spacing)
+        return bool(core.is_empty or _largest(core).area >= (1 - CRUMBS) * core.area)
 
     low, high = 0, len(candidates) - 1
     while low < high:

@@ -49,9 +49,11 @@ class TiledField:
         extent = field.bounds[1] - field.bounds[0]
         size = extent[:2].copy() if period is None else np.array(period, dtype=np.float64)
         if size.shape != (2,) or not np.all(size > 0):
-            raise InputError(f"period: is {period}; give two lengths above zero, along and across")
+            raise InputError(f"period: is {period!r}; give two lengths above zero, along and across")
         if np.any(size > extent[:2] * (1 + 1e-12)):
-            raise InputError(f"period: {size} is larger than the patch, {extent[:2]} {field.unit or ''}; tiles would not meet")
+            raise InputError(
+                f"period: {size.tolist()} is larger than the patch, {extent[:2].tolist()}; tiles would not meet"
+            )
         cell = field.bounds.copy()
         cell[1, :2] = cell[0, :2] + size
         repeat = np.zeros(len(extent))

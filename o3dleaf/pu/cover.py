@@ -10,8 +10,8 @@ from o3dleaf.errors import InputError
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.rbf.tail import IntArray
 
-MOST_HALVINGS = 200
-"""A cell halved this often has shrunk below rounding in every direction: its points coincide."""
+SMALLEST_CELL = 1e-14
+"""Share of the largest coordinate that a cell may shrink to: a hundred roundings. What it holds then coincides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +80,16 @@ def _halve_until_small(tree: cKDTree, bounds: FloatArray, most: int, overlap: fl
     """Return the (M, d) lower and upper corners of the final cells, in a fixed order."""
     low, high = bounds[:1].copy(), bounds[1:].copy()
     done: list[tuple[FloatArray, FloatArray]] = []
-    for _ in range(MOST_HALVINGS):
+    while True:
         centres, radii = _circumscribe(low, high, overlap)
         large = tree.query_ball_point(centres, radii, workers=-1, return_length=True) > most
         done.append((low[~large], high[~large]))
         low, high = low[large], high[large]
         if not len(low):
             return np.concatenate([cell[0] for cell in done]), np.concatenate([cell[1] for cell in done])
+        if np.any(np.max(high - low, axis=1) <= SMALLEST_CELL * np.abs(bounds).max()):
+            raise InputError(f"points: more than {most} coincide near {low[0]}; remove duplicated points")
         low, high = _halve(low, high)
-    raise InputError(f"points: more than {most} coincide near {low[0]}; remove duplicated points")
 
 
 def _halve(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -140,7 +140,7 @@ def gather(points, values, rows, centre, radius):
 
 @njit(nogil=True, cache=True)
 def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoothing, model, ranks, dropped):
-    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's own unit, `trust` the points' weights."""
+    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights."""
     centres, radii, offsets, members = cover
     sites, weights, tails = model
     dimension = centres.shape[1]

@@ -206,26 +206,44 @@ def householder(matrix):
 
 
 @njit(nogil=True, cache=True)
-def rotation_scales(exponents):
-    """Return √(|α|!/α!) of each monomial: scaled so, rotations of space turn the monomials of a degree orthogonally."""
-    scales = np.ones(len(exponents))
-    for k in range(len(exponents)):
-        total = 0
+def natural_monomials(points, exponents):
+    """Return the (q, q) coefficients of √(|α|!/α!) (z − z̄)^α in the monomials z^α, one column each, z̄ the points' mean.
+
+    Turning the points about their mean turns these monomials of a degree orthogonally among
+    themselves, and where the centre of the ball lies has no part in them.
+    """
+    count, dimension = exponents.shape
+    frame = np.empty((count, count))
+    mean = np.empty(dimension)
+    for axis in range(dimension):
+        mean[axis] = np.mean(points[axis])
+    for k in range(count):
+        scale, total = 1.0, 0
         for exponent in exponents[k]:
             for step in range(1, exponent + 1):
                 total += 1
-                scales[k] *= math.sqrt(total / step)
-    return scales
+                scale *= math.sqrt(total / step)
+        for row in range(count):
+            value = scale
+            for axis in range(dimension):
+                high, low = exponents[k, axis], exponents[row, axis]
+                for step in range(low):
+                    value *= (high - step) / (step + 1)
+                for _ in range(high - low):
+                    value *= -mean[axis]
+            frame[row, k] = value
+    return frame
 
 
 @njit(nogil=True, cache=True)
-def restrict_tail(tail, scales):
+def restrict_tail(tail, frame):
     """Return (reflectors, β, R, basis): the tail reduced to a rank-revealing basis on its points.
 
     `basis` (q, r) turns coefficients of the reduced tail into coefficients of the monomials. It is
-    the identity for a tail of full rank; else its columns are the right singular vectors of P with
-    singular values above `RANK_TOLERANCE`, under `rotation_scales`, so that the fit does not depend
-    on how the plane that holds the points is turned.
+    the identity for a tail of full rank; else it is spanned by the right singular vectors of P in
+    the `natural_monomials` (the columns of `frame`) with singular values above `RANK_TOLERANCE`.
+    Then the fit does not depend on how the plane that holds the points is turned, and what they do
+    not tell is zero: across the plane the tail is constant.
     """
     columns = tail.shape[1]
     factored = tail.copy()
@@ -233,13 +251,13 @@ def restrict_tail(tail, scales):
     rank, basis = columns, np.eye(columns)
     if columns > 0:
         steps = min(tail.shape[0], columns)
-        _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) * scales, False)
+        _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) @ frame, False)
         rank = 0
         for value in singular:
             if value > RANK_TOLERANCE * singular[0]:
                 rank += 1
         if rank < columns:
-            basis = np.ascontiguousarray((rows[:rank] * scales).T)
+            basis = frame @ np.ascontiguousarray(rows[:rank].T)
             factored = tail @ basis
             vectors, betas = householder(factored)
     return vectors, betas, np.triu(factored[:rank, :rank]), basis
@@ -323,11 +341,12 @@ def solve_positive(matrix, right):
 
 @njit(nogil=True, cache=True)
 def project(points, exponents, power, diagonal):
-    """Return (Qᵀ (A + D) Q, reflectors, β, R, basis) of a local system: its part on the null space of Pᵀ is positive."""
+    """Return (Qᵀ (A + D) Q, reflectors, β, R, basis) of a local system: positive on the null space of Pᵀ."""
     matrix = radial_matrix(points, power)
     for i in range(len(matrix)):
         matrix[i, i] += diagonal[i]
-    vectors, betas, triangle, basis = restrict_tail(tail_matrix(points, exponents), rotation_scales(exponents))
+    tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    vectors, betas, triangle, basis = restrict_tail(tail, frame)
     reflect_both_sides(matrix, vectors, betas, True)
     return matrix, vectors, betas, triangle, basis
 

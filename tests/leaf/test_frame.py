@@ -2,11 +2,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
-from tolerances import ANALYTIC_VS_DIFFERENCE, FRAME_ORTHONORMAL, ROUND_TRIP
 
 from o3dleaf.errors import InputError
 from o3dleaf.leaf.frame import LeafFrame, arc_lengths
 from o3dleaf.leaf.normals import half_width
+from tolerances import ANALYTIC_VS_DIFFERENCE, FRAME_ORTHONORMAL, ROUND_TRIP
 
 
 def helix(t):

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 from o3dleaf.errors import InputError
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.weights import wendland
+from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,16 @@
+"""Field to triangles: sample a lattice, polygonise, clip, keep the sheets, clean, report, write.
+
+The road through the chapter, one module a step:
+
+`lattice`     where the field is asked: a regular lattice over a box, sampled in bounded memory
+`polygonise`  samples to triangles: scikit-image's marching cubes or our marching tetrahedra
+`isosurface`  the two together, for any Field
+`clip`        triangles outside an outline are discarded, the rim is left manifold
+`components`  edge-connected pieces; the largest are kept, voids and specks are counted
+`quality`     `mesh_report`: what a mesh is, in numbers
+`clean`       repair and simplification by MeshLab's filters (the only file that imports pymeshlab)
+`files`       meshes to disk, whole or not at all
+
+`arrays` holds the door between Open3D's meshes and NumPy, `topology` the edges, fans and loops that
+the others count with, `loops` the compiled code. Nothing here knows where a field comes from.
+"""

@@ -1,0 +1,83 @@
+"""Meshes to disk: whole or not at all, with every digit that the format holds."""
+
+from os import PathLike
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.errors import InputError, O3DLeafError
+from o3dleaf.files import require_writable, whole_file
+from o3dleaf.mesh.arrays import MeshLike, build_mesh, mesh_arrays
+
+LINES = 100_000
+"""Rows of an OBJ file that are turned into text at once."""
+
+
+def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:
+    """Write a mesh to a file, by the suffix of its name; a failure leaves nothing new behind.
+
+    The file is written under another name in the same folder and then takes its own, so that a
+    reader never sees half of it, and an old file of the name survives a failure.
+
+    ======  =========================================================================================
+    suffix  what is kept
+    ======  =========================================================================================
+    .ply    binary, vertices in float64, with normals and colours if the mesh has them
+    .obj    text with every digit of float64 (Open3D's own writer keeps six)
+    .stl    binary, float32 by the format's definition, with the triangles' normals
+    ======  =========================================================================================
+
+    Parameters
+    ----------
+    path : path-like
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Not modified.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown, the folder is not there or cannot be written to, or the mesh is empty.
+    O3DLeafError
+        If the disk is full or the writer fails.
+    """
+    writers = {".ply": _write_open3d, ".obj": _write_obj, ".stl": _write_stl}
+    target = require_writable(path, tuple(writers))
+    legacy = mesh if isinstance(mesh, o3d.geometry.TriangleMesh) else build_mesh(*mesh_arrays(mesh))
+    if not legacy.has_triangles():
+        raise InputError(f"{target}: the mesh has no triangles; there is nothing to write")
+    with whole_file(target) as temporary:
+        writers[target.suffix.lower()](temporary, legacy)
+
+
+def _write_open3d(path: Path, mesh: o3d.geometry.TriangleMesh) -> None:
+    """Write by Open3D, whose writers say no by returning False."""
+    if not o3d.io.write_triangle_mesh(path, mesh, write_ascii=False):
+        raise O3DLeafError(f"{path.suffix}: Open3D could not write the mesh; free space on the disk or choose another")
+
+
+def _write_stl(path: Path, mesh: o3d.geometry.TriangleMesh) -> None:
+    """Write binary STL with the triangles' normals, without which Open3D leaves an empty file."""
+    copy = build_mesh(*mesh_arrays(mesh))
+    copy.compute_triangle_normals()
+    _write_open3d(path, copy)
+
+
+def _write_obj(path: Path, mesh: o3d.geometry.TriangleMesh) -> None:
+    """Write OBJ with the shortest text of each number that reads back bit for bit."""
+    normals = np.asarray(mesh.vertex_normals) if mesh.has_vertex_normals() else np.empty((0, 3))
+    corner = "%d//%d" if len(normals) else "%d"
+    corners = np.asarray(mesh.triangles) + 1
+    with path.open("w", encoding="ascii", newline="\n") as file:
+        _write_rows(file, "v %r %r %r\n", np.asarray(mesh.vertices))
+        _write_rows(file, "vn %r %r %r\n", normals)
+        _write_rows(file, f"f {corner} {corner} {corner}\n", np.repeat(corners, 2 if len(normals) else 1, axis=1))
+
+
+def _write_rows(file: TextIO, line: str, rows: npt.NDArray[Any]) -> None:
+    """Write one `line` a row, many rows at a time."""
+    for start in range(0, len(rows), LINES):
+        block = rows[start : start + LINES]
+        file.write(line * len(block) % tuple(block.ravel().tolist()))

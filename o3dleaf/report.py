@@ -1,0 +1,104 @@
+"""What a run says of itself: a JSON summary with settings, units, sizes, times by stage and versions."""
+
+import json
+import platform
+from importlib.metadata import version
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+
+from o3dleaf.files import whole_file
+from o3dleaf.journal import Journal
+from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.multiscale import MultiscaleLeaf, Sheets
+from o3dleaf.mesh.quality import mesh_report
+from o3dleaf.parallel import get_num_threads
+from o3dleaf.pu.local import LocalSplines
+
+PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
+
+
+def summarise(
+    blade: Blade,
+    mesh: o3d.geometry.TriangleMesh,
+    journal: Journal,
+    settings: dict[str, Any],
+    *,
+    leaf: MultiscaleLeaf | None = None,
+    sheets: Sheets | None = None,
+) -> dict[str, Any]:
+    """Return the summary of a run as plain values.
+
+    Parameters
+    ----------
+    blade : Blade
+    mesh : open3d.geometry.TriangleMesh
+        The mesh that was written, in the blade's unit.
+    journal : Journal
+    settings : dict
+        What was asked for, as given.
+    leaf, sheets : optional
+        The multi-scale leaf and its two sheets, where there is a micro-structure.
+    """
+    frame, outline, height = blade.frame, blade.outline, blade.height_map
+    summary: dict[str, Any] = {
+        "settings": settings,
+        "unit": blade.unit,
+        "scan": {
+            "points": len(outline.points),
+            "axis_length": frame.length,
+            "notes": list(frame.notes),
+            "points_past_the_ends": int(np.sum((outline.points[:, 0] < 0) | (outline.points[:, 0] > frame.length))),
+        },
+        "outline": {"alpha": outline.alpha, "alpha_chosen": outline.automatic, "area_in_the_plane": outline.area},
+        "height_map": _fit_summary(height.interpolant.local),
+        "mesh": mesh_report(mesh).to_dict() | {"unit": blade.unit},
+        "seconds": {name: round(seconds, 3) for name, seconds in journal.seconds.items()},
+        "threads": get_num_threads(),
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
+    }
+    if leaf is not None:
+        texture = leaf.texture
+        summary["micro_structure"] = {
+            "unit": texture.unit,
+            "period": texture.period.tolist(),
+            "fit": _fit_summary(texture.field.local),
+        }
+    if sheets is not None:
+        removed = sheets.removed
+        summary["removed"] = {
+            "closed": removed.closed,
+            "closed_area": removed.closed_area,
+            "open": removed.open,
+            "open_area": removed.open_area,
+        }
+    return summary
+
+
+def _fit_summary(local: object) -> dict[str, Any]:
+    """Return what is worth knowing of a fit over balls."""
+    if not isinstance(local, LocalSplines):
+        return {"local": type(local).__name__}
+    counts = np.diff(local.offsets)
+    return {
+        "balls": len(counts),
+        "points_per_ball": [int(counts.min()), int(counts.max())],
+        "kernel_power": local.kernel.power,
+        "smoothing": local.smoothing.amount,
+        "smoothing_is_rho": bool(local.smoothing.per_point),
+    }
+
+
+def write_json(path: str | PathLike[str], content: dict[str, Any]) -> None:
+    """Write `content` as JSON, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2, ensure_ascii=False, default=_plain) + "\n", encoding="utf-8")
+
+
+def _plain(value: object) -> Any:
+    """Turn what JSON does not know into what it does."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)

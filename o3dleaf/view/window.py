@@ -1,0 +1,54 @@
+"""Open3D's own window, where there is a screen."""
+
+import os
+import sys
+from typing import Any
+
+import open3d as o3d
+
+from o3dleaf.errors import InputError, O3DLeafError
+
+
+def show(*geometries: Any, title: str = "o3dleaf") -> None:
+    """Open Open3D's interactive window on meshes and point clouds, until it is closed.
+
+    Parameters
+    ----------
+    *geometries : Open3D geometry
+        Legacy or tensor, in one frame and unit. Meshes without normals are shaded with normals of
+        a copy.
+    title : str
+        The window's title.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to show.
+    O3DLeafError
+        If there is no screen, or it has no OpenGL.
+    """
+    if not geometries:
+        raise InputError("show: nothing to show; give a mesh or a point cloud")
+    if not has_display():
+        raise O3DLeafError("show: there is no screen here; draw a picture with o3dleaf.render instead")
+    ready = [_with_normals(geometry) for geometry in geometries]
+    # On a screen without OpenGL Open3D only warns; an attempt of our own says no.
+    probe = o3d.visualization.Visualizer()
+    if not probe.create_window(window_name=title, visible=False):
+        raise O3DLeafError("show: this screen has no OpenGL; draw a picture with o3dleaf.render instead")
+    probe.destroy_window()
+    o3d.visualization.draw_geometries(ready, window_name=title)
+
+
+def has_display() -> bool:
+    """Say whether a window could open at all: a screen of X11 or Wayland on Linux, any other system has one."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
+def _with_normals(geometry: Any) -> Any:
+    """Return legacy geometry; of a mesh without normals, a copy that has them."""
+    legacy = geometry.to_legacy() if hasattr(geometry, "to_legacy") else geometry
+    if isinstance(legacy, o3d.geometry.TriangleMesh) and not legacy.has_vertex_normals():
+        legacy = o3d.geometry.TriangleMesh(legacy)
+        legacy.compute_vertex_normals()
+    return legacy
