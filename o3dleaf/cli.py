@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from o3dleaf.checks import require_choice, require_positive
 from o3dleaf.errors import O3DLeafError
 from o3dleaf.journal import Journal
 from o3dleaf.parallel import Progress, set_num_threads
@@ -24,29 +25,25 @@ app = typer.Typer(
 )
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
-ScanUnit = Annotated[str, typer.Option(help="Unit of the scan: m, cm, mm, um or nm.")]
-CtUnit = Annotated[str | None, typer.Option(help="Unit of the volume; by default what its file says, else um.")]
-VoxelSpacing = Annotated[
-    float | None, typer.Option(help="Edge of a voxel, in the volume's unit, if its file does not say.")
-]
-Level = Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")]
-Rho = Annotated[str, typer.Option(help="Smoothing of the micro-structure: the paper's rho in ct-unit³, or 'gcv'.")]
-Threads = Annotated[int | None, typer.Option(help="Threads to use; all cores by default. Results do not depend on it.")]
+CtUnit = Annotated[str | None, typer.Option(help="Unit of the volume; by default what its file says.")]
+VoxelSpacing = Annotated[float | None, typer.Option(help="Edge of a voxel, in ct-unit, if the file does not say.")]
+Threads = Annotated[int | None, typer.Option(help="Threads; all cores by default. Results do not depend on it.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
+Unit = Annotated[str | None, typer.Option(help="Unit of the coordinates: m, cm, mm, um or nm.")]
 
-DEMO_SPACING = 0.1
-WINDOW = 2.4
-"""Side of the inset's window, in mm, and its step: finer than the 24 µm of the CT."""
-WINDOW_STEP = 0.012
+WINDOW_MM = 2.4
+"""Side of the inset's window on the leaf."""
+WINDOW_STEP_MM = 0.012
+"""Its mesh step: half a voxel of the 24 µm CT, so that hairs are round."""
 
 
 @app.command()
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write into.")] = Path("demo_output"),
-    samples: Annotated[Path, typer.Option(help="Folder of the samples; made anew if they are not there.")] = Path(
+    samples: Annotated[Path, typer.Option(help="Folder of the samples; made anew if not there.")] = Path(
         "data_samples"
     ),
-    spacing: Annotated[float, typer.Option(help="Mesh step, in mm.")] = DEMO_SPACING,
+    spacing: Annotated[float, typer.Option(help="Mesh step, in mm.")] = 0.1,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -70,57 +67,57 @@ def demo(
 
 @app.command()
 def leaf(
-    scan: Annotated[Path, typer.Argument(help="Point cloud of one leaf: PLY, PCD, XYZ, ...")],
+    scan: Annotated[Path, typer.Argument(help="Point cloud of one leaf: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.")],
     output: Output,
     ct: Annotated[
-        Path | None, typer.Option(help="Micro-CT volume of a patch: TIFF, folder of TIFF slices, NPY, ...")
+        Path | None, typer.Option(help="Micro-CT volume of a patch; without it, the smooth blade alone.")
     ] = None,
-    midrib: Annotated[Path | None, typer.Option(help="Control points of the midrib; found if not given.")] = None,
-    scan_unit: ScanUnit = "mm",
+    midrib: Annotated[Path | None, typer.Option(help="Control points from base to tip; found if not given.")] = None,
+    scan_unit: Annotated[str, typer.Option(help="Unit of scan and midrib: m, cm, mm, um or nm.")] = "mm",
     ct_unit: CtUnit = None,
     voxel_spacing: VoxelSpacing = None,
     spacing: Annotated[float, typer.Option(help="Mesh step, in scan-unit.")] = 0.1,
     region: Annotated[
         tuple[float, float, float, float] | None,
-        typer.Option(help="Part to mesh, in leaf coordinates and scan-unit: ALONG0 ACROSS0 ALONG1 ACROSS1."),
+        typer.Option(help="Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1, in scan-unit."),
     ] = None,
-    level: Level = "valley",
-    rho: Rho = "gcv",
+    level: Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")] = "valley",
+    rho: Annotated[str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, or 'gcv'.")] = "gcv",
     alpha: Annotated[
-        float | None, typer.Option(help="Radius of the outline's alpha-shape; chosen if not given.")
+        float | None, typer.Option(help="Radius of the outline's alpha-shape, in scan-unit; chosen if not given.")
     ] = None,
     method: Annotated[str, typer.Option(help="Marching 'cubes' or 'tetrahedra'.")] = "cubes",
     picture: Annotated[bool, typer.Option(help="Draw the picture.")] = True,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Build a leaf from a laser scan, with the micro-structure of a CT volume if one is given."""
-    from o3dleaf.cloud.read import read_point_cloud
-    from o3dleaf.ct.formats import read_volume
+    """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
+
+    Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
+    """
+    settings = dict(locals())
     from o3dleaf.files import require_writable
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.mesh.files import write_triangle_mesh
+    from o3dleaf.mesh.polygonise import METHODS
     from o3dleaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
     from o3dleaf.report import summarise, write_json
 
-    settings = {
-        name: value for name, value in locals().items() if isinstance(value, str | float | int | tuple | Path | None)
-    }
-    _prepare(threads)
+    set_num_threads_if(threads)
     require_writable(output, (".ply", ".obj", ".stl"))
+    require_positive(spacing, "spacing")
+    require_choice(method, METHODS, "method")
     box = None if region is None else [region[:2], region[2:]]
-    with _shown(quiet) as journal:
+    with shown(quiet=quiet) as journal:
         with journal.stage("read"):
-            cloud = read_point_cloud(scan)
-            control = None if midrib is None else read_point_cloud(midrib, least=2)
-            volume = None if ct is None else read_volume(ct, spacing=voxel_spacing, unit=ct_unit)
+            cloud, control, volume = read_inputs(scan, midrib, ct, voxel_spacing, ct_unit)
         blade = create_blade(cloud, control, unit=scan_unit, options=BladeOptions(alpha=alpha), journal=journal)
         multiscale = sheets = None
         if volume is None:
             with journal.stage("extract mesh"):
                 mesh = blade.extract_mesh(spacing, box)
         else:
-            options = PatchOptions(level=_number_or_word(level), rho=_number_or_word(rho))
+            options = PatchOptions(level=number_or_word(level), rho=number_or_word(rho))
             texture = create_texture(volume, options=options, journal=journal)
             multiscale = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
             with journal.stage("extract mesh") as progress:
@@ -130,39 +127,117 @@ def leaf(
             write_triangle_mesh(output, mesh)
         if picture:
             with journal.stage("draw picture"):
-                _draw(output.with_suffix(".png"), mesh, blade, multiscale)
-        summary = summarise(blade, mesh, journal, settings, leaf=multiscale, sheets=sheets)
+                draw(output.with_suffix(".png"), mesh, blade, multiscale)
+        with journal.stage("check mesh"):
+            summary = summarise(blade, mesh, journal, settings, leaf=multiscale, sheets=sheets)
         write_json(output.with_suffix(".json"), summary)
     if not quiet:
-        typer.echo(f"{output}: {summary['mesh']['triangles']:,} triangles, {summary['mesh']['area']:,.0f} {scan_unit}²")
+        report = summary["mesh"]
+        typer.echo(f"{output}: {report['triangles']:,} triangles, {report['area']:,.0f} {scan_unit}²")
 
 
-def _draw(path: Path, mesh: Any, blade: "Blade", leaf: "MultiscaleLeaf | None") -> None:
+@app.command()
+def sample(
+    folder: Annotated[Path, typer.Argument(help="Folder to write into.")],
+    seed: Annotated[int, typer.Option(help="Seed of the synthetic leaf.")] = 0,
+) -> None:
+    """Write a synthetic scan, its midrib and a micro-CT volume, with a page that says what they are."""
+    from o3dleaf.samples.files import write_samples
+
+    for path in write_samples(folder, seed=seed):
+        typer.echo(str(path))
+
+
+@app.command()
+def info(
+    file: Annotated[Path, typer.Argument(help="A mesh, a point cloud or a volume.")],
+    unit: Unit = None,
+    voxel_spacing: VoxelSpacing = None,
+    json: Annotated[Path | None, typer.Option(help="Write it as JSON too.")] = None,
+) -> None:
+    """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
+    from o3dleaf.report import describe_file, write_json
+
+    found = describe_file(file, unit=unit, voxel_spacing=voxel_spacing)
+    for name, value in found.items():
+        typer.echo(f"{name:>24}  {value}")
+    if json is not None:
+        write_json(json, found)
+
+
+@app.command()
+def clean(
+    mesh: Annotated[Path, typer.Argument(help="Mesh to clean: PLY, OBJ, STL or OFF.")],
+    output: Output,
+    smallest_component: Annotated[float, typer.Option(help="Drop pieces of less than this diameter.")] = 0.0,
+    largest_hole: Annotated[float, typer.Option(help="Close holes up to this diameter.")] = 0.0,
+    triangles: Annotated[int | None, typer.Option(help="Simplify to about so many triangles.")] = None,
+) -> None:
+    """Clean a mesh with MeshLab's filters, lengths in the mesh's own unit, and simplify it on request."""
+    from o3dleaf.files import require_writable
+    from o3dleaf.mesh.clean import clean_mesh, simplify_mesh
+    from o3dleaf.mesh.files import read_triangle_mesh, write_triangle_mesh
+
+    require_writable(output, (".ply", ".obj", ".stl"))
+    found = read_triangle_mesh(mesh)
+    cleaned = clean_mesh(found, smallest_component=smallest_component, largest_hole=largest_hole)
+    if triangles is not None:
+        cleaned = simplify_mesh(cleaned, target_triangles=triangles)
+    write_triangle_mesh(output, cleaned)
+    typer.echo(f"{output}: {len(cleaned.triangles):,} of {len(found.triangles):,} triangles")
+
+
+@app.command()
+def render(
+    mesh: Annotated[Path, typer.Argument(help="Mesh to draw: PLY, OBJ, STL or OFF.")],
+    output: Output,
+    unit: Unit = None,
+    title: Annotated[str | None, typer.Option(help="A line at the top.")] = None,
+) -> None:
+    """Draw a mesh into a picture; needs no screen and no GPU."""
+    from o3dleaf.mesh.files import read_triangle_mesh
+    from o3dleaf.view.render import render as draw_mesh
+
+    draw_mesh(read_triangle_mesh(mesh), output, unit=unit, title=title)
+
+
+@app.command()
+def view(files: Annotated[list[Path], typer.Argument(help="Meshes and point clouds.")]) -> None:
+    """Open Open3D's window on meshes and point clouds."""
+    from o3dleaf.report import read_geometry
+    from o3dleaf.view.window import show
+
+    show(*(read_geometry(file) for file in files))
+
+
+def read_inputs(
+    scan: Path, midrib: Path | None, ct: Path | None, voxel_spacing: float | None, ct_unit: str | None
+) -> tuple[Any, Any, Any]:
+    """Return the scan, the midrib and the volume of a leaf; None for what is not given."""
+    from o3dleaf.cloud.read import read_point_cloud
+    from o3dleaf.ct.formats import read_volume
+
+    cloud = read_point_cloud(scan)
+    control = None if midrib is None else read_point_cloud(midrib, least=2)
+    return cloud, control, None if ct is None else read_volume(ct, spacing=voxel_spacing, unit=ct_unit)
+
+
+def draw(path: Path, mesh: Any, blade: "Blade", leaf: "MultiscaleLeaf | None") -> None:
     """Draw the whole leaf, with an inset of the micro-structure where there is one."""
     from o3dleaf.units import unit_scale
     from o3dleaf.view.render import Inset, render
 
     insets = []
     if leaf is not None:
-        scale = unit_scale("mm", blade.unit) if blade.unit else 1.0
+        scale = unit_scale("mm", blade.unit)
         middle = blade.outline.polygon.representative_point()
-        half = WINDOW * scale / 2
+        half = WINDOW_MM * scale / 2
         window = [[middle.x - half, middle.y - half], [middle.x + half, middle.y + half]]
-        insets = [Inset(leaf.extract_mesh(WINDOW_STEP * scale, window))]
+        insets = [Inset(leaf.extract_mesh(WINDOW_STEP_MM * scale, window))]
     render(mesh, path, insets=insets, unit=blade.unit)
 
 
-@app.command()
-def sample(
-    folder: Annotated[Path, typer.Argument(help="Folder to write into.")] = Path("data_samples"),
-) -> None:
-    """Write the synthetic samples: a scan, its midrib and a micro-CT volume, with the seed that made them."""
-    from o3dleaf.samples.files import write_samples
-
-    write_samples(folder)
-
-
-def _number_or_word(text: str) -> Any:
+def number_or_word(text: str) -> Any:
     """Return a number for a text that is one."""
     try:
         return float(text)
@@ -170,12 +245,13 @@ def _number_or_word(text: str) -> Any:
         return text
 
 
-def _prepare(threads: int | None) -> None:
+def set_num_threads_if(threads: int | None) -> None:
+    """Set the number of threads where one is asked for."""
     if threads is not None:
         set_num_threads(threads)
 
 
-class _RichJournal(Journal):
+class BarJournal(Journal):
     """A journal that draws a progress bar for the stage that runs."""
 
     def __init__(self, bars: Any) -> None:
@@ -195,7 +271,7 @@ class _RichJournal(Journal):
 
 
 @contextmanager
-def _shown(quiet: bool) -> Iterator[Journal]:
+def shown(*, quiet: bool) -> Iterator[Journal]:
     """Yield a journal, shown on the terminal unless `quiet`."""
     if quiet:
         yield Journal()
@@ -205,7 +281,7 @@ def _shown(quiet: bool) -> Iterator[Journal]:
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bars:
-        yield _RichJournal(bars)
+        yield BarJournal(bars)
 
 
 def main() -> None:

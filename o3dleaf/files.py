@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written under another name in the same folder, then renamed."""
+"""Files appear whole or not at all: written under another name and renamed, or refused where they were cut off."""
 
 import os
 import tempfile
@@ -8,6 +8,9 @@ from os import PathLike
 from pathlib import Path
 
 from o3dleaf.errors import InputError, O3DLeafError
+
+PLY_HEADER = 65536
+"""Bytes in which the header of a PLY file must end."""
 
 
 @contextmanager
@@ -43,6 +46,28 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Pa
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
     return target
+
+
+def require_whole_ply(path: Path) -> None:
+    """Refuse a PLY file whose header claims more points than its bytes can hold: a reader would allocate them all.
+
+    Raises
+    ------
+    InputError
+        If the file is no PLY, names no points, or was cut off.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(PLY_HEADER)
+    if not head.startswith(b"ply"):
+        raise InputError(f"{path}: does not begin with 'ply'; it is no PLY file, export it again")
+    for line in head[: max(head.find(b"end_header"), 0)].splitlines():
+        words = line.split()
+        if words[:2] == [b"element", b"vertex"] and len(words) == 3 and words[2].isdigit():
+            # Three coordinates take six bytes at the very least, as text ("0 0 0\n") and as binary.
+            if int(words[2]) * 6 > path.stat().st_size:
+                raise InputError(f"{path}: claims {int(words[2])} points but is too short for them; it was cut off")
+            return
+    raise InputError(f"{path}: its PLY header names no points; export it again")
 
 
 def _beside(target: Path) -> Path:

@@ -12,7 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
 from contextlib import contextmanager
 from typing import Any
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
 
 from o3dleaf.errors import InputError
 
@@ -124,21 +124,31 @@ class _BlasLimit:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.users = 0
-        self.limit: threadpool_limits | None = None
+        self.before: list[tuple[LibController, int]] = []
 
     def enter(self) -> None:
         with self.lock:
             if self.users == 0:
                 # Numba's linear algebra is SciPy's: a library that is not loaded yet would escape the limit.
                 importlib.import_module("scipy.linalg")
-                self.limit = threadpool_limits(limits=1, user_api="blas")
+                libraries = ThreadpoolController().select(user_api="blas").lib_controllers
+                self.before = [(library, library.get_num_threads()) for library in libraries]
+                self._set([(library, 1) for library in libraries])
             self.users += 1
 
     def leave(self) -> None:
         with self.lock:
             self.users -= 1
-            if self.users == 0 and self.limit is not None:
-                self.limit.restore_original_limits()
+            if self.users == 0:
+                self._set(self.before)
+
+    @staticmethod
+    def _set(limits: list[tuple[LibController, int]]) -> None:
+        # threadpoolctl ignores every thread but the first to set a limit; our last user may be another one.
+        OpenBLASController.clear_controlling_thread(force=True)
+        for library, threads in limits:
+            library.set_num_threads(threads)
+        OpenBLASController.clear_controlling_thread()
 
 
 _blas = _BlasLimit()

@@ -102,12 +102,12 @@ def create_blade(
     # World to leaf coordinates, y = T(x).
     with journal.stage("world to leaf"):
         leaf_points = frame.to_leaf(points)
-    # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
-    with journal.stage("fit height map") as progress:
-        height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit, progress=progress)
     # The α-shape of the flattened scan is the outline of the blade.
     with journal.stage("outline"):
         outline = AlphaShape(leaf_points[:, :2], options.alpha)
+    # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
+    with journal.stage("fit height map") as progress:
+        height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit, progress=progress)
     return Blade(frame, height_map, outline)
 
 

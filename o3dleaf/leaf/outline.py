@@ -1,5 +1,6 @@
 """The outline of the blade in the (along, across) plane: an α-shape (Edelsbrunner and Mücke 1994)."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -135,18 +136,31 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
     reachable = len(np.unique(delaunay.simplices[np.isfinite(radii)]))
     spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
 
-    def one_piece(alpha: float) -> bool:
-        kept = np.flatnonzero(radii <= alpha)
+    def largest(at: int) -> IntArray:
+        kept = np.flatnonzero(radii <= candidates[at])
         _, labels = _components(delaunay.neighbors, kept)
-        largest = delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]]
-        if len(np.unique(largest)) < reachable:
-            return False
+        return delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]].astype(np.int64)
+
+    def holds_all(at: int) -> bool:
+        return len(np.unique(largest(at))) == reachable
+
+    def has_no_neck(at: int) -> bool:
         # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.
-        core = _filled_union(points[largest]).buffer(-spacing)
+        core = _filled_union(points[largest(at)]).buffer(-spacing)
         return bool(core.is_empty or _largest(core).area >= (1 - CRUMBS) * core.area)
 
-    low, high = 0, len(candidates) - 1
-    while low < high:
+    last = len(candidates) - 1
+    return float(candidates[_first(_first(0, last, holds_all), last, has_no_neck)])
+
+
+def _first(start: int, last: int, holds: Callable[[int], bool]) -> int:
+    """Return the first index from `start` at which `holds` is true, or `last`: strides double, then halve."""
+    low, step = start - 1, 1
+    high = start
+    while high < last and not holds(high):
+        low, step = high, 2 * step
+        high = min(start + step, last)
+    while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if one_piece(candidates[middle]) else (middle + 1, high)
-    return float(candidates[low])
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high

@@ -8,12 +8,32 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
+from o3dleaf.checks import require_file
 from o3dleaf.errors import InputError, O3DLeafError
-from o3dleaf.files import require_writable, whole_file
+from o3dleaf.files import require_whole_ply, require_writable, whole_file
 from o3dleaf.mesh.arrays import MeshLike, build_mesh, mesh_arrays
 
 LINES = 100_000
 """Rows of an OBJ file that are turned into text at once."""
+
+
+def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
+    """Return the triangle mesh of a PLY, OBJ, STL or OFF file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it cannot be read, or it holds no triangle.
+    """
+    file = require_file(path)
+    if file.suffix.lower() == ".ply":
+        require_whole_ply(file)
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        mesh = o3d.io.read_triangle_mesh(file)
+    if not mesh.has_triangles():
+        raise InputError(f"{file}: no triangles could be read; is it a point cloud, or no PLY, OBJ, STL or OFF file?")
+    mesh_arrays(mesh)
+    return mesh
 
 
 def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:

@@ -14,8 +14,8 @@ from o3dleaf.parallel import Progress, blocks
 BLOCK = 1 << 18
 """Points asked for at once: 6 MiB of coordinates, and enough of them to keep a field's threads busy."""
 
-LARGEST = 1 << 31
-"""Samples that a lattice may hold (16 GiB): beyond it, a spacing is more likely mistyped than meant."""
+LARGEST = 1 << 29
+"""Samples that a lattice may hold (4 GiB): beyond it, a spacing is more likely mistyped than meant."""
 
 OUTSIDE = -1e30
 """Value of a lattice point that is not asked for: outside for any level, and finite in float32 too."""

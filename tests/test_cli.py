@@ -1,0 +1,173 @@
+"""The commands as a user runs them: what they write, and the one line that bad input gets."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from o3dleaf.ct import Volume, write_volume
+from o3dleaf.samples import wheat_ct, wheat_scan
+
+PROGRAM = Path(sys.executable).with_name("o3dleaf")
+
+
+def run(*arguments, cwd=None):
+    words = [str(PROGRAM), *(str(each) for each in arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A scan, a midrib and a small volume, good ones."""
+    folder = tmp_path_factory.mktemp("input")
+    scan = wheat_scan(count=2500)
+    o3d.io.write_point_cloud(folder / "scan.ply", scan.cloud)
+    midrib = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.midrib))
+    o3d.io.write_point_cloud(folder / "midrib.ply", midrib)
+    volume, _ = wheat_ct(size=(720, 720, 480))
+    write_volume(folder / "ct.tif", volume)
+    return folder
+
+
+@pytest.fixture
+def bad(files, tmp_path):
+    """One bad file after the other, by name."""
+    points = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
+
+    def cloud(name, rows):
+        np.savetxt(tmp_path / name, rows)
+        return tmp_path / name
+
+    spoilt = points.copy()
+    spoilt[5] = np.nan
+    (tmp_path / "empty.ply").touch()
+    (tmp_path / "garbage.ply").write_bytes(bytes(range(256)) * 40)
+    (tmp_path / "garbage.tif").write_bytes(bytes(range(256)) * 40)
+    volume = wheat_ct(size=(720, 720, 480))[0]
+    flat = Volume(np.ones((20, 20, 20), dtype=np.float32), volume.spacing, volume.origin, volume.unit)
+    write_volume(tmp_path / "flat.tif", flat)
+    return {
+        "empty": tmp_path / "empty.ply",
+        "nan": cloud("nan.xyz", spoilt),
+        "two": cloud("two.xyz", points[:2]),
+        "one": cloud("one.xyz", points[:1]),
+        "line": cloud("line.xyz", np.linspace([0, 0, 0], [100, 0, 0], 500)),
+        "garbage": tmp_path / "garbage.ply",
+        "flat": tmp_path / "flat.tif",
+        "garbage_ct": tmp_path / "garbage.tif",
+        "missing": tmp_path / "missing.ply",
+    }
+
+
+CASES = {
+    "an empty cloud": (("{empty}",), "empty"),
+    "NaN": (("{nan}",), "NaN"),
+    "two points": (("{two}",), "2 points"),
+    "a cloud on a line": (("{line}", "--midrib", "{line}"), "one line"),
+    "no such file": (("{missing}",), "no such file"),
+    "an unreadable cloud": (("{garbage}",), "PLY"),
+    "a midrib of one point": (("{scan}", "--midrib", "{one}"), "1 points"),
+    "a volume of one value": (("{scan}", "--ct", "{flat}"), "one value"),
+    "an unreadable volume": (("{scan}", "--ct", "{garbage_ct}"), "TIFF"),
+    "a scan a thousand times too small": (("{scan}", "--scan-unit", "um"), "unit"),
+    "a scan a thousand times too large": (("{scan}", "--scan-unit", "m"), "unit"),
+    "a volume a thousand times too large": (
+        ("{scan}", "--ct", "{ct}", "--ct-unit", "mm", "--voxel-spacing", "24"),
+        "unit",
+    ),
+    "an unknown unit": (("{scan}", "--scan-unit", "inch"), "unknown 'inch'"),
+    "a spacing of nothing": (("{scan}", "--spacing", "0"), "spacing"),
+    "a spacing larger than the leaf": (("{scan}", "--spacing", "500"), "spacing"),
+    "an unknown threshold": (("{scan}", "--ct", "{ct}", "--level", "best"), "best"),
+    "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
+    "no threads": (("{scan}", "--threads", "0"), "threads"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input_gets_one_line_and_leaves_nothing(case, files, bad, tmp_path):
+    arguments, cause = CASES[case]
+    places = bad | {"scan": files / "scan.ply", "ct": files / "ct.tif"}
+    out = tmp_path / "out"
+    out.mkdir()
+    result = run("leaf", *(word.format(**places) for word in arguments), "-o", out / "leaf.ply", "--quiet")
+    assert result.returncode == 2
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("o3dleaf: error: ")
+    assert cause in lines[0]
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("output", ["leaf.xyz", "nowhere/leaf.ply"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(files, tmp_path, output):
+    result = run("leaf", files / "scan.ply", "-o", tmp_path / output)
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_leaf_from_files(files, tmp_path):
+    output = tmp_path / "leaf.ply"
+    result = run(
+        "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
+        "--region", 90, -2, 96, 2, "-o", output,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "extract mesh" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.ply", "leaf.png", "leaf.json"}
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    assert summary["unit"] == "mm"
+    assert summary["micro_structure"]["unit"] == "um"
+    assert summary["mesh"]["components"] == 2
+    assert summary["mesh"]["manifold"]
+    assert summary["settings"]["spacing"] == 0.1
+    assert {"fit micro-scale interpolant", "fit height map", "extract mesh"} <= set(summary["seconds"])
+    assert {"python", "numba", "open3d"} <= set(summary["versions"])
+    mesh = o3d.io.read_triangle_mesh(output)
+    assert len(mesh.triangles) == summary["mesh"]["triangles"]
+
+
+def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
+    result = run("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
+    assert result.returncode == 0, result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
+    assert json.loads((tmp_path / "blade.json").read_text())["mesh"]["components"] == 1
+
+
+def test_info_says_what_a_file_holds(files, tmp_path):
+    result = run("info", files / "ct.tif", "--json", tmp_path / "ct.json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads((tmp_path / "ct.json").read_text())["shape"] == [30, 30, 20]
+    assert "2500" in run("info", files / "scan.ply", "--unit", "mm").stdout
+
+
+def test_clean_and_render(tmp_path):
+    sphere = o3d.geometry.TriangleMesh.create_sphere(1.0, 30)
+    sphere += o3d.geometry.TriangleMesh.create_sphere(0.01).translate((3, 0, 0))
+    o3d.io.write_triangle_mesh(tmp_path / "dirty.ply", sphere)
+    cleaned = run("clean", tmp_path / "dirty.ply", "--smallest-component", 0.1, "-o", tmp_path / "clean.ply")
+    assert cleaned.returncode == 0, cleaned.stderr
+    assert len(o3d.io.read_triangle_mesh(tmp_path / "clean.ply").cluster_connected_triangles()[1]) == 1
+    drawn = run("render", tmp_path / "clean.ply", "-o", tmp_path / "clean.png", "--unit", "mm")
+    assert drawn.returncode == 0, drawn.stderr
+    assert (tmp_path / "clean.png").stat().st_size > 10_000
+
+
+def test_view_without_a_screen_says_so(files, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    result = run("view", files / "scan.ply")
+    assert result.returncode == 2
+    assert "no screen" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["demo", "leaf", "sample", "info", "clean", "render", "view"])
+def test_each_command_has_help(command):
+    result = run(command, "--help")
+    assert result.returncode == 0
+    assert "Usage" in result.stdout
