@@ -56,7 +56,7 @@ class MultiscaleLeaf:
     ----------
     texture : TiledField
     blade : Blade
-        Frame, height map and outline.
+        The frame, the height_map and the outline that it was given.
     scale : float
         Factor from the scan's unit to the texture's.
     """

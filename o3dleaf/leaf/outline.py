@@ -139,7 +139,7 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
     def largest(at: int) -> IntArray:
         kept = np.flatnonzero(radii <= candidates[at])
         _, labels = _components(delaunay.neighbors, kept)
-        return delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]].astype(np.int64)
+        return np.asarray(delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]], dtype=np.int64)
 
     def holds_all(at: int) -> bool:
         return len(np.unique(largest(at))) == reachable

@@ -37,6 +37,12 @@ class RBFInterpolant:
     kernel : Polyharmonic
     smoothing : Smoothing
         The rule for s with its amount, chosen where it was "gcv".
+    centre, radius : (d,) ndarray, float
+        The ball around the data in whose unit coordinates (x − centre)/radius everything is stored.
+    points, weights : (d, n), (n,) ndarrays
+        Data sites in unit coordinates, and λ.
+    tail, exponents : (q,), (q, d) ndarrays
+        The a_k, and the exponents of the p_k.
     """
 
     kernel: Polyharmonic
