@@ -125,7 +125,10 @@ def partition_of_unity(queries, centres, radii, local, shifts=None):
     return result
 
 
-def difference(function, x, step):
-    """Return the central differences of `function` at the rows of x, (n, d)."""
-    columns = [(function(x + e) - function(x - e)) / (2 * step) for e in step * np.eye(x.shape[1])]
-    return np.array(columns).T
+def difference(function, x, step=1e-4):
+    """Return the central differences of fourth order of `function` at the rows of x, (n, d)."""
+
+    def along(e):
+        return (8 * (function(x + e) - function(x - e)) - (function(x + 2 * e) - function(x - 2 * e))) / (12 * step)
+
+    return np.array([along(e) for e in step * np.eye(x.shape[1])]).T

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
-from o3dleaf.rbf.loops import held_out, local_gradient, local_value, solve_local, spectrum
+from o3dleaf.rbf.loops import held_out, local_gradient, local_value, solve_local, spectrum, tail_steps
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -198,6 +198,7 @@ def blend_leaf(rows, items, queries, images, model, values, gradients):
     balls, shifts, radii, centres = images
     offsets, sites, weights, tails, exponents, power = model
     count, dimension = rows.size, queries.shape[1]
+    steps = tail_steps(exponents)
     wanted = len(gradients) > 0
     sums, totals = np.zeros(count), np.zeros(count)
     slopes = np.zeros((count if wanted else 0, 2, dimension))
@@ -206,7 +207,7 @@ def blend_leaf(rows, items, queries, images, model, values, gradients):
         ball = balls[item]
         first, last = offsets[ball], offsets[ball + 1]
         points = sites[dimension * first : dimension * last].reshape(dimension, last - first)
-        scratch = np.empty(last - first)
+        scratch = np.empty((2, max(last - first, steps.shape[0])))
         radius = radii[item]
         for i in range(count):
             square = 0.0
@@ -217,11 +218,11 @@ def blend_leaf(rows, items, queries, images, model, values, gradients):
                 continue
             tau = math.sqrt(square)
             weight = wendland(tau)
-            value = local_value(z, points, weights[first:last], tails[ball], exponents, power, scratch)
+            value = local_value(z, points, weights[first:last], tails[ball], steps, power, scratch)
             sums[i] += weight * value
             totals[i] += weight
             if wanted:
-                local_gradient(z, points, weights[first:last], tails[ball], exponents, power, scratch, slope)
+                local_gradient(z, points, weights[first:last], tails[ball], steps, power, scratch, slope)
                 fall = wendland_slope_over_tau(tau)
                 for axis in range(dimension):
                     slopes[i, 0, axis] += (fall * z[axis] * value + weight * slope[axis]) / radius

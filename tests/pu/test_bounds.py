@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-import reference
-from tolerances import FIELD_GRADIENT, ROUNDING
 
+import reference
 from o3dleaf.errors import InputError
 from o3dleaf.field import clamp
 from o3dleaf.pu.interpolant import PUInterpolant
+from tolerances import FIELD_GRADIENT, RIM, ROUNDING
 
 
 @pytest.fixture(scope="module")
@@ -32,19 +32,19 @@ def test_the_value_is_the_nearest_one_less_the_distance(field):
 
 def test_the_gradient_outside_is_the_difference_quotient(field):
     queries = outside(field)
-    expected = reference.difference(field, queries, 1e-6)
-    np.testing.assert_allclose(field.gradient(queries), expected, rtol=0, atol=100 * FIELD_GRADIENT)
+    expected = reference.difference(field, queries)
+    np.testing.assert_allclose(field.gradient(queries), expected, rtol=0, atol=FIELD_GRADIENT)
 
 
 def test_it_is_continuous_across_the_bounds(field):
     low, high = field.bounds
     rim = np.random.default_rng(2).uniform(low, high, (50, 3))
     rim[:, 0] = high[0]
-    np.testing.assert_allclose(field(rim + [1e-12, 0, 0]), field(rim), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(field(rim + [1e-12, 0, 0]), field(rim), rtol=0, atol=RIM)
 
 
 def test_far_away_is_outside_and_finite(field):
-    far = np.array([[1e6, -1e6, 1e6], [1e300, 0, 0]])[:1]
+    far = np.array([[1e6, -1e6, 1e6]])
     assert field(far)[0] < -1e6
     np.testing.assert_allclose(np.linalg.norm(field.gradient(far), axis=1), 1.0, rtol=ROUNDING)
 

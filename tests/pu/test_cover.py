@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import reference
 from o3dleaf.errors import InputError
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
@@ -33,17 +33,15 @@ def rows(cover):
     return np.split(cover.members, cover.offsets[1:-1])
 
 
-clouds = st.builds(
-    cloud,
-    kind=st.sampled_from(["uniform", "clustered", "lattice", "flat", "line"]),
-    d=st.integers(1, 4),
-    count=st.integers(1, 500),
-    seed=st.integers(0, 1000),
+kinds = st.sampled_from(["uniform", "clustered", "lattice", "flat", "line"])
+clouds = st.builds(cloud, kinds, st.integers(2, 3), st.integers(1, 400), st.integers(0, 1000)) | st.builds(
+    cloud, st.sampled_from(["uniform", "clustered"]), st.sampled_from([1, 4]), st.integers(1, 200), st.integers(0, 9)
 )
+sizes = st.integers(4, 80)
 
 
 @settings(max_examples=40)
-@given(points=clouds, most=st.integers(1, 80), share=st.floats(0.1, 1), overlap=st.floats(1.05, 2))
+@given(points=clouds, most=sizes, share=st.floats(0.1, 1), overlap=st.floats(1.05, 1.5))
 def test_every_point_and_every_query_lies_in_a_ball_and_no_ball_is_too_full(points, most, share, overlap):
     least = max(1, int(share * most))
     bounds = box(points)
@@ -57,7 +55,7 @@ def test_every_point_and_every_query_lies_in_a_ball_and_no_ball_is_too_full(poin
 
 
 @settings(max_examples=40)
-@given(points=clouds, most=st.integers(1, 80), share=st.floats(0.1, 1))
+@given(points=clouds, most=sizes, share=st.floats(0.1, 1))
 def test_members_are_those_of_brute_force(points, most, share):
     """All the points of a ball, or its nearest where it holds too few; ties at the rim may fall either way."""
     least = min(max(1, int(share * most)), len(points))
@@ -106,9 +104,16 @@ def test_impossible_wishes_are_refused():
     for overlap in (1.0, 0.5, np.nan, np.inf):
         with pytest.raises(InputError, match="factor above 1"):
             Cover.fit(points, box(points), (10, 20), overlap)
-    piled = np.vstack([points, np.repeat(points[:1], 30, axis=0)])
+
+
+@pytest.mark.parametrize("place", [0.0, 0.3, 1e6])
+@pytest.mark.parametrize("company", [0, 400])
+def test_more_coinciding_points_than_a_ball_may_hold_are_refused_at_once(place, company):
+    """Halving could go on for ever: a cell of size zero would give two of size zero."""
+    piled = np.vstack([cloud("uniform", 3)[:company], np.full((30, 3), place)])
     with pytest.raises(InputError, match="more than 20 coincide near"):
         Cover.fit(piled, box(piled), (10, 20), 1.1)
+    assert Cover.fit(piled, box(piled), (10, 30), 1.1).counts.max() <= 30
 
 
 @settings(max_examples=25)

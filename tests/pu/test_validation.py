@@ -1,58 +1,74 @@
-"""Held-out errors without refitting equal those of a refit without the group."""
-
 import numpy as np
-import reference
-from tolerances import HELD_OUT
+import pytest
 
 from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.validation import held_out_errors
+from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing
+from tolerances import HELD_OUT
 
-KERNEL = polyharmonic(2, 2)
 
-
-def scan(count=120):
+@pytest.fixture(scope="module")
+def noisy():
     rng = np.random.default_rng(0)
-    points = rng.random((count, 2))
-    return points, np.sin(4 * points).sum(axis=1) + 0.1 * rng.standard_normal(count), rng.uniform(0.5, 2, count)
+    points = rng.uniform(0, 4, (220, 2))
+    values = np.sin(points[:, 0]) * np.cos(points[:, 1]) + 0.1 * rng.normal(size=220)
+    return points, values, rng.uniform(0.2, 1.0, 220)
 
 
-def literal(cover, points, values, trust, groups, smoothing):
-    """Σ w_i (f_j − F_i without the group of j) / Σ w_i, over the balls that hold j, one refit each."""
-    errors = np.empty(len(points))
-    for j, x in enumerate(points):
-        top = bottom = 0.0
-        for ball, (centre, radius) in enumerate(zip(cover.centres, cover.radii, strict=True)):
-            members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
-            kept = members[groups[members] != groups[j]]
-            if j not in members or len(kept) < 2 * 3:
-                continue
-            diagonal = smoothing.diagonal(len(members)) / trust[kept]
-            fit = reference.solve_spline(points[kept], values[kept], 2, 1, diagonal)
-            w = reference.wendland(np.linalg.norm(x - centre) / radius)
-            top += w * (values[j] - fit(x[None])[0])
-            bottom += w
-        errors[j] = top / bottom if bottom else np.nan
-    return errors
+@pytest.mark.parametrize("kernel", [polyharmonic(2, 2), "cubic"])
+@pytest.mark.parametrize("width", [None, 1.0])
+def test_held_out_errors_equal_explicit_refits(noisy, kernel, width):
+    """One ball around everything: leaving a group out by the block formula is refitting without it."""
+    points, values, trust = noisy
+    groups = np.arange(220) if width is None else np.floor(points[:, 0] / width).astype(np.int64)
+    bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    cover = Cover.fit(points, bounds, (220, 220), 1.1)
+    assert len(cover.radii) == 1
+    phi = RBFInterpolant.fit(points, values, kernel=kernel, smoothing=0.05).kernel
+    found = held_out_errors(cover, points, values, groups, kernel=phi, degree=1, smoothing=Smoothing(0.05), trust=trust)
+    chosen = np.unique(groups)[:: max(len(np.unique(groups)) // 12, 1)]
+    for group in chosen:
+        out = groups == group
+        refit = RBFInterpolant.fit(
+            points[~out], values[~out], kernel=kernel, degree=1, smoothing=0.05, weights=trust[~out]
+        )
+        assert found[out] == pytest.approx(values[out] - refit(points[out]), abs=HELD_OUT)
 
 
-def test_each_group_is_left_out_of_every_ball():
-    points, values, trust = scan()
-    cover = Cover.fit(points, np.array([points.min(axis=0), points.max(axis=0)]), (20, 40), 1.1)
-    for groups in (np.arange(len(points)), (points[:, 0] * 6).astype(np.int64)):
-        for smoothing in (Smoothing(0.0), Smoothing(0.05), Smoothing(1e-4, 1 / KERNEL.theta)):
-            fast = held_out_errors(
-                cover, points, values, groups, kernel=KERNEL, degree=1, smoothing=smoothing, trust=trust
-            )
-            slow = literal(cover, points, values, trust, groups, smoothing)
-            np.testing.assert_allclose(fast, slow, rtol=0, atol=HELD_OUT)
-
-
-def test_a_group_that_leaves_too_few_points_has_no_error():
-    points, values, _ = scan(30)
-    cover = Cover.fit(points, np.array([points.min(axis=0), points.max(axis=0)]), (20, 40), 1.1)
+def test_a_group_that_leaves_too_few_points_has_no_error(noisy):
+    points, values, _ = noisy
+    cover = Cover.fit(points, np.array([points.min(axis=0), points.max(axis=0)]), (220, 220), 1.1)
     errors = held_out_errors(
-        cover, points, values, np.zeros(30, dtype=np.int64), kernel=KERNEL, degree=1, smoothing=Smoothing(0.1)
+        cover,
+        points,
+        values,
+        np.zeros(220, dtype=np.int64),
+        kernel=polyharmonic(2, 2),
+        degree=1,
+        smoothing=Smoothing(0.1),
     )
     assert np.isnan(errors).all()
+
+
+def test_errors_of_many_balls_are_close_to_those_of_one(noisy):
+    points, values, _ = noisy
+    bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    groups = np.arange(220)
+    options = {"kernel": polyharmonic(2, 2), "degree": 1, "smoothing": Smoothing(0.3)}
+    one = held_out_errors(Cover.fit(points, bounds, (220, 220), 1.1), points, values, groups, **options)
+    many = held_out_errors(Cover.fit(points, bounds, (40, 80), 1.1), points, values, groups, **options)
+    assert np.sqrt(np.mean((one - many) ** 2)) < 0.2 * np.sqrt(np.mean(one**2))
+
+
+def test_a_point_of_tiny_weight_is_ignored(noisy):
+    points, values, _ = noisy
+    spoilt, trust = values.copy(), np.ones(220)
+    spoilt[17], trust[17] = 1e3, 1e-12
+    options = {"kernel": "cubic", "degree": 1, "smoothing": 0.05, "points_per_ball": (60, 120)}
+    ignoring = PUInterpolant.fit(points, spoilt, weights=trust, **options)
+    elsewhere = PUInterpolant.fit(np.delete(points, 17, axis=0), np.delete(values, 17), **options)
+    assert np.abs(ignoring(points) - elsewhere(points)).max() < 0.05
+    assert np.abs(PUInterpolant.fit(points, spoilt, **options)(points) - elsewhere(points)).max() > 10

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-import reference
-from tolerances import ROUNDING, WEIGHT_DIFFERENCE
 
+import reference
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
+from tolerances import ROUNDING, WEIGHT_DIFFERENCE
 
 
 def w(tau):

@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-import reference
 from scipy.linalg import null_space
-from tolerances import KERNEL_SLOPE, ROUNDING
 
+import reference
 from o3dleaf.errors import InputError
 from o3dleaf.rbf import loops
 from o3dleaf.rbf.kernels import NAMES, Polyharmonic, as_kernel, polyharmonic
+from tolerances import KERNEL_SLOPE, ROUNDING
 
 ORDERS = [(m, d) for d in range(1, 7) for m in range(1, 7) if 2 * m > d]
 POWERS = [1, 2, 3, 4, 5, 6, 7]

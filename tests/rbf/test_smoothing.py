@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
-import reference
-from tolerances import FIELD_TWIN, GCV_MINIMUM, GCV_TWIN, RHO_LIMIT
 
+import reference
 from o3dleaf.errors import InputError
 from o3dleaf.rbf import loops
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic, polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing, as_smoothing, choose_by_gcv, gcv_score
 from o3dleaf.rbf.tail import tail_exponents
+from tolerances import FIELD_TWIN, GCV_MINIMUM, GCV_TWIN, RHO_LIMIT
 
 
 def noisy(d, count=60, seed=1):

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-import reference
-from tolerances import ROUNDING
 
+import reference
 from o3dleaf.errors import InputError
 from o3dleaf.rbf import loops
 from o3dleaf.rbf.tail import tail_exponents
+from tolerances import ROUNDING
 
 
 @pytest.mark.parametrize("d", [1, 2, 3, 4])
@@ -34,21 +34,26 @@ def test_a_degree_below_minus_one_is_refused():
 def test_monomials_and_their_slopes(d):
     """The slope of zᵅ along an axis is α z^(α − e), 0 where α is 0, also at z = 0."""
     exponents = tail_exponents(d, 4)
+    steps, terms, slopes = loops.tail_steps(exponents), np.empty(len(exponents)), np.empty(len(exponents))
     for z in (np.zeros(d), np.random.default_rng(d).uniform(-1, 1, d)):
-        for exponent in exponents:
+        for exponent, one in zip(exponents, np.eye(len(exponents)), strict=True):
             assert loops.monomial(z, exponent) == pytest.approx(np.prod(z**exponent), rel=ROUNDING)
+            assert loops.tail_value(z, one, steps, terms) == pytest.approx(np.prod(z**exponent), rel=ROUNDING)
             for axis in range(d):
                 lower = exponent - (np.arange(d) == axis)
                 expected = exponent[axis] * np.prod(z**lower) if exponent[axis] else 0.0
-                assert loops.monomial_slope(z, exponent, axis) == pytest.approx(expected, rel=ROUNDING)
+                found = loops.tail_slope(z, axis, one, steps, terms, slopes)
+                assert found == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_rotation_scales_make_a_rotation_orthogonal():
-    """Σ_α scaled² z^α y^α over total degree t is (z·y)^t, which no rotation changes."""
-    exponents = tail_exponents(3, 3)
-    scales = loops.rotation_scales(exponents)
-    z, y = np.random.default_rng(0).random((2, 3))
-    terms = scales**2 * np.prod((z * y) ** exponents, axis=1)
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_natural_monomials_turn_orthogonally_about_the_mean(d):
+    """Σ p_α(z) p_α(y) over total degree t is ((z − z̄)·(y − z̄))^t, which no rotation about the mean z̄ changes."""
+    exponents = tail_exponents(d, 3)
+    points, (z, y) = np.random.default_rng(0).random((d, 20)), np.random.default_rng(1).random((2, d))
+    frame = loops.natural_monomials(points, exponents)
+    terms = (np.prod(z**exponents, axis=1) @ frame) * (np.prod(y**exponents, axis=1) @ frame)
+    mean = points.mean(axis=1)
     for degree in range(4):
         total = terms[exponents.sum(axis=1) == degree].sum()
-        assert total == pytest.approx((z @ y) ** degree, rel=ROUNDING)
+        assert total == pytest.approx(((z - mean) @ (y - mean)) ** degree, rel=ROUNDING, abs=ROUNDING)
