@@ -98,13 +98,13 @@ def leaf(
     settings = dict(locals())
     from o3dleaf.files import require_writable
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
-    from o3dleaf.mesh.files import write_triangle_mesh
+    from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
     from o3dleaf.mesh.polygonise import METHODS
     from o3dleaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
     from o3dleaf.report import summarise, write_json
 
     set_num_threads_if(threads)
-    require_writable(output, (".ply", ".obj", ".stl"))
+    require_writable(output, SUFFIXES)
     require_positive(spacing, "spacing")
     require_choice(method, METHODS, "method")
     box = None if region is None else [region[:2], region[2:]]
@@ -176,9 +176,9 @@ def clean(
     """Clean a mesh with MeshLab's filters, lengths in the mesh's own unit, and simplify it on request."""
     from o3dleaf.files import require_writable
     from o3dleaf.mesh.clean import clean_mesh, simplify_mesh
-    from o3dleaf.mesh.files import read_triangle_mesh, write_triangle_mesh
+    from o3dleaf.mesh.files import SUFFIXES, read_triangle_mesh, write_triangle_mesh
 
-    require_writable(output, (".ply", ".obj", ".stl"))
+    require_writable(output, SUFFIXES)
     found = read_triangle_mesh(mesh)
     cleaned = clean_mesh(found, smallest_component=smallest_component, largest_hole=largest_hole)
     if triangles is not None:

@@ -1,6 +1,7 @@
 """The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +9,7 @@ import open3d as o3d
 
 from o3dleaf.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.errors import ReconstructionError
+from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
@@ -16,6 +18,7 @@ from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import RemovedComponents, connected_components, largest_components
+from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
 from o3dleaf.mesh.lattice import Lattice, sample_lattice
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import Progress
@@ -108,6 +111,25 @@ class MultiscaleLeaf:
     ) -> o3d.geometry.TriangleMesh:
         """Return both faces of the leaf as a triangle mesh in world coordinates; see `extract_sheets`."""
         return self.extract_sheets(spacing, region, method=method, progress=progress).mesh
+
+    def write_mesh(
+        self,
+        path: str | PathLike[str],
+        spacing: float,
+        region: npt.ArrayLike | None = None,
+        *,
+        method: str = "cubes",
+        progress: Progress | None = None,
+    ) -> None:
+        """Write both faces of the leaf to a PLY, OBJ or STL file, whole or not at all; see `extract_sheets`.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown or the folder cannot be written to; said before the work.
+        """
+        require_writable(path, SUFFIXES)
+        write_triangle_mesh(path, self.extract_mesh(spacing, region, method=method, progress=progress))
 
     def extract_sheets(
         self,

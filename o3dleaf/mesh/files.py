@@ -13,6 +13,9 @@ from o3dleaf.errors import InputError, O3DLeafError
 from o3dleaf.files import require_whole_ply, require_writable, whole_file
 from o3dleaf.mesh.arrays import MeshLike, build_mesh, mesh_arrays
 
+SUFFIXES = (".ply", ".obj", ".stl")
+"""What meshes can be written as."""
+
 LINES = 100_000
 """Rows of an OBJ file that are turned into text at once."""
 
@@ -63,8 +66,8 @@ def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:
     O3DLeafError
         If the disk is full or the writer fails.
     """
-    writers = {".ply": _write_open3d, ".obj": _write_obj, ".stl": _write_stl}
-    target = require_writable(path, tuple(writers))
+    writers = dict(zip(SUFFIXES, (_write_open3d, _write_obj, _write_stl), strict=True))
+    target = require_writable(path, SUFFIXES)
     legacy = mesh if isinstance(mesh, o3d.geometry.TriangleMesh) else build_mesh(*mesh_arrays(mesh))
     if not legacy.has_triangles():
         raise InputError(f"{target}: the mesh has no triangles; there is nothing to write")

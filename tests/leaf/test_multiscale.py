@@ -148,3 +148,10 @@ def test_inputs_are_left_as_they_are(leaf):
     leaf(points)
     leaf.gradient(points)
     assert isinstance(leaf.extract_mesh(0.3), o3d.geometry.TriangleMesh)
+
+
+def test_the_written_mesh_is_the_extracted_one(leaf, tmp_path):
+    leaf.write_mesh(tmp_path / "leaf.ply", 0.2)
+    written, extracted = o3d.io.read_triangle_mesh(tmp_path / "leaf.ply"), leaf.extract_mesh(0.2)
+    assert np.array_equal(np.asarray(written.vertices), np.asarray(extracted.vertices))
+    assert np.array_equal(np.asarray(written.triangles), np.asarray(extracted.triangles))
