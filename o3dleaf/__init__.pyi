@@ -15,6 +15,7 @@ from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade
 from .leaf.tiling import TiledField as TiledField
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
+from .models import load as load
 from .pipeline import create_blade as create_blade
 from .pipeline import create_texture as create_texture
 from .pipeline import create_multiscale_leaf as create_multiscale_leaf

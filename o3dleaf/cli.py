@@ -4,18 +4,13 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from o3dleaf.checks import require_choice, require_positive
 from o3dleaf.errors import O3DLeafError
 from o3dleaf.journal import Journal
 from o3dleaf.parallel import Progress, set_num_threads
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.blade import Blade
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
 app = typer.Typer(
     help="Laser scan and micro-CT of a leaf into one multi-scale surface.",
@@ -27,14 +22,11 @@ app = typer.Typer(
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
 CtUnit = Annotated[str | None, typer.Option(help="Unit of the volume; by default what its file says.")]
 VoxelSpacing = Annotated[float | None, typer.Option(help="Edge of a voxel, in ct-unit, if the file does not say.")]
+Level = Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")]
+Rho = Annotated[str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, or 'gcv'.")]
 Threads = Annotated[int | None, typer.Option(help="Threads; all cores by default. Results do not depend on it.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 Unit = Annotated[str | None, typer.Option(help="Unit of the coordinates: m, cm, mm, um or nm.")]
-
-WINDOW_MM = 2.4
-"""Side of the inset's window on the leaf."""
-WINDOW_STEP_MM = 0.012
-"""Its mesh step: half a voxel of the 24 µm CT, so that hairs are round."""
 
 
 @app.command()
@@ -59,6 +51,7 @@ def demo(
         output / "leaf.ply",
         ct=samples / PATCH,
         midrib=samples / MIDRIB,
+        model=output / "leaf.o3l",
         spacing=spacing,
         threads=threads,
         quiet=quiet,
@@ -70,7 +63,8 @@ def leaf(
     scan: Annotated[Path, typer.Argument(help="Point cloud of one leaf: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.")],
     output: Output,
     ct: Annotated[
-        Path | None, typer.Option(help="Micro-CT volume of a patch; without it, the smooth blade alone.")
+        Path | None,
+        typer.Option(help="Micro-CT volume of a patch, or a model that `patch` made; else: blade only."),
     ] = None,
     midrib: Annotated[Path | None, typer.Option(help="Control points from base to tip; found if not given.")] = None,
     scan_unit: Annotated[str, typer.Option(help="Unit of scan and midrib: m, cm, mm, um or nm.")] = "mm",
@@ -81,13 +75,14 @@ def leaf(
         tuple[float, float, float, float] | None,
         typer.Option(help="Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1, in scan-unit."),
     ] = None,
-    level: Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")] = "valley",
-    rho: Annotated[str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, or 'gcv'.")] = "gcv",
+    level: Level = "valley",
+    rho: Rho = "gcv",
     alpha: Annotated[
         float | None, typer.Option(help="Radius of the outline's alpha-shape, in scan-unit; chosen if not given.")
     ] = None,
     method: Annotated[str, typer.Option(help="Marching 'cubes' or 'tetrahedra'.")] = "cubes",
     picture: Annotated[bool, typer.Option(help="Draw the picture.")] = True,
+    model: Annotated[Path | None, typer.Option(help="Write the leaf as a model file (.o3l) too.")] = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
@@ -95,45 +90,60 @@ def leaf(
 
     Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
     """
-    settings = dict(locals())
-    from o3dleaf.files import require_writable
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
-    from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
-    from o3dleaf.mesh.polygonise import METHODS
-    from o3dleaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
-    from o3dleaf.report import summarise, write_json
+    from o3dleaf.run import LeafRun
 
     set_num_threads_if(threads)
-    require_writable(output, SUFFIXES)
-    require_positive(spacing, "spacing")
-    require_choice(method, METHODS, "method")
-    box = None if region is None else [region[:2], region[2:]]
+    job = LeafRun(
+        scan=scan,
+        output=output,
+        ct=ct,
+        midrib=midrib,
+        model=model,
+        scan_unit=scan_unit,
+        ct_unit=ct_unit,
+        voxel_spacing=voxel_spacing,
+        spacing=spacing,
+        region=None if region is None else (region[:2], region[2:]),
+        level=number_or_word(level),
+        rho=number_or_word(rho),
+        alpha=alpha,
+        method=method,
+        picture=picture,
+    )
+    with shown(quiet=quiet) as journal:
+        report = job.run(journal)["mesh"]
+    if not quiet:
+        typer.echo(f"{output}: {report['triangles']:,} triangles, {report['area']:,.0f} {scan_unit}²")
+
+
+@app.command()
+def patch(
+    volume: Annotated[Path, typer.Argument(help="Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...")],
+    output: Output,
+    voxel_spacing: VoxelSpacing = None,
+    ct_unit: CtUnit = None,
+    level: Level = "valley",
+    rho: Rho = "gcv",
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
+    from o3dleaf.ct.formats import read_volume
+    from o3dleaf.files import require_writable
+    from o3dleaf.pipeline import PatchOptions, create_texture
+    from o3dleaf.store import SUFFIX
+
+    set_num_threads_if(threads)
+    require_writable(output, (SUFFIX,))
+    options = PatchOptions(level=number_or_word(level), rho=number_or_word(rho))
     with shown(quiet=quiet) as journal:
         with journal.stage("read"):
-            cloud, control, volume = read_inputs(scan, midrib, ct, voxel_spacing, ct_unit)
-        blade = create_blade(cloud, control, unit=scan_unit, options=BladeOptions(alpha=alpha), journal=journal)
-        multiscale = sheets = None
-        if volume is None:
-            with journal.stage("extract mesh"):
-                mesh = blade.extract_mesh(spacing, box)
-        else:
-            options = PatchOptions(level=number_or_word(level), rho=number_or_word(rho))
-            texture = create_texture(volume, options=options, journal=journal)
-            multiscale = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
-            with journal.stage("extract mesh") as progress:
-                sheets = multiscale.extract_sheets(spacing, box, method=method, progress=progress)
-            mesh = sheets.mesh
-        with journal.stage("write mesh"):
-            write_triangle_mesh(output, mesh)
-        if picture:
-            with journal.stage("draw picture"):
-                draw(output.with_suffix(".png"), mesh, blade, multiscale)
-        with journal.stage("check mesh"):
-            summary = summarise(blade, mesh, journal, settings, leaf=multiscale, sheets=sheets)
-        write_json(output.with_suffix(".json"), summary)
+            found = read_volume(volume, spacing=voxel_spacing, unit=ct_unit)
+        texture = create_texture(found, options=options, journal=journal)
+        with journal.stage("write model"):
+            texture.save(output)
     if not quiet:
-        report = summary["mesh"]
-        typer.echo(f"{output}: {report['triangles']:,} triangles, {report['area']:,.0f} {scan_unit}²")
+        typer.echo(f"{output}: period {texture.period.tolist()} {texture.unit or ''}")
 
 
 @app.command()
@@ -208,33 +218,6 @@ def view(files: Annotated[list[Path], typer.Argument(help="Meshes and point clou
     from o3dleaf.view.window import show
 
     show(*(read_geometry(file) for file in files))
-
-
-def read_inputs(
-    scan: Path, midrib: Path | None, ct: Path | None, voxel_spacing: float | None, ct_unit: str | None
-) -> tuple[Any, Any, Any]:
-    """Return the scan, the midrib and the volume of a leaf; None for what is not given."""
-    from o3dleaf.cloud.read import read_point_cloud
-    from o3dleaf.ct.formats import read_volume
-
-    cloud = read_point_cloud(scan)
-    control = None if midrib is None else read_point_cloud(midrib, least=2)
-    return cloud, control, None if ct is None else read_volume(ct, spacing=voxel_spacing, unit=ct_unit)
-
-
-def draw(path: Path, mesh: Any, blade: "Blade", leaf: "MultiscaleLeaf | None") -> None:
-    """Draw the whole leaf, with an inset of the micro-structure where there is one."""
-    from o3dleaf.units import unit_scale
-    from o3dleaf.view.render import Inset, render
-
-    insets = []
-    if leaf is not None:
-        scale = unit_scale("mm", blade.unit)
-        middle = blade.outline.polygon.representative_point()
-        half = WINDOW_MM * scale / 2
-        window = [[middle.x - half, middle.y - half], [middle.x + half, middle.y + half]]
-        insets = [Inset(leaf.extract_mesh(WINDOW_STEP_MM * scale, window))]
-    render(mesh, path, insets=insets, unit=blade.unit)
 
 
 def number_or_word(text: str) -> Any:

@@ -166,8 +166,33 @@ def test_view_without_a_screen_says_so(files, monkeypatch):
     assert "no screen" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["demo", "leaf", "sample", "info", "clean", "render", "view"])
+@pytest.mark.parametrize("command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "view"])
 def test_each_command_has_help(command):
     result = run(command, "--help")
     assert result.returncode == 0
     assert "Usage" in result.stdout
+
+
+def test_a_patch_is_fitted_once_and_used_as_a_model(files, tmp_path):
+    fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
+    assert fitted.returncode == 0, fitted.stderr
+    window = ("--spacing", 0.1, "--region", 90, -2, 94, 2, "--no-picture", "-q", "--midrib", files / "midrib.ply")
+    for name, ct in {"model": tmp_path / "micro.o3l", "volume": files / "ct.tif"}.items():
+        result = run("leaf", files / "scan.ply", "--ct", ct, *window, "-o", tmp_path / f"{name}.ply")
+        assert result.returncode == 0, result.stderr
+    assert (tmp_path / "model.ply").read_bytes() == (tmp_path / "volume.ply").read_bytes()
+
+
+def test_demo_writes_mesh_picture_summary_and_model(files, tmp_path):
+    samples = tmp_path / "samples"
+    samples.mkdir()
+    for name, source in {
+        "wheat_scan.ply": "scan.ply",
+        "wheat_midrib.ply": "midrib.ply",
+        "wheat_ct_24um.tif": "ct.tif",
+    }.items():
+        (samples / name).write_bytes((files / source).read_bytes())
+    result = run("demo", "--samples", samples, "-o", tmp_path / "demo", "--spacing", 0.3, "-q")
+    assert result.returncode == 0, result.stderr
+    written = {path.name for path in (tmp_path / "demo").iterdir()}
+    assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
 from o3dleaf.mesh.lattice import Lattice, sample_lattice
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import Progress
+from o3dleaf.store import write_model
 from o3dleaf.units import unit_scale
 
 LAYERS = 16
@@ -75,6 +77,16 @@ class MultiscaleLeaf:
         self.texture = texture
         self.blade = Blade(frame, height_map, outline)
         self.scale = unit_scale(frame.unit, texture.unit)
+
+    def state(self) -> dict[str, Any]:
+        """Return what the leaf is made of, for `o3dleaf.store`."""
+        blade = self.blade
+        parts = {"frame": blade.frame, "height_map": blade.height_map, "outline": blade.outline}
+        return {"texture": self.texture} | parts
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the leaf as one model file, which `o3dleaf.load` reads."""
+        write_model(path, self)
 
     @property
     def unit(self) -> str | None:

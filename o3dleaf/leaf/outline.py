@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +62,10 @@ class AlphaShape:
         self.pieces, labels = _components(delaunay.neighbors, kept)
         areas = np.bincount(labels, triangle_areas(self.points, delaunay.simplices[kept]))
         self.triangles: IntArray = delaunay.simplices[kept[labels == np.argmax(areas)]].astype(np.int64)
+
+    def state(self) -> dict[str, Any]:
+        """Return what the shape is made of, for `o3dleaf.store`."""
+        return {"points": self.points, "alpha": self.alpha}
 
     @cached_property
     def polygon(self) -> shapely.Polygon:

@@ -1,6 +1,8 @@
 """The tiled field: one patch of micro-structure repeated over the plane, without copying it (paper, section 2.6)."""
 
 from dataclasses import dataclass
+from os import PathLike
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +12,7 @@ from o3dleaf.errors import InputError
 from o3dleaf.field import clamp
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.store import write_model
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -62,6 +65,10 @@ class TiledField:
         for name, value in (("field", field), ("period", size), ("cell", cell), ("index", index)):
             object.__setattr__(self, name, value)
 
+    def state(self) -> dict[str, Any]:
+        """Return what the field is made of, for `o3dleaf.store`."""
+        return {"field": self.field, "period": self.period}
+
     @property
     def unit(self) -> str | None:
         """Unit of length of the points."""
@@ -73,6 +80,10 @@ class TiledField:
         box = self.cell.copy()
         box[0, :2], box[1, :2] = -np.inf, np.inf
         return box
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the tiled field as one model file, which `o3dleaf.load` reads."""
+        write_model(path, self)
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values at (n, d) points."""

@@ -1,7 +1,9 @@
 """The partition-of-unity interpolant: F(x) = Σ w_i(x) F_i(x), the paper's section 2.3."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,7 @@ from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
+from o3dleaf.store import write_model
 from o3dleaf.units import check_unit
 
 POINTS_PER_BALL = (200, 400)
@@ -40,12 +43,15 @@ class PUInterpolant:
     index : BallIndex
     local : LocalSplines or LocalFields
     unit : str or None
+    data_hash : str
+        SHA-256 of the points, values and weights that it was fitted to.
     """
 
     cover: Cover
     index: BallIndex
     local: LocalFits
     unit: str | None
+    data_hash: str = ""
 
     @classmethod
     def fit(  # noqa: PLR0913 - the options of a spline, of a cover and of a field
@@ -112,22 +118,28 @@ class PUInterpolant:
         size = (max(points_per_ball // 2, 1), points_per_ball) if isinstance(points_per_ball, int) else points_per_ball
         cover = Cover.fit(sites, box, size, overlap)
         index = BallIndex.build(cover.centres, cover.radii, box)
+        trust = None if weights is None else as_weights(weights, len(sites))
+        data_hash = _hash(sites, data, trust)
         if local is not None:
             rows = np.split(cover.members, cover.offsets[1:-1])
-            return cls(cover, index, LocalFields([local(sites[r], data[r]) for r in rows]), check_unit(unit))
+            fields = LocalFields([local(sites[r], data[r]) for r in rows])
+            return cls(cover, index, fields, check_unit(unit), data_hash)
         phi = as_kernel(kernel, sites.shape[1])
         degree = phi.degree if degree is None else degree
         if degree < phi.least_degree:
             raise IllPosedError(f"degree: is {degree}; this kernel needs at least {phi.least_degree}")
         rule = as_smoothing(phi, smoothing, rho)
-        trust = None if weights is None else as_weights(weights, len(sites))
         splines = LocalSplines.fit(cover, sites, data, phi, degree, rule, trust=trust, progress=progress)
-        return cls(cover, index, splines, check_unit(unit))
+        return cls(cover, index, splines, check_unit(unit), data_hash)
 
     @property
     def bounds(self) -> FloatArray:
         """(2, d) the covered box, in `unit`."""
         return self.cover.bounds
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the interpolant as one model file, which `o3dleaf.load` reads."""
+        write_model(path, self)
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values at (n, d) points."""
@@ -149,3 +161,12 @@ def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:
     if np.any(tight[0] < box[0]) or np.any(tight[1] > box[1]):
         raise InputError("bounds: do not hold all the points; enlarge them or crop the points first")
     return box
+
+
+def _hash(*arrays: FloatArray | None) -> str:
+    """Return the SHA-256 of the bytes of the arrays that there are."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        if array is not None:
+            digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()

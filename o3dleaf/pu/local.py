@@ -15,6 +15,7 @@ from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
 from o3dleaf.rbf.kernels import Polyharmonic
+from o3dleaf.rbf.loops import tail_steps
 from o3dleaf.rbf.smoothing import Smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
@@ -98,7 +99,8 @@ class LocalSplines:
         leaves = index.locate(queries)
         order = np.argsort(leaves, kind="stable")
         images = (index.balls, index.shifts, index.radii, self.centres)
-        model = (self.offsets, self.sites, self.weights, self.tails, self.exponents, self.kernel.power)
+        steps = tail_steps(self.exponents)
+        model = (self.offsets, self.sites, self.weights, self.tails, steps, self.kernel.power)
         values = np.empty(len(queries))
         gradients = np.empty((len(queries) if gradient else 0, queries.shape[1]))
 

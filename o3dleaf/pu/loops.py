@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
-from o3dleaf.rbf.loops import held_out, local_gradient, local_value, solve_local, spectrum, tail_steps
+from o3dleaf.rbf.loops import held_out, local_gradient, local_value, solve_local, spectrum
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -196,9 +196,8 @@ def blend(start, stop, order, queries, leaves, tree, images, model, values, grad
 def blend_leaf(rows, items, queries, images, model, values, gradients):
     """Blend the images `items` at the queries `rows` of one leaf."""
     balls, shifts, radii, centres = images
-    offsets, sites, weights, tails, exponents, power = model
+    offsets, sites, weights, tails, steps, power = model
     count, dimension = rows.size, queries.shape[1]
-    steps = tail_steps(exponents)
     wanted = len(gradients) > 0
     sums, totals = np.zeros(count), np.zeros(count)
     slopes = np.zeros((count if wanted else 0, 2, dimension))
@@ -207,6 +206,7 @@ def blend_leaf(rows, items, queries, images, model, values, gradients):
         ball = balls[item]
         first, last = offsets[ball], offsets[ball + 1]
         points = sites[dimension * first : dimension * last].reshape(dimension, last - first)
+        strengths, tail = weights[first:last], tails[ball]
         scratch = np.empty((2, max(last - first, steps.shape[0])))
         radius = radii[item]
         for i in range(count):
@@ -218,11 +218,11 @@ def blend_leaf(rows, items, queries, images, model, values, gradients):
                 continue
             tau = math.sqrt(square)
             weight = wendland(tau)
-            value = local_value(z, points, weights[first:last], tails[ball], steps, power, scratch)
+            value = local_value(z, points, strengths, tail, steps, power, scratch)
             sums[i] += weight * value
             totals[i] += weight
             if wanted:
-                local_gradient(z, points, weights[first:last], tails[ball], steps, power, scratch, slope)
+                local_gradient(z, points, strengths, tail, steps, power, scratch, slope)
                 fall = wendland_slope_over_tau(tau)
                 for axis in range(dimension):
                     slopes[i, 0, axis] += (fall * z[axis] * value + weight * slope[axis]) / radius

@@ -1,6 +1,7 @@
 """The single interpolant: one polyharmonic spline through all the data, the paper's equation (2)."""
 
 from dataclasses import dataclass
+from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from o3dleaf.rbf import loops
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.rbf.smoothing import Amount, Smoothing, as_smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
+from o3dleaf.store import write_model
 from o3dleaf.units import check_unit
 
 BLOCK = 512
@@ -123,6 +125,10 @@ class RBFInterpolant:
                 f"{asked}; lower the degree or add points off their common plane or curve"
             )
         return cls(phi, rule, bounds, check_unit(unit), centre, radius, local, strengths, tail, exponents)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the interpolant as one model file, which `o3dleaf.load` reads."""
+        write_model(path, self)
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values of the spline at (n, d) points."""

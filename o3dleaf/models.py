@@ -1,0 +1,58 @@
+"""Models that were saved, read again: interpolants, tiled fields and whole leaves."""
+
+from os import PathLike
+from typing import Any
+
+from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.frame import LeafFrame
+from o3dleaf.leaf.height import HeightMap
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.robust import RobustChoice
+from o3dleaf.leaf.tiling import TiledField
+from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.index import BallIndex
+from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.pu.local import LocalSplines
+from o3dleaf.rbf.interpolant import RBFInterpolant
+from o3dleaf.rbf.kernels import Polyharmonic
+from o3dleaf.rbf.smoothing import Smoothing
+from o3dleaf.store import read_model
+
+CLASSES: dict[str, type[Any]] = {
+    each.__name__: each
+    for each in (
+        AlphaShape,
+        BallIndex,
+        Blade,
+        Cover,
+        HeightMap,
+        LeafFrame,
+        LocalSplines,
+        MultiscaleLeaf,
+        PUInterpolant,
+        Polyharmonic,
+        RBFInterpolant,
+        RobustChoice,
+        Smoothing,
+        TiledField,
+    )
+}
+
+
+def load(path: str | PathLike[str]) -> Any:
+    """Return the interpolant, tiled field or leaf of a model file that ``save`` wrote.
+
+    The arrays stay on disk until they are used.
+
+    Parameters
+    ----------
+    path : path-like
+        A .o3l file.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, was damaged or cut off, or was written by a later version.
+    """
+    return read_model(path, CLASSES)

@@ -1,0 +1,135 @@
+"""One run of the leaf job on files: read, build, mesh, and write what a run leaves behind."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import open3d as o3d
+
+from o3dleaf.checks import require_choice, require_positive
+from o3dleaf.cloud.read import read_point_cloud
+from o3dleaf.ct.formats import read_volume
+from o3dleaf.ct.volume import Volume
+from o3dleaf.errors import InputError
+from o3dleaf.files import require_writable
+from o3dleaf.journal import Journal
+from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.tiling import TiledField
+from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
+from o3dleaf.mesh.polygonise import METHODS
+from o3dleaf.models import load
+from o3dleaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
+from o3dleaf.report import summarise, write_json
+from o3dleaf.store import SUFFIX as MODEL
+from o3dleaf.store import write_model
+from o3dleaf.units import unit_scale
+from o3dleaf.view.render import Inset, render
+
+WINDOW_MM = 2.4
+"""Side of the inset's window on the leaf."""
+WINDOW_STEP_MM = 0.012
+"""Its mesh step: half a voxel of a 24 µm CT, so that hairs are round."""
+
+
+@dataclass(frozen=True)
+class LeafRun:
+    """What a run is asked for; the names are those of ``o3dleaf leaf``.
+
+    Attributes
+    ----------
+    scan, output : Path
+    ct, midrib, model : Path, optional
+        Volume or model of the micro-structure; control points; model file to write.
+    scan_unit, ct_unit : str
+    voxel_spacing, spacing, alpha : float
+        In ct_unit, scan_unit and scan_unit.
+    region : (2, 2) nested sequence, optional
+        Lower and upper (along, across), in scan_unit.
+    level, rho : float or str
+        As in `PatchOptions`.
+    method : str
+    picture : bool
+    """
+
+    scan: Path
+    output: Path
+    ct: Path | None = None
+    midrib: Path | None = None
+    model: Path | None = None
+    scan_unit: str = "mm"
+    ct_unit: str | None = None
+    voxel_spacing: float | None = None
+    spacing: float = 0.1
+    region: Any = None
+    level: float | str = "valley"
+    rho: Any = "gcv"
+    alpha: float | None = None
+    method: str = "cubes"
+    picture: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse what can be refused before any work."""
+        require_writable(self.output, SUFFIXES)
+        if self.model is not None:
+            require_writable(self.model, (MODEL,))
+        require_positive(self.spacing, "spacing")
+        require_choice(self.method, METHODS, "method")
+
+    def run(self, journal: Journal) -> dict[str, Any]:
+        """Write mesh, picture, summary and model, and return the summary."""
+        with journal.stage("read"):
+            scan = read_point_cloud(self.scan)
+            midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
+            patch = None if self.ct is None else read_patch(self.ct, self.voxel_spacing, self.ct_unit)
+        blade = create_blade(scan, midrib, unit=self.scan_unit, options=BladeOptions(alpha=self.alpha), journal=journal)
+        leaf = sheets = None
+        if patch is None:
+            with journal.stage("extract mesh"):
+                mesh = blade.extract_mesh(self.spacing, self.region)
+        else:
+            options = PatchOptions(level=self.level, rho=self.rho)
+            texture = create_texture(patch, options=options, journal=journal) if isinstance(patch, Volume) else patch
+            leaf = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
+            with journal.stage("extract mesh") as progress:
+                sheets = leaf.extract_sheets(self.spacing, self.region, method=self.method, progress=progress)
+            mesh = sheets.mesh
+        with journal.stage("write mesh"):
+            write_triangle_mesh(self.output, mesh)
+            if self.model is not None:
+                write_model(self.model, leaf or blade)
+        if self.picture:
+            with journal.stage("draw picture"):
+                draw(self.output.with_suffix(".png"), mesh, blade, leaf)
+        with journal.stage("check mesh"):
+            summary = summarise(blade, mesh, journal, asdict(self), leaf=leaf, sheets=sheets)
+        write_json(self.output.with_suffix(".json"), summary)
+        return summary
+
+
+def read_patch(path: Path, voxel_spacing: float | None = None, unit: str | None = None) -> Volume | TiledField:
+    """Return the volume of a file, or the micro-structure of a model file.
+
+    Raises
+    ------
+    InputError
+        If it can be read as neither.
+    """
+    if path.suffix.lower() != MODEL:
+        return read_volume(path, spacing=voxel_spacing, unit=unit)
+    found = load(path)
+    texture = found.texture if isinstance(found, MultiscaleLeaf) else found
+    if not isinstance(texture, TiledField):
+        raise InputError(f"{path}: holds a {type(found).__name__}, no micro-structure; give one that `patch` made")
+    return texture
+
+
+def draw(path: Path, mesh: o3d.geometry.TriangleMesh, blade: Blade, leaf: MultiscaleLeaf | None) -> None:
+    """Draw the whole leaf, with an inset of the micro-structure where there is one."""
+    insets = []
+    if leaf is not None:
+        scale = unit_scale("mm", blade.unit)
+        middle, half = blade.outline.polygon.representative_point(), WINDOW_MM * scale / 2
+        window = [[middle.x - half, middle.y - half], [middle.x + half, middle.y + half]]
+        insets = [Inset(leaf.extract_mesh(WINDOW_STEP_MM * scale, window))]
+    render(mesh, path, insets=insets, unit=blade.unit)
