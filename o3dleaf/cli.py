@@ -12,6 +12,9 @@ from o3dleaf.errors import O3DLeafError
 from o3dleaf.journal import Journal
 from o3dleaf.parallel import Progress, set_num_threads
 
+INTERRUPTED = 130
+"""Exit code that typer gives to Ctrl-C."""
+
 app = typer.Typer(
     help="Laser scan and micro-CT of a leaf into one multi-scale surface.",
     no_args_is_help=True,
@@ -274,6 +277,7 @@ def main() -> None:
     except O3DLeafError as error:
         sys.stderr.write(f"o3dleaf: error: {' '.join(str(error).split())}\n")
         sys.exit(2)
-    except KeyboardInterrupt:
-        sys.stderr.write("o3dleaf: interrupted; nothing was written under a final name\n")
-        sys.exit(130)
+    except SystemExit as stop:
+        if stop.code == INTERRUPTED:
+            sys.stderr.write("o3dleaf: interrupted; a file that was not finished has left nothing behind\n")
+        raise

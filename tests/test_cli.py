@@ -1,6 +1,7 @@
 """The commands as a user runs them: what they write, and the one line that bad input gets."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -196,3 +197,15 @@ def test_demo_writes_mesh_picture_summary_and_model(files, tmp_path):
     assert result.returncode == 0, result.stderr
     written = {path.name for path in (tmp_path / "demo").iterdir()}
     assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}
+
+
+def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
+    words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.03", "-o", tmp_path / "leaf.ply"]
+    process = subprocess.Popen([str(PROGRAM), *map(str, words)], stderr=subprocess.PIPE, text=True)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(timeout=8)
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert rest.strip().splitlines()[-1].startswith("o3dleaf: interrupted")
+    assert list(tmp_path.iterdir()) == []
