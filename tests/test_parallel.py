@@ -123,19 +123,18 @@ def test_an_interrupt_in_a_task_comes_out(threads):
 
 
 def test_ctrl_c_stops_the_work():
+    """The signal reaches the main thread while it waits for the blocks."""
     started = []
 
     def task(start, stop):
         started.append(start)
-        time.sleep(0.01)
+        if start == 5:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        time.sleep(0.002)
 
-    main = threading.main_thread().ident
-    timer = threading.Timer(0.1, lambda: signal.pthread_kill(main, signal.SIGINT))
-    timer.start()
     with pytest.raises(KeyboardInterrupt):
-        run_blocks(task, 1000, 1)
-    timer.join()
-    assert 0 < len(started) < 500
+        run_blocks(task, 5000, 1)
+    assert len(started) < 2500
 
 
 def test_the_pool_works_on_after_an_error():
@@ -148,16 +147,23 @@ def test_the_pool_works_on_after_an_error():
 
 def test_a_block_may_use_the_pool_itself():
     """A Field asked from inside a block runs blocks of its own; on the same two threads it would wait for ever."""
-    done = np.zeros((8, 5), dtype=int)
 
-    def outer(start, stop):
-        run_blocks(lambda first, last: done.__setitem__((start, slice(first, last)), 1), 5, 1)
+    def nested():
+        done = np.zeros((8, 5), dtype=int)
 
-    worker = threading.Thread(target=run_blocks, args=(outer, 8, 1), daemon=True)
-    worker.start()
-    worker.join(20)
-    assert not worker.is_alive()
-    assert done.all()
+        def outer(start, stop):
+            run_blocks(lambda first, last: done.__setitem__((start, slice(first, last)), 1), 5, 1)
+
+        run_blocks(outer, 8, 1)
+        os._exit(0 if done.all() else 1)
+
+    child = multiprocessing.get_context("fork").Process(target=nested, daemon=True)
+    child.start()
+    child.join(20)
+    waiting = child.is_alive()
+    child.kill()
+    assert not waiting
+    assert child.exitcode == 0
 
 
 def test_several_callers_share_the_pool():

@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
-from o3dleaf.rbf.loops import held_out, local_gradient, local_value, solve_local, spectrum
+from o3dleaf.rbf.loops import local_gradient, local_value
+from o3dleaf.rbf.solve import held_out, solve_local, spectrum
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -167,7 +168,7 @@ def ball_spectrum(ball, points, values, cover, exponents, power):
 
 @njit(nogil=True, cache=True)
 def ball_held_out(ball, points, values, trust, cover, exponents, power, smoothing, groups):
-    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.loops.held_out`."""
+    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.solve.held_out`."""
     centres, radii, offsets, members = cover
     rows = members[offsets[ball] : offsets[ball + 1]]
     local, data = gather(points, values, rows, centres[ball], radii[ball])

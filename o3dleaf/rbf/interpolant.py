@@ -9,7 +9,7 @@ import numpy.typing as npt
 from o3dleaf.checks import FloatArray, as_points, as_values, as_weights
 from o3dleaf.errors import IllPosedError
 from o3dleaf.parallel import run_blocks, single_threaded_blas
-from o3dleaf.rbf import loops
+from o3dleaf.rbf import loops, solve
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.rbf.smoothing import Amount, Smoothing, as_smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
@@ -114,11 +114,11 @@ class RBFInterpolant:
         unit_scale = 1 / radius**phi.power
         with single_threaded_blas():
             if rule.amount == "gcv":
-                spectra = [loops.spectrum(local, data, exponents, phi.power)]
+                spectra = [solve.spectrum(local, data, exponents, phi.power)]
                 scales = np.array([rule.scale(len(sites)) * unit_scale])
                 rule = Smoothing(choose_by_gcv(spectra, scales), rule.per_point)
             diagonal = rule.diagonal(len(sites)) * unit_scale / trust
-            strengths, tail, rank, _ = loops.solve_local(local, data, exponents, phi.power, diagonal)
+            strengths, tail, rank, _ = solve.solve_local(local, data, exponents, phi.power, diagonal)
         if rank < len(exponents) and degree is not None:
             raise IllPosedError(
                 f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "

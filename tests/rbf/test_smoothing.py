@@ -7,12 +7,12 @@ import pytest
 
 import reference
 from o3dleaf.errors import InputError
-from o3dleaf.rbf import loops
+from o3dleaf.rbf import solve
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic, polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing, as_smoothing, choose_by_gcv, gcv_score
 from o3dleaf.rbf.tail import tail_exponents
-from tolerances import FIELD_TWIN, GCV_MINIMUM, GCV_TWIN, RHO_LIMIT
+from tolerances import BANDWIDTH, FIELD_TWIN, GCV_MINIMUM, GCV_TWIN, RHO_LIMIT
 
 
 def noisy(d, count=60, seed=1):
@@ -60,7 +60,7 @@ def test_the_score_is_the_literal_one(power, d, degree, amount):
     """The pooled score counts the n − q free directions where Wahba's counts the n points: a constant factor."""
     points, _, values = noisy(d)
     exponents = tail_exponents(d, degree)
-    spectrum = loops.spectrum(np.ascontiguousarray(points.T), values, exponents, power)
+    spectrum = solve.spectrum(np.ascontiguousarray(points.T), values, exponents, power)
     free = len(points) - len(exponents)
     score = gcv_score(amount, [spectrum], np.ones(1)) * len(points) / free
     assert score == pytest.approx(reference.gcv(points, values, power, degree, amount), rel=GCV_TWIN)
@@ -78,7 +78,7 @@ def test_the_pooled_score_adds_residuals_and_traces():
         residual += np.sum((rest @ values) ** 2)
         trace += np.trace(rest)
         free += len(points) - len(exponents)
-        spectra.append(loops.spectrum(np.ascontiguousarray(points.T), values, exponents, 2))
+        spectra.append(solve.spectrum(np.ascontiguousarray(points.T), values, exponents, 2))
     assert gcv_score(amount, spectra, scales) == pytest.approx(free * residual / trace**2, rel=GCV_TWIN)
 
 
@@ -89,7 +89,8 @@ def test_gcv_takes_the_least_score_of_a_fine_grid(rule, d):
     field = RBFInterpolant.fit(points, values, kernel=kernel, **rule)
     chosen = field.smoothing.diagonal(len(points))
     score = reference.gcv(points, values, kernel.power, 2, chosen)
-    others = [reference.gcv(points, values, kernel.power, 2, chosen * x) for x in np.geomspace(1e-3, 1e3, 31)]
+    factors = np.concatenate([np.geomspace(1e-3, 1e3, 13), np.geomspace(0.8, 1.25, 21)])
+    others = [reference.gcv(points, values, kernel.power, 2, chosen * x) for x in factors]
     assert score <= min(others) * (1 + GCV_MINIMUM)
     assert np.std(field(points) - truth) < np.std(values - truth)
 
@@ -98,6 +99,20 @@ def test_a_constant_gets_a_score_of_zero_everywhere_and_still_an_answer():
     points, _, _ = noisy(2)
     field = RBFInterpolant.fit(points, np.full(len(points), 3.0), rho="gcv", kernel="thin_plate_spline")
     np.testing.assert_allclose(field(points), 3.0, rtol=FIELD_TWIN)
+
+
+@pytest.mark.parametrize(("power", "d"), [(1, 1), (2, 1), (3, 1), (2, 2), (3, 2)])
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.0])
+def test_a_bandwidth_of_h_halves_the_waves_of_frequency_1_over_h(power, d, frequency):
+    """A wave on dense data comes back 1/(1 + (hω)^2m) as high, 2m = k + d; there is no m for r³ in 2-D."""
+    h, step = 0.5, 0.05 if d == 1 else 0.3
+    axis = np.arange(-12 if d == 1 else -6, 12.01 if d == 1 else 6.01, step)
+    points = np.stack(np.meshgrid(*[axis] * d, indexing="ij"), axis=-1).reshape(-1, d)
+    kernel, wave = Polyharmonic(power, d), np.cos(frequency * points[:, 0])
+    field = RBFInterpolant.fit(points, wave, kernel=kernel, smoothing=kernel.smoothing_for(h, step**-d))
+    middle = np.all(np.abs(points) < 2, axis=1)
+    height = field(points[middle]) @ wave[middle] / (wave[middle] @ wave[middle])
+    assert height == pytest.approx(1 / (1 + (h * frequency) ** (power + d)), abs=BANDWIDTH)
 
 
 def test_a_rule_that_makes_no_sense_is_refused():

@@ -1,0 +1,305 @@
+"""The compiled solution of one local system, on the null space of the tail's transpose.
+
+Householder reflectors turn the tail P into a triangle; what they make of A + D on the rest of the
+space is positive definite, and Cholesky does the rest. Unit coordinates as in `loops.py`.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.rbf.loops import REASSOCIATE, dot, monomial, radial_values, squared_distances
+
+RANK_TOLERANCE = 1e-8
+"""Singular values of the tail below this share of the largest count as zero: data that lie on a plane
+(or a quadric) to within rounding at coordinates 10⁶ times the ball's size."""
+
+SINGULAR = 3e-14
+"""Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
+points 10⁻⁶ of the ball apart leave five times as much."""
+
+
+@njit(nogil=True, cache=True)
+def radial_matrix(points, power):
+    """Return A with A_ij = φ(|z_i − z_j|), symmetric, zero on the diagonal."""
+    count = points.shape[1]
+    matrix = np.zeros((count, count))
+    z = np.empty(points.shape[0])
+    for i in range(count):
+        for axis in range(z.size):
+            z[axis] = points[axis, i]
+        squared_distances(z, points, i, matrix[i])
+        radial_values(power, matrix[i], i)
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
+    return matrix
+
+
+@njit(nogil=True, cache=True)
+def tail_matrix(points, exponents):
+    """Return P with P_ik = p_k(z_i)."""
+    count = points.shape[1]
+    matrix = np.empty((count, len(exponents)))
+    z = np.empty(points.shape[0])
+    for i in range(count):
+        for axis in range(z.size):
+            z[axis] = points[axis, i]
+        for k in range(len(exponents)):
+            matrix[i, k] = monomial(z, exponents[k])
+    return matrix
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def householder(matrix):
+    """Factor `matrix` (n, q) = Q R in place: R above, reflectors I − β v vᵀ below; return (v rows, β)."""
+    count, columns = matrix.shape
+    steps = min(count, columns)
+    vectors = np.zeros((steps, count))
+    betas = np.zeros(steps)
+    for k in range(steps):
+        norm = 0.0
+        for i in range(k, count):
+            norm += matrix[i, k] * matrix[i, k]
+        norm = math.sqrt(norm)
+        if norm == 0.0:
+            continue
+        pivot = -norm if matrix[k, k] > 0.0 else norm
+        for i in range(k, count):
+            vectors[k, i] = matrix[i, k]
+        vectors[k, k] -= pivot
+        length = 0.0
+        for i in range(k, count):
+            length += vectors[k, i] * vectors[k, i]
+        betas[k] = 2.0 / length
+        for column in range(k, columns):
+            product = 0.0
+            for i in range(k, count):
+                product += vectors[k, i] * matrix[i, column]
+            product *= betas[k]
+            for i in range(k, count):
+                matrix[i, column] -= product * vectors[k, i]
+    return vectors, betas
+
+
+@njit(nogil=True, cache=True)
+def natural_monomials(points, exponents):
+    """Return the (q, q) coefficients of √(|α|!/α!) (z − z̄)^α in the monomials z^α, one column each, z̄ the points' mean.
+
+    Turning the points about their mean turns these monomials of a degree orthogonally among
+    themselves, and where the centre of the ball lies has no part in them.
+    """
+    count, dimension = exponents.shape
+    frame = np.empty((count, count))
+    mean = np.empty(dimension)
+    for axis in range(dimension):
+        mean[axis] = np.mean(points[axis])
+    for k in range(count):
+        scale, total = 1.0, 0
+        for exponent in exponents[k]:
+            for step in range(1, exponent + 1):
+                total += 1
+                scale *= math.sqrt(total / step)
+        for row in range(count):
+            value = scale
+            for axis in range(dimension):
+                high, low = exponents[k, axis], exponents[row, axis]
+                for step in range(low):
+                    value *= (high - step) / (step + 1)
+                for _ in range(high - low):
+                    value *= -mean[axis]
+            frame[row, k] = value
+    return frame
+
+
+@njit(nogil=True, cache=True)
+def restrict_tail(tail, frame):
+    """Return (reflectors, β, R, basis): the tail reduced to a rank-revealing basis on its points.
+
+    `basis` (q, r) turns coefficients of the reduced tail into coefficients of the monomials. It is
+    the identity for a tail of full rank; else it is spanned by the right singular vectors of P in
+    the `natural_monomials` (the columns of `frame`) with singular values above `RANK_TOLERANCE`.
+    Then the fit does not depend on how the plane that holds the points is turned, and what they do
+    not tell is zero: across the plane the tail is constant.
+    """
+    columns = tail.shape[1]
+    factored = tail.copy()
+    vectors, betas = householder(factored)
+    rank, basis = columns, np.eye(columns)
+    if columns > 0:
+        steps = min(tail.shape[0], columns)
+        _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) @ frame, False)
+        rank = 0
+        for value in singular:
+            if value > RANK_TOLERANCE * singular[0]:
+                rank += 1
+        if rank < columns:
+            basis = frame @ np.ascontiguousarray(rows[:rank].T)
+            factored = tail @ basis
+            vectors, betas = householder(factored)
+    return vectors, betas, np.triu(factored[:rank, :rank]), basis
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def reflect_both_sides(matrix, vectors, betas, forward):
+    """Replace the symmetric `matrix` by Qᵀ A Q (forward) or Q A Qᵀ, one reflector, a rank-two update, after another."""
+    count, steps = len(matrix), len(vectors)
+    product = np.empty(count)
+    for step in range(steps):
+        k = step if forward else steps - 1 - step
+        v, beta = vectors[k], betas[k]
+        for i in range(count):
+            product[i] = beta * dot(matrix[i], v, count)
+        half = 0.5 * beta * dot(product, v, count)
+        for i in range(count):
+            product[i] -= half * v[i]
+        for i in range(count):
+            vi, wi = v[i], product[i]
+            row = matrix[i]
+            for j in range(count):
+                row[j] -= vi * product[j] + wi * v[j]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def reflect(vector, vectors, betas, forward):
+    """Replace `vector` by Qᵀ x (forward) or by Q x (backward)."""
+    steps, count = vectors.shape
+    for step in range(steps):
+        k = step if forward else steps - 1 - step
+        scale = betas[k] * dot(vectors[k], vector, count)
+        for i in range(count):
+            vector[i] -= scale * vectors[k, i]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def cholesky_solve(matrix, right):
+    """Solve the positive definite system in place of `right`; return whether it was fit for it."""
+    count = len(matrix)
+    lower = matrix
+    try:
+        lower = np.linalg.cholesky(matrix)
+    except Exception:  # noqa: BLE001 - Numba knows this one class only; it is LinAlgError
+        return False
+    least = SINGULAR * np.trace(matrix)
+    for i in range(count):
+        if lower[i, i] * lower[i, i] <= least:
+            return False
+    for i in range(count):
+        right[i] = (right[i] - dot(lower[i], right, i)) / lower[i, i]
+    for i in range(count - 1, -1, -1):
+        right[i] /= lower[i, i]
+        for j in range(i):
+            right[j] -= lower[i, j] * right[i]
+    return True
+
+
+@njit(nogil=True, cache=True)
+def solve_positive(matrix, right):
+    """Solve the positive semi-definite system in place of `right`; return how many directions it left out.
+
+    Coinciding points make the matrix singular, each in the direction of their difference. Without
+    it their weights come out equal, and the fit goes through their mean: the limit of a vanishing
+    smoothing.
+    """
+    if len(matrix) == 0 or cholesky_solve(matrix, right):
+        return 0
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    coefficients = np.ascontiguousarray(vectors.T) @ right
+    least, dropped = SINGULAR * np.trace(matrix), 0
+    for i in range(len(matrix)):
+        if eigenvalues[i] > least:
+            coefficients[i] /= eigenvalues[i]
+        else:
+            coefficients[i] = 0.0
+            dropped += 1
+    right[:] = vectors @ coefficients
+    return dropped
+
+
+@njit(nogil=True, cache=True)
+def project(points, exponents, power, diagonal):
+    """Return (Qᵀ (A + D) Q, reflectors, β, R, basis) of a local system: positive on the null space of Pᵀ."""
+    matrix = radial_matrix(points, power)
+    for i in range(len(matrix)):
+        matrix[i, i] += diagonal[i]
+    tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    vectors, betas, triangle, basis = restrict_tail(tail, frame)
+    reflect_both_sides(matrix, vectors, betas, True)
+    return matrix, vectors, betas, triangle, basis
+
+
+@njit(nogil=True, cache=True)
+def solve_local(points, values, exponents, power, diagonal):
+    """Solve (A + D) λ + P a = f, Pᵀ λ = 0, equation (2) of the paper, on the null space of Pᵀ.
+
+    Parameters
+    ----------
+    points : (d, n) unit coordinates
+    values : (n,)
+    exponents : (q, d)
+    power : int
+    diagonal : (n,)
+        D, in unit coordinates: the smoothing, divided by each point's weight.
+
+    Returns
+    -------
+    weights (n,), tail (q,), rank of P, directions left out
+    """
+    matrix, vectors, betas, triangle, basis = project(points, exponents, power, diagonal)
+    count, rank = len(values), len(triangle)
+    rotated = values.copy()
+    reflect(rotated, vectors, betas, True)
+    weights = np.zeros(count)
+    weights[rank:] = rotated[rank:]
+    dropped = solve_positive(matrix[rank:, rank:].copy(), weights[rank:])
+    reduced = np.empty(rank)
+    for k in range(rank - 1, -1, -1):
+        total = rotated[k] - dot(matrix[k, rank:], weights[rank:], count - rank)
+        for j in range(k + 1, rank):
+            total -= triangle[k, j] * reduced[j]
+        reduced[k] = total / triangle[k, k]
+    reflect(weights, vectors, betas, False)
+    return weights, basis @ reduced, rank, dropped
+
+
+@njit(nogil=True, cache=True)
+def spectrum(points, values, exponents, power):
+    """Return (eigenvalues e, coefficients c) of a local system on the null space of Pᵀ.
+
+    With them the residual of smoothing s is Σ (s c/(e + s))², for every s at once.
+    """
+    matrix, vectors, betas, triangle, _ = project(points, exponents, power, np.zeros(len(values)))
+    rank = len(triangle)
+    rotated = values.copy()
+    reflect(rotated, vectors, betas, True)
+    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
+    return eigenvalues, np.ascontiguousarray(eigenvectors.T) @ rotated[rank:]
+
+
+@njit(nogil=True, cache=True)
+def held_out(points, values, exponents, power, diagonal, groups):
+    """Return f − F⁽⁻ᴵ⁾ at every point, F⁽⁻ᴵ⁾ fitted without the whole group I of the point; NaN where too few are left.
+
+    With B = (A + D)⁻¹ on the null space of Pᵀ, zero elsewhere, it is B_II⁻¹ (B f)_I: no refit. Groups are
+    runs of equal numbers in `groups` (n,).
+    """
+    matrix, vectors, betas, triangle, _ = project(points, exponents, power, diagonal)
+    count, rank = len(values), len(triangle)
+    inverse = np.zeros((count, count))
+    inverse[rank:, rank:] = np.linalg.inv(matrix[rank:, rank:].copy())
+    reflect_both_sides(inverse, vectors, betas, False)
+    pulled = inverse @ values
+    errors = np.full(count, np.nan)
+    for group in np.unique(groups):
+        rows = np.flatnonzero(groups == group)
+        if count - rows.size < 2 * rank:
+            continue
+        block = np.empty((rows.size, rows.size))
+        right = np.empty(rows.size)
+        for i in range(rows.size):
+            right[i] = pulled[rows[i]]
+            for j in range(rows.size):
+                block[i, j] = inverse[rows[i], rows[j]]
+        solve_positive(block, right)
+        errors[rows] = right
+    return errors
