@@ -54,14 +54,14 @@ SEAM = 1e-12
 TURNED = 1e-12
 """A plane of 144 voxels turned: roundings through its solve; monomials of unequal norm leave 1e-2."""
 
-LOCAL_METHOD = 2e-3
-"""Error of 4,000 points on waves of size 1, in balls of 50: 2e-4 for splines and 8e-4 for parabolas."""
+LOCAL_METHOD = 1e-3
+"""Error of 4,000 points on waves of size 1, in balls of 50: 2e-4 for splines and 5e-4 for parabolas."""
 
 BANDWIDTH = 2e-3
 """Waves six or more bandwidths from the rim of data three to ten times as dense; without θ they are off by 1e-1."""
 
-GCV_TWIN = 1e-8
-"""The score from eigenvalues against the one from an influence matrix built column by column."""
+GCV_TWIN = 1e-9
+"""The score from eigenvalues against the one from an influence matrix built column by column: 5e-11."""
 
 GCV_MINIMUM = 1e-6
 """The search stops within 1e-5 in log ρ, where the score is flat to the square of it."""

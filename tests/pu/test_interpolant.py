@@ -12,10 +12,23 @@ import reference
 from o3dleaf.errors import IllPosedError, InputError, UnitError
 from o3dleaf.field import Field
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.pu.local import GCV_BALLS
+from o3dleaf.rbf import solve
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic, polyharmonic
+from o3dleaf.rbf.smoothing import gcv_score
+from o3dleaf.rbf.tail import tail_exponents
 from o3dleaf.units import unit_scale
-from tolerances import FIELD_GRADIENT, FIELD_TWIN, GCV_EFFICIENCY, POLYNOMIAL, POLYNOMIAL_SLOPE, RHO_LIMIT, ROUNDING
+from tolerances import (
+    FIELD_GRADIENT,
+    FIELD_TWIN,
+    GCV_EFFICIENCY,
+    GCV_MINIMUM,
+    POLYNOMIAL,
+    POLYNOMIAL_SLOPE,
+    RHO_LIMIT,
+    ROUNDING,
+)
 
 BALLS = (25, 50)
 
@@ -156,6 +169,22 @@ def test_weights_divide_each_ball_s_diagonal():
     local = [reference.solve_spline(points[r], values[r], 3, 2, 0.3 / weights[r]) for r in rows]
     expected = reference.partition_of_unity(queries, centres, radii, local)
     np.testing.assert_allclose(field(queries), expected, rtol=0, atol=FIELD_TWIN * np.abs(values).max())
+
+
+def test_gcv_pools_the_score_of_all_balls():
+    """Noise that grows along x: no single ball would choose what all of them do."""
+    rng = np.random.default_rng(5)
+    points = rng.random((400, 2))
+    values = np.sin(5 * points).sum(axis=1) + points[:, 0] ** 2 * rng.standard_normal(len(points))
+    kernel, exponents = polyharmonic(2, 2), tail_exponents(2, 1)
+    field = PUInterpolant.fit(points, values, kernel=kernel, rho="gcv", points_per_ball=(30, 60))
+    assert 4 < len(field.cover.radii) <= GCV_BALLS
+    rows = np.split(field.cover.members, field.cover.offsets[1:-1])
+    spectra = [solve.spectrum(points[r].T.copy(), values[r], exponents, kernel.power) for r in rows]
+    scales = field.cover.counts / kernel.theta
+    chosen = field.local.smoothing.amount
+    score = gcv_score(chosen, spectra, scales)
+    assert all(score <= gcv_score(chosen * x, spectra, scales) * (1 + GCV_MINIMUM) for x in np.geomspace(0.1, 10, 41))
 
 
 def test_gcv_is_one_amount_for_all_balls_and_quietens_noise():
