@@ -23,7 +23,9 @@ app = typer.Typer(
 )
 
 Output = Annotated[Path, typer.Option("--output", "-o", help="File to write.")]
-CtUnit = Annotated[str | None, typer.Option(help="Unit of the volume; by default what its file says.")]
+CtUnit = Annotated[
+    str | None, typer.Option(help="Unit to take the volume in: lengths that its file states are converted.")
+]
 VoxelSpacing = Annotated[float | None, typer.Option(help="Edge of a voxel, in ct-unit, if the file does not say.")]
 Level = Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")]
 Rho = Annotated[str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, or 'gcv'.")]
@@ -132,12 +134,13 @@ def patch(
 ) -> None:
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
     from o3dleaf.ct.formats import read_volume
-    from o3dleaf.files import require_writable
+    from o3dleaf.files import require_apart, require_writable
     from o3dleaf.pipeline import PatchOptions, create_texture
     from o3dleaf.store import SUFFIX
 
     set_num_threads_if(threads)
     require_writable(output, (SUFFIX,))
+    require_apart([output], [volume])
     options = PatchOptions(level=number_or_word(level), rho=number_or_word(rho))
     with shown(quiet=quiet) as journal:
         with journal.stage("read"):
@@ -169,8 +172,10 @@ def info(
     json: Annotated[Path | None, typer.Option(help="Write it as JSON too.")] = None,
 ) -> None:
     """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
+    from o3dleaf.files import require_apart
     from o3dleaf.report import describe_file, write_json
 
+    require_apart([json], [file])
     found = describe_file(file, unit=unit, voxel_spacing=voxel_spacing)
     for name, value in found.items():
         typer.echo(f"{name:>24}  {value}")
@@ -187,11 +192,12 @@ def clean(
     triangles: Annotated[int | None, typer.Option(help="Simplify to about so many triangles.")] = None,
 ) -> None:
     """Clean a mesh with MeshLab's filters, lengths in the mesh's own unit, and simplify it on request."""
-    from o3dleaf.files import require_writable
+    from o3dleaf.files import require_apart, require_writable
     from o3dleaf.mesh.clean import clean_mesh, simplify_mesh
     from o3dleaf.mesh.files import SUFFIXES, read_triangle_mesh, write_triangle_mesh
 
     require_writable(output, SUFFIXES)
+    require_apart([output], [mesh])
     found = read_triangle_mesh(mesh)
     cleaned = clean_mesh(found, smallest_component=smallest_component, largest_hole=largest_hole)
     if triangles is not None:
@@ -208,9 +214,11 @@ def render(
     title: Annotated[str | None, typer.Option(help="A line at the top.")] = None,
 ) -> None:
     """Draw a mesh into a picture; needs no screen and no GPU."""
+    from o3dleaf.files import require_apart
     from o3dleaf.mesh.files import read_triangle_mesh
     from o3dleaf.view.render import render as draw_mesh
 
+    require_apart([output], [mesh])
     draw_mesh(read_triangle_mesh(mesh), output, unit=unit, title=title)
 
 
@@ -267,7 +275,12 @@ def shown(*, quiet: bool) -> Iterator[Journal]:
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bars:
-        yield BarJournal(bars)
+        try:
+            yield BarJournal(bars)
+        except BaseException:
+            # Of a run that failed, the one line that says why is what should be left to read.
+            bars.live.transient = True
+            raise
 
 
 def main() -> None:

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -11,6 +11,12 @@ from o3dleaf.errors import InputError, O3DLeafError
 
 PLY_HEADER = 65536
 """Bytes in which the header of a PLY file must end."""
+
+PLY_BYTES = dict.fromkeys(("char", "uchar", "int8", "uint8", "list"), 1)
+PLY_BYTES |= dict.fromkeys(("short", "ushort", "int16", "uint16"), 2)
+PLY_BYTES |= dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4)
+PLY_BYTES |= dict.fromkeys(("double", "float64"), 8)
+"""Bytes of each type that a vertex can have in a PLY file."""
 
 
 @contextmanager
@@ -48,8 +54,16 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Pa
     return target
 
 
+def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
+    """Raise `InputError` if a file to be written (None: none) is one of those that are read."""
+    read = {path.resolve() for path in inputs if path is not None}
+    for path in outputs:
+        if path is not None and path.resolve() in read:
+            raise InputError(f"{path}: is read, so it is not written over; choose another name for the output")
+
+
 def require_whole_ply(path: Path) -> None:
-    """Refuse a PLY file whose header claims more points than its bytes can hold: a reader would allocate them all.
+    """Refuse a PLY file that is shorter than its header claims: a reader would allocate it all and leave the rest wild.
 
     Raises
     ------
@@ -58,22 +72,42 @@ def require_whole_ply(path: Path) -> None:
     """
     with path.open("rb") as stream:
         head = stream.read(PLY_HEADER)
-    if not head.startswith(b"ply"):
-        raise InputError(f"{path}: does not begin with 'ply'; it is no PLY file, export it again")
-    for line in head[: max(head.find(b"end_header"), 0)].splitlines():
-        words = line.split()
-        if words[:2] == [b"element", b"vertex"] and len(words) == 3 and words[2].isdigit():
-            # Three coordinates take six bytes at the very least, as text ("0 0 0\n") and as binary.
-            if int(words[2]) * 6 > path.stat().st_size:
-                raise InputError(f"{path}: claims {int(words[2])} points but is too short for them; it was cut off")
-            return
-    raise InputError(f"{path}: its PLY header names no points; export it again")
+        end = head.find(b"end_header")
+        if not head.startswith(b"ply") or end < 0:
+            raise InputError(f"{path}: is no PLY file, it does not begin with 'ply' and a header; export it again")
+        header = [line.split() for line in head[:end].decode("ascii", "replace").splitlines()]
+        count = next((int(w[2]) for w in header if w[:2] == ["element", "vertex"] and w[-1].isdigit()), None)
+        if count is None:
+            raise InputError(f"{path}: its PLY header names no points; export it again")
+        start = head.find(b"\n", end) + 1
+        if ["format", "ascii", "1.0"] in header:
+            stream.seek(start)
+            held = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) + 1
+        else:
+            size = _vertex_bytes(header)
+            held = (path.stat().st_size - start) // size if size else count
+    if held < count:
+        raise InputError(f"{path}: claims {count} points but is too short for them; it was cut off")
+
+
+def _vertex_bytes(header: list[list[str]]) -> int:
+    """Return the bytes of a vertex in a binary PLY."""
+    size, inside = 0, False
+    for words in header:
+        if words[:1] == ["element"]:
+            inside = words[1] == "vertex"
+        elif inside and words[:1] == ["property"]:
+            size += PLY_BYTES.get(words[1], 1)
+    return size
 
 
 def _beside(target: Path) -> Path:
     """Return a new empty file in the folder of `target`, or raise `InputError`."""
     if target.is_dir():
         raise InputError(f"{target}: is a folder; give the name of a file")
+    # A rename replaces read-only files too, and root may do anything: the mode says what the owner meant.
+    if target.exists() and not target.stat().st_mode & 0o222:
+        raise InputError(f"{target}: is there already and read-only; choose another name")
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=target.parent)
     except OSError as cause:

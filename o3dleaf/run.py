@@ -11,7 +11,7 @@ from o3dleaf.cloud.read import read_point_cloud
 from o3dleaf.ct.formats import read_volume
 from o3dleaf.ct.volume import Volume
 from o3dleaf.errors import InputError
-from o3dleaf.files import require_writable
+from o3dleaf.files import require_apart, require_writable
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -71,6 +71,8 @@ class LeafRun:
     def __post_init__(self) -> None:
         """Refuse what can be refused before any work."""
         require_writable(self.output, SUFFIXES)
+        beside = (self.output.with_suffix(".png"), self.output.with_suffix(".json"))
+        require_apart((self.output, self.model, *beside), (self.scan, self.ct, self.midrib))
         if self.model is not None:
             require_writable(self.model, (MODEL,))
         require_positive(self.spacing, "spacing")

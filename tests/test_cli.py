@@ -57,6 +57,7 @@ def bad(files, tmp_path):
         "two": cloud("two.xyz", points[:2]),
         "one": cloud("one.xyz", points[:1]),
         "line": cloud("line.xyz", np.linspace([0, 0, 0], [100, 0, 0], 500)),
+        "same": cloud("same.xyz", np.ones((200, 3))),
         "garbage": tmp_path / "garbage.ply",
         "flat": tmp_path / "flat.tif",
         "garbage_ct": tmp_path / "garbage.tif",
@@ -69,6 +70,8 @@ CASES = {
     "NaN": (("{nan}",), "NaN"),
     "two points": (("{two}",), "2 points"),
     "a cloud on a line": (("{line}", "--midrib", "{line}"), "one line"),
+    "a cloud on a line, without a midrib": (("{line}",), "one line"),
+    "a cloud in one place": (("{same}",), "damaged"),
     "no such file": (("{missing}",), "no such file"),
     "an unreadable cloud": (("{garbage}",), "PLY"),
     "a midrib of one point": (("{scan}", "--midrib", "{one}"), "1 points"),
@@ -209,3 +212,39 @@ def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
     assert process.returncode == 130
     assert rest.strip().splitlines()[-1].startswith("o3dleaf: interrupted")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_read_is_never_written_over(files, tmp_path):
+    scan, ct = tmp_path / "scan.ply", tmp_path / "ct.tif"
+    scan.write_bytes((files / "scan.ply").read_bytes())
+    ct.write_bytes((files / "ct.tif").read_bytes())
+    before = {path: path.read_bytes() for path in (scan, ct)}
+    link = tmp_path / "link.ply"
+    link.symlink_to(scan)
+    for words in (
+        ("leaf", scan, "-o", scan),
+        ("leaf", scan, "-o", link),
+        ("leaf", scan, "--midrib", link, "-o", scan),
+        ("clean", scan, "-o", scan),
+    ):
+        result = run(*words)
+        assert result.returncode == 2
+        assert "not written over" in result.stderr
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_a_read_only_file_is_not_replaced(files, tmp_path):
+    """A rename would replace it, and root may do anything; the mode is what counts."""
+    target = tmp_path / "leaf.ply"
+    target.write_text("mine")
+    target.chmod(0o444)
+    result = run("leaf", files / "scan.ply", "-o", target)
+    assert result.returncode == 2
+    assert "read-only" in result.stderr
+    assert target.read_text() == "mine"
+
+
+def test_an_error_is_one_line_with_the_progress_shown_too(files, tmp_path):
+    result = run("leaf", files / "scan.ply", "--scan-unit", "um", "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1

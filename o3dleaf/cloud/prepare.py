@@ -6,6 +6,7 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, points_of
 
 NEIGHBOURS = 8
@@ -52,6 +53,10 @@ def remove_stray_points(
     whole = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     distinct = o3d.geometry.PointCloud(whole).remove_duplicated_points()
     kept, _ = distinct.remove_statistical_outlier(nb_neighbors=nb_neighbors, std_ratio=std_ratio)
+    if len(kept.points) < 3:
+        raise InputError(
+            f"scan: {len(kept.points)} of {len(points)} points are left without repeated and stray ones; is it damaged?"
+        )
     return PreparedCloud(
         np.array(kept.points),
         repeated=len(points) - len(distinct.points),

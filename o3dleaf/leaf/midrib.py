@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.errors import ReconstructionError
+from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.normals import half_width
@@ -22,6 +22,8 @@ SLICES = 40
 LEAST_ASPECT = 3.0
 """Length over width below which a cloud has no midrib to follow: a broad leaf, not a blade."""
 FEWEST_POINTS = 50
+THINNEST = 1e-6
+"""Width over length below which a cloud is a line: no leaf, and rounding would decide everything."""
 EDGES = (0.02, 0.98)
 """Quantiles of `across` in a slice that stand for the blade's edges."""
 SETTLED = 0.02
@@ -50,6 +52,8 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     control = _first_axis(points)
     length = _length(control)
     width = 2 * half_width(points, control)
+    if not width > THINNEST * length:
+        raise InputError("midrib: the points lie on one line or in one place; a leaf has a width")
     if length < LEAST_ASPECT * width:
         raise ReconstructionError(
             f"midrib: the cloud is {length:.3g} long and {width:.3g} wide, not an elongated leaf; "

@@ -66,3 +66,24 @@ def test_tensor_clouds_and_arrays_are_taken_alike():
     tensor = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
     for held in (points, cloud_of(points), tensor):
         assert np.array_equal(remove_stray_points(held).points, remove_stray_points(points).points)
+
+
+@pytest.mark.parametrize("ascii_text", [True, False])
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
+    whole = cloud_of(np.random.default_rng(3).uniform(0, 100, (500, 3)))
+    if colours:
+        whole.paint_uniform_color((0.1, 0.5, 0.1))
+    o3d.io.write_point_cloud(tmp_path / "scan.ply", whole, write_ascii=ascii_text)
+    assert len(read_point_cloud(tmp_path / "scan.ply").points) == 500
+    content = (tmp_path / "scan.ply").read_bytes()
+    for share in (0.5, 0.9, 0.99):
+        (tmp_path / "cut.ply").write_bytes(content[: int(share * len(content))])
+        with pytest.raises(InputError, match="cut off"):
+            read_point_cloud(tmp_path / "cut.ply")
+
+
+@pytest.mark.parametrize("points", [np.ones((200, 3)), np.random.default_rng(4).uniform(0, 1e300, (200, 3))])
+def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points):
+    with pytest.raises(InputError, match="is it damaged"):
+        remove_stray_points(points)
