@@ -20,7 +20,7 @@ from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import RemovedComponents, connected_components, largest_components
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
-from o3dleaf.mesh.lattice import Lattice, sample_lattice
+from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import Progress
 from o3dleaf.store import write_model

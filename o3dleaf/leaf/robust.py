@@ -16,6 +16,7 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.parallel import Progress
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
+from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalSplines
 from o3dleaf.pu.validation import held_out_errors
 from o3dleaf.rbf.kernels import Polyharmonic
@@ -103,7 +104,7 @@ class RobustHeight:
         rule = Smoothing(smoothing)
         for _ in range(MOST_ROUNDS):
             fit = LocalSplines.fit(self.cover, self.plane, self.heights, self.kernel, 1, rule, trust=trust)
-            residual = np.abs(self.heights - fit.blend(index, self.plane, gradient=False)[0])
+            residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
             following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
             moved = float(np.max(np.abs(following - trust)))
             trust = following

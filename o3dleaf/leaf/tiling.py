@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_points
+from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
-from o3dleaf.field import clamp
+from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.store import write_model
 
 
 @dataclass(frozen=True, init=False, eq=False)
-class TiledField:
+class TiledField(Blended):
     r"""Shifted copies of a partition of unity, blended where they meet by the partition of unity itself.
 
     .. math:: F(z) = \frac{\sum_i \sum_q w(|z - s^q - c_i|/r_i)\, F_i(z - s^q)}
@@ -62,7 +62,8 @@ class TiledField:
         repeat = np.zeros(len(extent))
         repeat[:2] = size
         index = BallIndex.periodic(field.cover.centres, field.cover.radii, cell, repeat)
-        for name, value in (("field", field), ("period", size), ("cell", cell), ("index", index)):
+        parts = {"field": field, "local": field.local, "period": size, "cell": cell, "index": index}
+        for name, value in parts.items():
             object.__setattr__(self, name, value)
 
     def state(self) -> dict[str, Any]:
@@ -77,28 +78,8 @@ class TiledField:
     @property
     def bounds(self) -> FloatArray:
         """(2, d) the domain: all of the plane, and the patch's own extent across it."""
-        box = self.cell.copy()
-        box[0, :2], box[1, :2] = -np.inf, np.inf
-        return box
+        return self.index.domain
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the tiled field as one model file, which `o3dleaf.load` reads."""
         write_model(path, self)
-
-    def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n,) values at (n, d) points."""
-        inside, distance, _ = clamp(as_points(points, dim=self.cell.shape[1]), self.bounds)
-        return self.field.local.blend(self.index, self.reduce(inside), gradient=False)[0] - distance
-
-    def gradient(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n, d) analytic gradients at (n, d) points."""
-        inside, _, outward = clamp(as_points(points, dim=self.cell.shape[1]), self.bounds)
-        slope = self.field.local.blend(self.index, self.reduce(inside), gradient=True)[1]
-        return np.where(outward == 0, slope, 0.0) - outward
-
-    def reduce(self, points: FloatArray) -> FloatArray:
-        """Return the points (n, d) moved by whole periods into the cell."""
-        reduced = points.copy()
-        low = self.cell[0, :2]
-        reduced[:, :2] -= np.floor((points[:, :2] - low) / self.period) * self.period
-        return np.clip(reduced, self.cell[0], self.cell[1])

@@ -9,7 +9,7 @@ from o3dleaf.parallel import run_blocks
 from o3dleaf.pu import loops
 from o3dleaf.rbf.tail import IntArray
 
-LOCATE_BLOCK = 65536
+FOLD_BLOCK = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,11 +18,15 @@ class BallIndex:
 
     An image is a ball and a displacement s: a plain cover has one image a ball with s = 0, a tiled
     one has several, so that tiling copies neither points nor coefficients (paper, section 2.6).
+    Points anywhere are first folded into the box: by whole periods where an axis repeats, else to
+    the nearest point of the box.
 
     Attributes
     ----------
     bounds : (2, d) ndarray
         The box whose points can be looked up.
+    period : (d,) ndarray
+        Period of each axis, 0 where it does not repeat.
     balls : (K,) int64 ndarray
         The ball of each image.
     shifts : (K, d) ndarray
@@ -34,6 +38,7 @@ class BallIndex:
     """
 
     bounds: FloatArray
+    period: FloatArray
     balls: IntArray
     shifts: FloatArray
     centres: FloatArray
@@ -45,7 +50,7 @@ class BallIndex:
         """Index the balls (M, d), (M,) over `bounds`, one image each."""
         shifts = np.zeros_like(centres)
         tree = loops.build_tree(centres, radii, bounds[0], bounds[1])
-        return cls(bounds, np.arange(len(centres)), shifts, centres, radii, tree)
+        return cls(bounds, np.zeros(centres.shape[1]), np.arange(len(centres)), shifts, centres, radii, tree)
 
     @classmethod
     def periodic(cls, centres: FloatArray, radii: FloatArray, bounds: FloatArray, period: FloatArray) -> "BallIndex":
@@ -63,21 +68,28 @@ class BallIndex:
         balls = balls.astype(np.int64)
         images = np.ascontiguousarray(moved[step, balls])
         tree = loops.build_tree(images, radii[balls], bounds[0], bounds[1])
-        return cls(bounds, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
+        return cls(bounds, period, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
 
-    def locate(self, points: FloatArray) -> IntArray:
-        """Return the (n,) tree leaf of each of the (n, d) points, which must lie in `bounds`."""
-        leaves = np.empty(len(points), dtype=np.int64)
+    @property
+    def domain(self) -> FloatArray:
+        """(2, d) the box, without end along the axes that repeat."""
+        box = self.bounds.copy()
+        box[0, self.period > 0], box[1, self.period > 0] = -np.inf, np.inf
+        return box
+
+    def fold(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return the (n, d) points folded into the box, and the (n,) tree leaf of each."""
+        folded, leaves = np.empty_like(points), np.empty(len(points), dtype=np.int64)
 
         def task(start: int, stop: int) -> None:
-            loops.locate(start, stop, points, self.tree, leaves)
+            loops.fold(start, stop, points, self.bounds, self.period, self.tree, folded, leaves)
 
-        run_blocks(task, len(points), LOCATE_BLOCK)
-        return leaves
+        run_blocks(task, len(points), FOLD_BLOCK)
+        return folded, leaves
 
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
-        leaves = self.locate(points)
+        _, leaves = self.fold(points)
         counts = np.zeros(len(self.radii) + 1, dtype=np.int64)
         loops.count_members(points, leaves, self.tree, self.centres, self.radii, counts)
         offsets = np.cumsum(counts)

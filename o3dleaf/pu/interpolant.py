@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_bounds, as_points, as_values, as_weights
 from o3dleaf.errors import IllPosedError, InputError
-from o3dleaf.field import Field, clamp
+from o3dleaf.field import Field
 from o3dleaf.parallel import Progress
+from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
@@ -28,7 +29,7 @@ LocalFitter = Callable[[FloatArray, FloatArray], Field]
 
 
 @dataclass(frozen=True, eq=False)
-class PUInterpolant:
+class PUInterpolant(Blended):
     r"""A function blended from local fits in overlapping balls, with Wendland's weight and Shepard's sum.
 
     .. math:: F(x) = \sum_i w_i(x) F_i(x), \qquad
@@ -140,17 +141,6 @@ class PUInterpolant:
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
         write_model(path, self)
-
-    def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n,) values at (n, d) points."""
-        inside, distance, _ = clamp(as_points(points, dim=self.bounds.shape[1]), self.bounds)
-        return self.local.blend(self.index, inside, gradient=False)[0] - distance
-
-    def gradient(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n, d) analytic gradients at (n, d) points, through the weights and the local fits."""
-        inside, _, outward = clamp(as_points(points, dim=self.bounds.shape[1]), self.bounds)
-        slope = self.local.blend(self.index, inside, gradient=True)[1]
-        return np.where(outward == 0, slope, 0.0) - outward
 
 
 def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:

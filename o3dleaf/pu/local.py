@@ -2,20 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
 from o3dleaf.pu import loops
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
-from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
-from o3dleaf.rbf.kernels import Polyharmonic
-from o3dleaf.rbf.loops import tail_steps
+from o3dleaf.pu.jets import add_product, divide, scale_jets
+from o3dleaf.pu.weights import weight_jets
+from o3dleaf.rbf.kernels import Polyharmonic, require_twice_differentiable
+from o3dleaf.rbf.loops import jet_size
 from o3dleaf.rbf.smoothing import Smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
@@ -27,8 +31,8 @@ GCV_BALLS = 32
 class LocalFits(Protocol):
     """The local fits of a cover: all that the partition of unity needs to know of them."""
 
-    def blend(self, index: BallIndex, queries: FloatArray, *, gradient: bool) -> tuple[FloatArray, FloatArray]:
-        """Return the (n,) blended values at (n, d) queries and, if asked for, their (n, d) gradients (else no rows)."""
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets (see `o3dleaf.rbf.loops`), to derivatives of `level`, of the blend at the folded queries."""
         ...
 
 
@@ -41,10 +45,10 @@ class LocalSplines:
     kernel : Polyharmonic
     smoothing : Smoothing
         With its amount chosen, where it was "gcv".
-    centres : (M, d) ndarray
-    offsets : (M + 1,) int64 ndarray
-    sites, weights, tails : (d·total,), (total,), (M, q) ndarrays
-        Points of each ball as a (d, N_i) block, λ, and the tail's coefficients.
+    offsets, places : (M + 1,), (M,) int64 ndarrays
+        Ball i has the weights ``offsets[i]:offsets[i + 1]``, and its points from ``places[i]`` on.
+    sites, weights, tails : (·,), (total,), (M, q) ndarrays
+        Points as (d, N_i) blocks, λ, and the tail's coefficients. Balls on a lattice share blocks.
     exponents : (q, d) int64 ndarray
     ranks, dropped : (M,) int64 ndarrays
         Rank of each ball's tail on its points; directions of its system that coinciding points left out.
@@ -52,8 +56,8 @@ class LocalSplines:
 
     kernel: Polyharmonic
     smoothing: Smoothing
-    centres: FloatArray
     offsets: IntArray
+    places: IntArray
     sites: FloatArray
     weights: FloatArray
     tails: FloatArray
@@ -92,23 +96,40 @@ class LocalSplines:
                 )
 
             run_blocks(task, count, 1, progress)
-        return cls(kernel, smoothing, cover.centres, cover.offsets, *model, exponents, ranks, dropped)
+        places = points.shape[1] * cover.offsets[:-1]
+        return cls(kernel, smoothing, cover.offsets, places, *model, exponents, ranks, dropped)
 
-    def blend(self, index: BallIndex, queries: FloatArray, *, gradient: bool) -> tuple[FloatArray, FloatArray]:
-        """Return the (n,) blended values at the (n, d) queries and, if asked for, their (n, d) gradients."""
-        leaves = index.locate(queries)
-        order = np.argsort(leaves, kind="stable")
-        images = (index.balls, index.shifts, index.radii, self.centres)
-        steps = tail_steps(self.exponents)
-        model = (self.offsets, self.sites, self.weights, self.tails, steps, self.kernel.power)
-        values = np.empty(len(queries))
-        gradients = np.empty((len(queries) if gradient else 0, queries.shape[1]))
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box.
+
+        Raises
+        ------
+        InputError
+            If second derivatives are asked for of a kernel that has none.
+        """
+        if level == 2:
+            require_twice_differentiable(self.kernel)
+        folded, leaves = index.fold(queries)
+        order = loops.group(leaves, len(index.tree[0]))
+        images = (index.balls, index.centres, index.radii)
+        sites, weights = self._as_type(dtype)
+        widest = int(np.diff(self.offsets).max())
+        model = (self.offsets, self.places, sites, weights, self.tails, self.exponents, self.kernel.power, widest)
+        jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
 
         def task(start: int, stop: int) -> None:
-            loops.blend(start, stop, order, queries, leaves, index.tree, images, model, values, gradients)
+            loops.blend(start, stop, order, folded, leaves, index.tree, images, model, level, jets)
 
         run_blocks(task, len(queries), BLEND_BLOCK)
-        return values, gradients
+        return jets
+
+    def _as_type(self, dtype: np.dtype[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """Return sites and weights in float64, or in a float32 copy that is kept."""
+        return (self.sites, self.weights) if dtype == np.float64 else self._single
+
+    @cached_property
+    def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        return self.sites.astype(np.float32), self.weights.astype(np.float32)
 
 
 def _pooled_gcv(
@@ -140,27 +161,34 @@ class LocalFields:
 
     fields: Sequence[Field]
 
-    def blend(self, index: BallIndex, queries: FloatArray, *, gradient: bool) -> tuple[FloatArray, FloatArray]:
-        """Return the (n,) blended values at the (n, d) queries and, if asked for, their (n, d) gradients."""
-        count, dimension = queries.shape
-        sums, totals = np.zeros(count), np.zeros(count)
-        slopes, falls = np.zeros((count, dimension)), np.zeros((count, dimension))
-        tree = cKDTree(queries)
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
+        folded, _ = index.fold(queries)
+        count, dimension = folded.shape
+        sums, totals = (np.zeros((jet_size(dimension, level), count)) for _ in range(2))
+        tree = cKDTree(folded)
         for image, ball in enumerate(index.balls):
             rows = np.array(sorted(tree.query_ball_point(index.centres[image], index.radii[image])), dtype=np.int64)
             if not len(rows):
                 continue
-            z = (queries[rows] - index.centres[image]) / index.radii[image]
-            tau = np.linalg.norm(z, axis=1)
-            weight = np.array([wendland(t) for t in tau])
-            local = queries[rows] - index.shifts[image]
-            value = self.fields[ball](local)
-            sums[rows] += weight * value
-            totals[rows] += weight
-            if gradient:
-                fall = np.array([wendland_slope_over_tau(t) for t in tau])[:, None] * z / index.radii[image]
-                slopes[rows] += fall * value[:, None] + weight[:, None] * self.fields[ball].gradient(local)
-                falls[rows] += fall
-        values = sums / totals
-        gradients = (slopes - values[:, None] * falls) / totals[:, None]
-        return values, gradients if gradient else gradients[:0]
+            z = np.ascontiguousarray((folded[rows] - index.centres[image]).T / index.radii[image])
+            weight = np.empty((len(sums), len(rows)))
+            weight_jets(z, len(rows), level, weight)
+            scale_jets(weight, len(rows), 1 / index.radii[image], dimension)
+            local = _jets_of(self.fields[ball], folded[rows] - index.shifts[image], level)
+            add_product(weight, local, rows, len(rows), dimension, level, sums, totals)
+        divide(sums, totals, count, dimension, level)
+        return sums
+
+
+def _jets_of(field: Field, points: FloatArray, level: int) -> FloatArray:
+    """Return the jets of any field at (n, d) points."""
+    parts = [field(points)[np.newaxis]]
+    if level > 0:
+        parts.append(field.gradient(points).T)
+    if level > 1:
+        if not hasattr(field, "hessian"):
+            raise InputError(f"hessian: the local fits, of type {type(field).__name__}, have none; add the method")
+        upper = np.triu_indices(points.shape[1])
+        parts.append(field.hessian(points)[:, *upper].T)
+    return np.concatenate(parts)

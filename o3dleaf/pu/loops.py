@@ -9,8 +9,9 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
-from o3dleaf.rbf.loops import local_gradient, local_value
+from o3dleaf.pu.jets import add_product, divide, scale_jets
+from o3dleaf.pu.weights import weight_jets
+from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
 from o3dleaf.rbf.solve import held_out, solve_local, spectrum
 
 LEAF_IMAGES = 8
@@ -20,6 +21,11 @@ LEAF_SIDE = 0.5
 """Nor is one whose longest side is below this share of its smallest ball's radius."""
 
 MOST_DEPTH = 60
+
+ABREAST = 8
+
+STRIP = 256
+"""Points of one leaf that are blended at once: what is known of them stays in the nearest cache."""
 
 
 @njit(nogil=True, cache=True)
@@ -83,15 +89,44 @@ def build_tree(centres, radii, low, high):
     return np.array(axes), np.array(splits), np.array(children), np.array(starts), np.array(stops), np.array(items)
 
 
-@njit(nogil=True, cache=True)
-def locate(start, stop, points, tree, leaves):
-    """Write the leaf of each point of the block."""
+@njit(nogil=True, cache=True, error_model="numpy")
+def fold(start, stop, points, bounds, period, tree, folded, leaves):
+    """Move the points of the block into the box, by whole periods or else to its nearest point; write the leaf of each."""
     axes, splits, children = tree[0], tree[1], tree[2]
     for i in range(start, stop):
-        node = 0
-        while axes[node] >= 0:
-            node = children[node] + (1 if points[i, axes[node]] >= splits[node] else 0)
-        leaves[i] = node
+        for axis in range(period.size):
+            x, low, high = points[i, axis], bounds[0, axis], bounds[1, axis]
+            if period[axis] > 0.0:
+                x -= math.floor((x - low) / period[axis]) * period[axis]
+            folded[i, axis] = min(max(x, low), high)
+        leaves[i] = 0
+    # Several descents side by side: each waits for memory at every step.
+    for first in range(start, stop, ABREAST):
+        last = min(first + ABREAST, stop)
+        descending = True
+        while descending:
+            descending = False
+            for i in range(first, last):
+                node = leaves[i]
+                axis = axes[node]
+                if axis >= 0:
+                    leaves[i] = children[node] + (1 if folded[i, axis] >= splits[node] else 0)
+                    descending = True
+
+
+@njit(nogil=True, cache=True)
+def group(leaves, count):
+    """Return the rows in the order of their leaves (of `count`), rising within each: a counting sort."""
+    heads = np.zeros(count + 1, dtype=np.int64)
+    for leaf in leaves:
+        heads[leaf + 1] += 1
+    for leaf in range(count):
+        heads[leaf + 1] += heads[leaf]
+    order = np.empty(leaves.size, dtype=np.int64)
+    for row in range(leaves.size):
+        order[heads[leaves[row]]] = row
+        heads[leaves[row]] += 1
+    return order
 
 
 @njit(nogil=True, cache=True)
@@ -177,60 +212,86 @@ def ball_held_out(ball, points, values, trust, cover, exponents, power, smoothin
 
 
 @njit(nogil=True, cache=True)
-def blend(start, stop, order, queries, leaves, tree, images, model, values, gradients):
-    """Fill Σ w_i F_i / Σ w_i, and its gradient where `gradients` has rows, at queries order[start:stop].
+def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
+    """Fill the jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop].
 
-    `order` groups the queries by leaf, so that one ball's points stay in the cache for all of them.
+    `order` groups the points by leaf, so that one ball's data stay in the cache for all of them.
     """
     starts, stops, items = tree[3], tree[4], tree[5]
+    scratch = working_space(images, model, level)
     first = start
     while first < stop:
         leaf = leaves[order[first]]
         last = first + 1
-        while last < stop and leaves[order[last]] == leaf:
+        while last < stop and last - first < STRIP and leaves[order[last]] == leaf:
             last += 1
-        blend_leaf(order[first:last], items[starts[leaf] : stops[leaf]], queries, images, model, values, gradients)
+        blend_strip(order[first:last], items[starts[leaf] : stops[leaf]], folded, images, model, level, scratch, jets)
         first = last
 
 
 @njit(nogil=True, cache=True)
-def blend_leaf(rows, items, queries, images, model, values, gradients):
-    """Blend the images `items` at the queries `rows` of one leaf."""
-    balls, shifts, radii, centres = images
-    offsets, sites, weights, tails, steps, power = model
-    count, dimension = rows.size, queries.shape[1]
-    wanted = len(gradients) > 0
-    sums, totals = np.zeros(count), np.zeros(count)
-    slopes = np.zeros((count if wanted else 0, 2, dimension))
-    z, slope = np.empty(dimension), np.empty(dimension)
+def working_space(images, model, level):
+    """Return the arrays that `blend_strip` works in: a quarter of a megabyte at most, in three dimensions."""
+    dimension, sites, exponents, widest = images[1].shape[1], model[2], model[5], model[7]
+    size = jet_size(dimension, level)
+    return (
+        np.empty((dimension, STRIP)),
+        np.empty((dimension, STRIP)),
+        np.empty(STRIP),
+        np.empty(STRIP, dtype=np.int64),
+        np.empty((4, size, STRIP)),
+        lower_exponents(exponents),
+        np.empty((len(exponents), STRIP)),
+        np.empty((size, len(exponents))),
+        np.zeros((3, widest), dtype=sites.dtype),
+    )
+
+
+@njit(nogil=True, cache=True)
+def blend_strip(rows, items, folded, images, model, level, scratch, jets):
+    """Blend the images `items` at the points `rows` of one leaf."""
+    balls, centres, radii = images
+    offsets, places, sites, weights, tails, exponents, power, _ = model
+    at, z, squared, held, (weight, local, sums, totals), lowered, terms, coefficients, radial = scratch
+    dimension = folded.shape[1]
+    for axis in range(dimension):
+        for i in range(rows.size):
+            at[axis, i] = folded[rows[i], axis]
+    sums[:, : rows.size] = 0.0
+    totals[:, : rows.size] = 0.0
     for item in items:
-        ball = balls[item]
+        ball, radius = balls[item], radii[item]
+        count = hold(at, rows.size, centres[item], radius, squared, z, held)
+        if count == 0:
+            continue
         first, last = offsets[ball], offsets[ball + 1]
-        points = sites[dimension * first : dimension * last].reshape(dimension, last - first)
-        strengths, tail = weights[first:last], tails[ball]
-        scratch = np.empty((2, max(last - first, steps.shape[0])))
-        radius = radii[item]
+        points = sites[places[ball] : places[ball] + dimension * (last - first)].reshape(dimension, last - first)
+        tail_derivatives(tails[ball], exponents, lowered, level, coefficients)
+        local_jets(z, count, points, weights[first:last], coefficients, lowered, power, level, terms, radial, local)
+        weight_jets(z, count, level, weight)
+        scale_jets(local, count, 1.0 / radius, dimension)
+        scale_jets(weight, count, 1.0 / radius, dimension)
+        add_product(weight, local, held, count, dimension, level, sums, totals)
+    divide(sums, totals, rows.size, dimension, level)
+    for row in range(len(jets)):
+        for i in range(rows.size):
+            jets[row, rows[i]] = sums[row, i]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def hold(at, count, centre, radius, squared, z, held):
+    """Write the unit coordinates and the numbers of those of the points `at` (d, ·) that a ball holds; return how many."""
+    squared[:count] = 0.0
+    for axis in range(centre.size):
         for i in range(count):
-            square = 0.0
-            for axis in range(dimension):
-                z[axis] = (queries[rows[i], axis] - shifts[item, axis] - centres[ball, axis]) / radius
-                square += z[axis] * z[axis]
-            if square >= 1.0:
-                continue
-            tau = math.sqrt(square)
-            weight = wendland(tau)
-            value = local_value(z, points, strengths, tail, steps, power, scratch)
-            sums[i] += weight * value
-            totals[i] += weight
-            if wanted:
-                local_gradient(z, points, strengths, tail, steps, power, scratch, slope)
-                fall = wendland_slope_over_tau(tau)
-                for axis in range(dimension):
-                    slopes[i, 0, axis] += (fall * z[axis] * value + weight * slope[axis]) / radius
-                    slopes[i, 1, axis] += fall * z[axis] / radius
+            difference = at[axis, i] - centre[axis]
+            squared[i] += difference * difference
+    found = 0
     for i in range(count):
-        value = sums[i] / totals[i]
-        values[rows[i]] = value
-        if wanted:
-            for axis in range(dimension):
-                gradients[rows[i], axis] = (slopes[i, 0, axis] - value * slopes[i, 1, axis]) / totals[i]
+        # Without a branch, which would be guessed wrongly half of the time.
+        held[found] = i
+        found += squared[i] < radius * radius
+    for axis in range(centre.size):
+        for i in range(found):
+            z[axis, i] = (at[axis, held[i]] - centre[axis]) / radius
+    return found

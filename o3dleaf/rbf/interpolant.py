@@ -10,7 +10,7 @@ from o3dleaf.checks import FloatArray, as_points, as_values, as_weights
 from o3dleaf.errors import IllPosedError
 from o3dleaf.parallel import run_blocks, single_threaded_blas
 from o3dleaf.rbf import loops, solve
-from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.rbf.kernels import Polyharmonic, as_kernel, require_twice_differentiable
 from o3dleaf.rbf.smoothing import Amount, Smoothing, as_smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 from o3dleaf.store import write_model
@@ -132,21 +132,37 @@ class RBFInterpolant:
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values of the spline at (n, d) points."""
-        return self._evaluate(points, with_gradient=False)[0]
+        return self._jets(points, 0)[0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d) gradients of the spline at (n, d) points, in value per `unit`."""
-        return self._evaluate(points, with_gradient=True)[1] / self.radius
+        return self._jets(points, 1)[1:].T / self.radius
 
-    def _evaluate(self, points: npt.ArrayLike, *, with_gradient: bool) -> tuple[FloatArray, FloatArray]:
+    def hessian(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n, d, d) second derivatives at (n, d) points, in value per `unit` squared.
+
+        Raises
+        ------
+        InputError
+            If the kernel is not twice differentiable: φ = −r and r² log r are not.
+        """
+        require_twice_differentiable(self.kernel)
         dimension = self.kernel.dimension
-        queries = np.ascontiguousarray((as_points(points, dim=dimension) - self.centre) / self.radius)
-        values = np.empty(len(queries))
-        gradients = np.empty((len(queries) if with_gradient else 0, dimension))
+        jets = self._jets(points, 2)
+        bends = np.empty((jets.shape[1], dimension, dimension))
+        a, b = np.triu_indices(dimension)
+        bends[:, a, b] = bends[:, b, a] = jets[1 + dimension :].T / self.radius**2
+        return bends
+
+    def _jets(self, points: npt.ArrayLike, level: int) -> FloatArray:
+        """Return the jets, in unit coordinates, at (n, d) points; see `o3dleaf.rbf.loops`."""
+        dimension = self.kernel.dimension
+        queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.centre) / self.radius).T)
+        jets = np.empty((loops.jet_size(dimension, level), queries.shape[1]))
         model = (self.points, self.weights, self.tail, self.exponents, self.kernel.power)
 
         def task(start: int, stop: int) -> None:
-            loops.evaluate(start, stop, queries, *model, values, gradients)
+            loops.evaluate(start, stop, queries, *model, level, jets)
 
-        run_blocks(task, len(queries), BLOCK)
-        return values, gradients
+        run_blocks(task, queries.shape[1], BLOCK)
+        return jets

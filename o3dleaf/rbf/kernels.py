@@ -150,3 +150,11 @@ def as_kernel(kernel: str | Polyharmonic, dimension: int) -> Polyharmonic:
             f"kernel: is for {kernel.dimension}-D points, these are {dimension}-D; use polyharmonic(m, {dimension})"
         )
     return kernel
+
+
+def require_twice_differentiable(kernel: Polyharmonic) -> None:
+    """Raise `InputError` for φ = −r and r² log r, which have no second derivatives at their data."""
+    if kernel.power < 3:
+        raise InputError(
+            f"hessian: r^{kernel.power} has no second derivatives at its data; use 'cubic' or a smoother kernel"
+        )

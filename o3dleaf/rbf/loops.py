@@ -1,8 +1,12 @@
-"""The compiled loops that evaluate one interpolant; those that solve for it are in `solve.py`.
+"""The compiled loops that evaluate interpolants; those that solve for them are in `solve.py`.
 
 Everything works in a ball's unit coordinates z = (x − c)/R, in which the tail's monomials are well
 scaled and φ stays of order one. Points are stored (d, n), so that the loop over n vectorises.
 Functions are serial and release the GIL; `o3dleaf.parallel` drives them.
+
+What is found at a point is its *jet*: the value, the d slopes, the d(d + 1)/2 second derivatives
+∂_a∂_b with a <= b, in this order, up to the `order` that is asked for (0, 1 or 2). Jets of many points are the
+columns of one array, one row a component.
 """
 
 import math
@@ -12,6 +16,14 @@ from numba import njit
 
 REASSOCIATE = {"reassoc", "contract", "nsz"}
 """What the sums need to vectorise; NaN and infinity keep their meaning."""
+
+
+@njit(nogil=True, cache=True)
+def jet_size(dimension, order):
+    """Return the number of components of a jet: 1, 1 + d, or 1 + d + d(d + 1)/2."""
+    if order == 0:
+        return 1
+    return 1 + dimension + (dimension * (dimension + 1) // 2 if order == 2 else 0)
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
@@ -28,14 +40,14 @@ def squared_distances(z, points, count, out):
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def radial_values(power, squared, count):
-    """Turn squared distances into φ(r), in place."""
+def radial_values(power, squared, count, out):
+    """Write φ(r) of squared distances; `out` may be `squared`."""
     if power == 1:
         for j in range(count):
-            squared[j] = -math.sqrt(squared[j])
+            out[j] = -math.sqrt(squared[j])
     elif power == 3:
         for j in range(count):
-            squared[j] *= math.sqrt(squared[j])
+            out[j] = squared[j] * math.sqrt(squared[j])
     else:
         half = power // 2
         sign = 1.0 if half % 2 else -1.0
@@ -45,85 +57,124 @@ def radial_values(power, squared, count):
             for _ in range(half):
                 value *= r2
             if power % 2:
-                squared[j] = value * math.sqrt(r2)
+                out[j] = value * math.sqrt(r2)
             elif r2 > 0.0:
-                squared[j] = 0.5 * value * math.log(r2)
+                out[j] = 0.5 * value * math.log(r2)
             else:
-                squared[j] = 0.0
+                out[j] = 0.0
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def radial_slopes(power, squared, count):
-    """Turn squared distances into φ′(r)/r, in place; 0 at r = 0, where it multiplies the vector z − z_j = 0."""
-    if power == 3:
-        for j in range(count):
-            squared[j] = 3.0 * math.sqrt(squared[j])
-        return
+def radial_slopes(power, squared, count, out):
+    """Write ψ = φ′(r)/r of squared distances; 0 at r = 0, where it multiplies the vector z − z_j = 0."""
     half = power // 2
     sign = 1.0 if half % 2 else -1.0
     for j in range(count):
         r2 = squared[j]
+        out[j] = 0.0
         if r2 > 0.0:
             value = sign
             for _ in range(half - 1):
                 value *= r2
             if power == 1:
-                squared[j] = -1.0 / math.sqrt(r2)
+                out[j] = -1.0 / math.sqrt(r2)
             elif power % 2:
-                squared[j] = power * value * math.sqrt(r2)
+                out[j] = power * value * math.sqrt(r2)
             else:
-                squared[j] = value * (0.5 * power * math.log(r2) + 1.0)
+                out[j] = value * (0.5 * power * math.log(r2) + 1.0)
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def radial_bends(power, squared, count, out):
+    """Write ψ′(r)/r, ψ = φ′/r, of squared distances, for a power of 3 or more; 0 at r = 0, as `radial_slopes`."""
+    half = power // 2
+    sign = 1.0 if half % 2 else -1.0
+    for j in range(count):
+        r2 = squared[j]
+        out[j] = 0.0
+        if r2 > 0.0:
+            value = sign
+            for _ in range(half - 2):
+                value *= r2
+            if power == 3:
+                out[j] = 3.0 / math.sqrt(r2)
+            elif power % 2:
+                out[j] = power * (power - 2) * value * math.sqrt(r2)
+            else:
+                out[j] = value * (0.5 * power * (power - 2) * math.log(r2) + 2 * power - 2)
 
 
 @njit(nogil=True, cache=True)
 def monomial(z, exponent):
     """Return the monomial z^exponent."""
     value = 1.0
-    for axis in range(z.size):
+    for axis in range(exponent.size):
         for _ in range(exponent[axis]):
             value *= z[axis]
     return value
 
 
 @njit(nogil=True, cache=True)
-def tail_steps(exponents):
-    """Return (q, 2) numbers: monomial k is monomial steps[k, 0] times coordinate steps[k, 1]; the first is 1."""
-    steps = np.zeros((len(exponents), 2), dtype=np.int64)
-    for k in range(1, len(exponents)):
-        axis = int(np.argmax(exponents[k]))
-        parent = exponents[k].copy()
-        parent[axis] -= 1
-        for j in range(k):
-            if np.all(exponents[j] == parent):
-                steps[k, 0], steps[k, 1] = j, axis
-    return steps
+def lower_exponents(exponents):
+    """Return (d, q) numbers: the monomial that is monomial k divided by the coordinate of the axis, −1 for none."""
+    lowered = np.full((exponents.shape[1], len(exponents)), -1)
+    for axis in range(exponents.shape[1]):
+        for k in range(len(exponents)):
+            wanted = exponents[k].copy()
+            wanted[axis] -= 1
+            for j in range(k):
+                if np.all(exponents[j] == wanted):
+                    lowered[axis, k] = j
+    return lowered
 
 
 @njit(nogil=True, cache=True)
-def tail_value(z, tail, steps, terms):
-    """Return Σ a_k p_k(z), and leave the p_k(z) in `terms`."""
-    if tail.size == 0:
-        return 0.0
-    terms[0] = 1.0
-    value = tail[0]
-    for k in range(1, tail.size):
-        terms[k] = terms[steps[k, 0]] * z[steps[k, 1]]
-        value += tail[k] * terms[k]
-    return value
+def tail_derivatives(tail, exponents, lowered, order, coefficients):
+    """Write the (jet, q) coefficients of a tail and of its derivatives, polynomials in the same monomials."""
+    dimension, terms = lowered.shape
+    for k in range(terms):
+        coefficients[0, k] = tail[k]
+    if order == 0:
+        return
+    coefficients[1:] = 0.0
+    row = 1 + dimension
+    for a in range(dimension):
+        for k in range(terms):
+            if lowered[a, k] >= 0:
+                coefficients[1 + a, lowered[a, k]] += exponents[k, a] * tail[k]
+    for a in range(dimension if order == 2 else 0):
+        for b in range(a, dimension):
+            for k in range(terms):
+                if lowered[b, k] >= 0:
+                    coefficients[row, lowered[b, k]] += exponents[k, b] * coefficients[1 + a, k]
+            row += 1
 
 
 @njit(nogil=True, cache=True)
-def tail_slope(z, along, tail, steps, terms, slopes):
-    """Return Σ a_k ∂p_k/∂z along one axis, by the product rule on `terms` as `tail_value` left them."""
-    value = 0.0
-    slopes[0] = 0.0
-    for k in range(1, tail.size):
-        parent, axis = steps[k, 0], steps[k, 1]
-        slopes[k] = slopes[parent] * z[axis]
-        if axis == along:
-            slopes[k] += terms[parent]
-        value += tail[k] * slopes[k]
-    return value
+def tail_jets(z, count, coefficients, lowered, terms, jets):
+    """Write the jets of a tail at the columns of z (d, ·); `terms` (q, ·) is scratch.
+
+    Without fast-math: a column's bits do not depend on its place among the others.
+    """
+    dimension, columns = lowered.shape
+    for row in range(len(coefficients)):
+        jets[row, :count] = 0.0
+    for k in range(columns):
+        axis = 0
+        while axis < dimension and lowered[axis, k] < 0:
+            axis += 1
+        term = terms[k]
+        if axis == dimension:
+            term[:count] = 1.0
+        else:
+            coordinate, parent = z[axis], terms[lowered[axis, k]]
+            for i in range(count):
+                term[i] = parent[i] * coordinate[i]
+        for row in range(len(coefficients)):
+            coefficient, jet = coefficients[row, k], jets[row]
+            if coefficient != 0.0:
+                for i in range(count):
+                    jet[i] += coefficient * term[i]
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
@@ -136,86 +187,142 @@ def dot(a, b, count):
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def cubic_sum(z, points, weights):
-    """Return Σ λ_j r_j³ in two or three dimensions, in one pass: the sum that nearly all of the time goes into."""
-    total = 0.0
-    if z.size == 3:
-        for j in range(weights.size):
-            x, y, w = z[0] - points[0, j], z[1] - points[1, j], z[2] - points[2, j]
-            square = x * x + y * y + w * w
-            total += weights[j] * square * math.sqrt(square)
-    else:
-        for j in range(weights.size):
-            x, y = z[0] - points[0, j], z[1] - points[1, j]
-            square = x * x + y * y
-            total += weights[j] * square * math.sqrt(square)
+def cubic_value(x, y, z, xs, ys, zs, weights):
+    """Return Σ λ_j r_j³ in one pass: the sum that nearly all of the time goes into."""
+    total = weights.dtype.type(0)
+    for j in range(weights.size):
+        a, b, c = x - xs[j], y - ys[j], z - zs[j]
+        square = a * a + b * b + c * c
+        total += weights[j] * square * np.sqrt(square)
     return total
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def cubic_slopes(z, points, weights, out):
-    """Write Σ 3 λ_j r_j (z − z_j) into `out`, in two or three dimensions, in one pass."""
-    along_x = along_y = along_z = 0.0
-    if z.size == 3:
-        for j in range(weights.size):
-            x, y, w = z[0] - points[0, j], z[1] - points[1, j], z[2] - points[2, j]
-            slope = 3.0 * weights[j] * math.sqrt(x * x + y * y + w * w)
-            along_x += slope * x
-            along_y += slope * y
-            along_z += slope * w
-        out[2] = along_z
-    else:
-        for j in range(weights.size):
-            x, y = z[0] - points[0, j], z[1] - points[1, j]
-            slope = 3.0 * weights[j] * math.sqrt(x * x + y * y)
-            along_x += slope * x
-            along_y += slope * y
-    out[0] = along_x
-    out[1] = along_y
+def cubic_slopes(x, y, z, xs, ys, zs, weights):
+    """Return Σ λ_j r_j³ and Σ λ_j r_j (z − z_j), a third of its slopes, in one pass."""
+    total = along_x = along_y = along_z = weights.dtype.type(0)
+    for j in range(weights.size):
+        a, b, c = x - xs[j], y - ys[j], z - zs[j]
+        square = a * a + b * b + c * c
+        slope = weights[j] * np.sqrt(square)
+        total += slope * square
+        along_x += slope * a
+        along_y += slope * b
+        along_z += slope * c
+    return total, (along_x, along_y, along_z)
 
 
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def local_value(z, points, weights, tail, steps, power, scratch):
-    """Return Σ λ_j φ(|z − z_j|) + Σ a_k p_k(z) of one interpolant at one point."""
-    count = points.shape[1]
-    if power == 3 and 2 <= z.size <= 3:
-        value = cubic_sum(z, points, weights)
-    else:
-        squared_distances(z, points, count, scratch[0])
-        radial_values(power, scratch[0], count)
-        value = dot(weights, scratch[0], count)
-    return value + tail_value(z, tail, steps, scratch[0])
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def local_gradient(z, points, weights, tail, steps, power, scratch, out):
-    """Write Σ λ_j φ′(r_j)/r_j (z − z_j) + Σ a_k ∇p_k(z) into `out`."""
-    count = points.shape[1]
-    if power == 3 and 2 <= z.size <= 3:
-        cubic_slopes(z, points, weights, out)
-    else:
-        slopes = scratch[0]
-        squared_distances(z, points, count, slopes)
-        radial_slopes(power, slopes, count)
-        for j in range(count):
-            slopes[j] *= weights[j]
-        for axis in range(z.size):
-            total = 0.0
-            for j in range(count):
-                total += slopes[j] * (z[axis] - points[axis, j])
-            out[axis] = total
-    if tail.size:
-        tail_value(z, tail, steps, scratch[0])
-        for axis in range(z.size):
-            out[axis] += tail_slope(z, axis, tail, steps, scratch[0], scratch[1])
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
+def cubic_bends(x, y, z, xs, ys, zs, weights):
+    """Return Σ λ_j r_j and Σ λ_j d dᵀ/r_j, d = z − z_j (xx, xy, xz, yy, yz, zz): a third of the second derivatives."""
+    total = xx = xy = xz = yy = yz = zz = weights.dtype.type(0)
+    tiny = weights.dtype.type(1e-30)
+    for j in range(weights.size):
+        a, b, c = x - xs[j], y - ys[j], z - zs[j]
+        root = np.sqrt(a * a + b * b + c * c)
+        total += weights[j] * root
+        # At a data site d is zero, and so is d dᵀ/r.
+        slope = weights[j] / (root + tiny)
+        xx += slope * a * a
+        xy += slope * a * b
+        xz += slope * a * c
+        yy += slope * b * b
+        yz += slope * b * c
+        zz += slope * c * c
+    return total, (xx, xy, xz, yy, yz, zz)
 
 
 @njit(nogil=True, cache=True)
-def evaluate(start, stop, queries, points, weights, tail, exponents, power, values, gradients):
-    """Fill values[start:stop] and, where `gradients` has rows, gradients[start:stop] of one interpolant."""
-    scratch = np.empty((2, max(points.shape[1], tail.size)))
-    steps = tail_steps(exponents)
-    for i in range(start, stop):
-        values[i] = local_value(queries[i], points, weights, tail, steps, power, scratch)
-        if len(gradients):
-            local_gradient(queries[i], points, weights, tail, steps, power, scratch, gradients[i])
+def add_cubic_jets(z, count, points, weights, order, nought, jets):
+    """Add the jets of Σ λ_j r_j³, in up to three dimensions, to those of the columns of z; `nought` holds n zeros."""
+    dimension = len(points)
+    kind = weights.dtype.type
+    xs, ys, zs = points[0], nought, nought
+    if dimension > 1:
+        ys = points[1]
+    if dimension > 2:
+        zs = points[2]
+    for i in range(count):
+        x = kind(z[0, i])
+        y = kind(z[1, i]) if dimension > 1 else kind(0)
+        w = kind(z[2, i]) if dimension > 2 else kind(0)
+        if order == 0:
+            jets[0, i] += cubic_value(x, y, w, xs, ys, zs, weights)
+            continue
+        total, slopes = cubic_slopes(x, y, w, xs, ys, zs, weights)
+        jets[0, i] += total
+        for a in range(dimension):
+            jets[1 + a, i] += 3.0 * slopes[a]
+        if order == 2:
+            trace, bends = cubic_bends(x, y, w, xs, ys, zs, weights)
+            row = 1 + dimension
+            for a in range(dimension):
+                jets[row, i] += 3.0 * trace
+                for b in range(a, dimension):
+                    jets[row, i] += 3.0 * bends[a * (5 - a) // 2 + b]
+                    row += 1
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def add_radial_jets(z, count, points, weights, power, order, scratch, jets):
+    """Add the jets of Σ λ_j φ(r_j) to those of the columns of z, for any power and dimension."""
+    dimension, sites = points.shape
+    squared, radial = scratch[0], scratch[1]
+    for i in range(count):
+        at = z[:, i]
+        squared_distances(at, points, sites, squared)
+        radial_values(power, squared, sites, radial)
+        jets[0, i] += dot(weights, radial, sites)
+        if order == 0:
+            continue
+        radial_slopes(power, squared, sites, radial)
+        trace = dot(weights, radial, sites)
+        for a in range(dimension):
+            total = 0.0
+            for j in range(sites):
+                total += weights[j] * radial[j] * (at[a] - points[a, j])
+            jets[1 + a, i] += total
+        if order == 2:
+            radial_bends(power, squared, sites, radial)
+            row = 1 + dimension
+            for a in range(dimension):
+                jets[row, i] += trace
+                for b in range(a, dimension):
+                    total = 0.0
+                    for j in range(sites):
+                        total += weights[j] * radial[j] * (at[a] - points[a, j]) * (at[b] - points[b, j])
+                    jets[row, i] += total
+                    row += 1
+
+
+@njit(nogil=True, cache=True)
+def local_jets(z, count, points, weights, coefficients, lowered, power, order, terms, scratch, jets):
+    """Write the jets of Σ λ_j φ(|z − z_j|) + Σ a_k p_k(z) at the first `count` columns of z (d, ·).
+
+    Parameters
+    ----------
+    points, weights : (d, n), (n,)
+        Of one kind, float64 or float32, in which the sums over the points are formed.
+    coefficients : (jet, q)
+        See `tail_derivatives`.
+    terms, scratch : (q, ·), (3, n or more)
+        Working space; scratch[2] holds zeros.
+    jets : (jet, ·)
+    """
+    tail_jets(z, count, coefficients, lowered, terms, jets)
+    if power == 3 and len(points) <= 3:
+        add_cubic_jets(z, count, points, weights, order, scratch[2], jets)
+    else:
+        add_radial_jets(z, count, points, weights, power, order, scratch, jets)
+
+
+@njit(nogil=True, cache=True)
+def evaluate(start, stop, queries, points, weights, tail, exponents, power, order, jets):
+    """Fill the jets of one interpolant at the columns start:stop of `queries` (d, n)."""
+    lowered = lower_exponents(exponents)
+    coefficients = np.empty((jet_size(len(points), order), tail.size))
+    tail_derivatives(tail, exponents, lowered, order, coefficients)
+    terms = np.empty((len(exponents), stop - start))
+    scratch = np.zeros((3, points.shape[1]), dtype=points.dtype)
+    z, part = queries[:, start:stop], jets[:, start:stop]
+    local_jets(z, stop - start, points, weights, coefficients, lowered, power, order, terms, scratch, part)

@@ -30,7 +30,7 @@ def radial_matrix(points, power):
         for axis in range(z.size):
             z[axis] = points[axis, i]
         squared_distances(z, points, i, matrix[i])
-        radial_values(power, matrix[i], i)
+        radial_values(power, matrix[i], i, matrix[i])
         for j in range(i):
             matrix[j, i] = matrix[i, j]
     return matrix

@@ -1,14 +1,14 @@
 """Where a field is asked: a regular lattice over a box, sampled block by block in bounded memory."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_bounds, require_finite, require_positive
 from o3dleaf.errors import InputError, MemoryBudgetError
-from o3dleaf.field import Field
-from o3dleaf.mesh.arrays import BoolArray
 from o3dleaf.parallel import Progress, blocks
 
 BLOCK = 1 << 18
@@ -27,17 +27,17 @@ class Lattice:
 
     Attributes
     ----------
-    origin : (3,) tuple of float
+    origin : (d,) tuple of float
         Position of point (0, 0, 0).
-    spacing : (3,) tuple of float
+    spacing : (d,) tuple of float
         Step along each axis, in the unit of `origin`.
-    shape : (3,) tuple of int
+    shape : (d,) tuple of int
         Number of points along each axis.
     """
 
-    origin: tuple[float, float, float]
-    spacing: tuple[float, float, float]
-    shape: tuple[int, int, int]
+    origin: tuple[float, ...]
+    spacing: tuple[float, ...]
+    shape: tuple[int, ...]
 
     def __post_init__(self) -> None:
         """Refuse steps that are not positive and lattices without a cell or beyond all memory."""
@@ -49,7 +49,7 @@ class Lattice:
             raise MemoryBudgetError(f"lattice: {self.size:.2g} points are too many; coarsen the spacing or cut the box")
 
     @classmethod
-    def covering(cls, bounds: npt.ArrayLike, spacing: float | npt.ArrayLike) -> "Lattice":
+    def covering(cls, bounds: npt.ArrayLike, spacing: float | npt.ArrayLike, *, dimension: int = 3) -> "Lattice":
         r"""Return the lattice of whole multiples of `spacing` that covers a box.
 
         The points lie at spacing * k for integers floor(lower / spacing) <= k <= ceil(upper / spacing),
@@ -57,18 +57,20 @@ class Lattice:
 
         Parameters
         ----------
-        bounds : (2, 3) array_like
+        bounds : (2, d) array_like
             Lower, then upper corner.
-        spacing : float or (3,) array_like
+        spacing : float or (d,) array_like
             Step, in the unit of `bounds`; one number for all axes or one each.
+        dimension : int
+            d.
 
         Raises
         ------
         InputError, MemoryBudgetError
             If a step is not positive, or there would be too many points.
         """
-        lower, upper = as_bounds(bounds, 3)
-        step = as_step(spacing)
+        lower, upper = as_bounds(bounds, dimension)
+        step = as_step(spacing, dimension)
         # A corner that is a multiple but for rounding must not cost a layer more.
         first, last = np.floor(lower / step + 1e-9), np.ceil(upper / step - 1e-9)
         count = np.maximum(last - first, 1.0) + 1.0
@@ -76,63 +78,68 @@ class Lattice:
             raise MemoryBudgetError(
                 f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or cut the box"
             )
-        a, b, c = (first * step).tolist()
-        u, v, w = step.tolist()
-        i, j, k = (int(n) for n in count)
-        return cls((a, b, c), (u, v, w), (i, j, k))
+        return cls(tuple((first * step).tolist()), tuple(step.tolist()), tuple(int(n) for n in count))
 
     @property
     def size(self) -> int:
         """Number of lattice points."""
-        return self.shape[0] * self.shape[1] * self.shape[2]
+        return int(np.prod(self.shape, dtype=object))
 
     @property
     def bounds(self) -> FloatArray:
-        """(2, 3) first and last point of the lattice."""
-        return self.positions(np.array([(0, 0, 0), self.shape], dtype=np.float64) - [[0] * 3, [1] * 3])
+        """(2, d) first and last point of the lattice."""
+        return self.positions(np.array([np.zeros(len(self.shape)), np.array(self.shape) - 1.0]))
 
     def positions(self, indices: npt.ArrayLike) -> FloatArray:
-        """Return the (n, 3) positions of (n, 3) lattice coordinates, whole or fractional."""
+        """Return the (n, d) positions of (n, d) lattice coordinates, whole or fractional."""
         return np.asarray(np.asarray(self.origin) + np.asarray(indices) * np.asarray(self.spacing), dtype=np.float64)
+
+    def ticks(self, axis: int) -> FloatArray:
+        """Return the coordinates of the points along one axis."""
+        return np.asarray(self.origin[axis] + np.arange(self.shape[axis]) * self.spacing[axis], dtype=np.float64)
 
     def columns(self) -> FloatArray:
         """Return the (nx * ny, 2) positions (x, y) of the lattice's columns, y running fastest.
 
-        What an outline says of them, reshaped to (nx, ny), is the `keep` of `sample_lattice`.
+        What an outline says of them, reshaped to (nx, ny), is the `keep` of `sample_lattice`. In d
+        dimensions a column is what has its first d − 1 coordinates in common.
         """
-        grid = np.stack(np.meshgrid(*(np.arange(n) for n in self.shape[:2]), indexing="ij"), axis=-1).reshape(-1, 2)
-        return np.asarray(np.asarray(self.origin[:2]) + grid * np.asarray(self.spacing[:2]), dtype=np.float64)
+        axes = [self.ticks(axis) for axis in range(len(self.shape) - 1)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def as_step(spacing: float | npt.ArrayLike) -> FloatArray:
-    """Return the (3,) steps of a spacing given as one number or three, or raise `InputError`."""
+def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
+    """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
     step = np.asarray(spacing, dtype=np.float64)
-    if step.shape not in {(), (3,)}:
+    if step.shape not in {(), (dimension,)}:
         raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
     for each in step.ravel():
         require_positive(float(each), "spacing")
-    return np.broadcast_to(step, 3)
+    return np.broadcast_to(step, dimension)
 
 
 def sample_lattice(
-    field: Field,
+    field: Callable[[FloatArray], npt.NDArray[Any]],
     lattice: Lattice,
     *,
     keep: npt.ArrayLike | None = None,
+    dtype: npt.DTypeLike = np.float64,
     block: int = BLOCK,
     progress: Progress | None = None,
-) -> FloatArray:
+) -> npt.NDArray[Any]:
     """Return the values of a field at the points of a lattice.
 
     Parameters
     ----------
-    field : Field
-        Called with `block` points at a time from this thread; it spreads them over threads itself.
+    field : Field or callable
+        Called with about `block` points at a time from this thread; it spreads them over threads itself.
     lattice : Lattice
         The points, in the unit of the field.
     keep : (nx, ny) array_like of bool, optional
         The columns to ask; the points of all others get the value `OUTSIDE`. Hand the same mask to
         `polygonise`, which leaves out the walls that the jump would make.
+    dtype : float64 or float32
+        Of the result.
     block : int
         Points asked for at once; the result does not depend on it.
     progress : callable, optional
@@ -148,21 +155,25 @@ def sample_lattice(
     InputError
         If `keep` has another shape than the lattice's columns, or the field returns NaN.
     """
-    depth = lattice.shape[2]
-    columns = np.flatnonzero(check_keep(keep, lattice.shape[:2]))
-    samples = np.full(lattice.size, OUTSIDE)
-    total = len(columns) * depth
-    for start, stop in blocks(total, block):
-        number = np.arange(start, stop)
-        flat = columns[number // depth] * depth + number % depth
-        points = lattice.positions(np.stack(np.unravel_index(flat, lattice.shape), axis=1))
-        samples[flat] = require_finite(np.asarray(field(points), dtype=np.float64), "field values")
+    depth = lattice.ticks(-1)
+    chosen = np.flatnonzero(check_keep(keep, lattice.shape[:-1]))
+    columns = lattice.columns()
+    samples = np.full((len(columns), len(depth)), OUTSIDE, dtype)
+    piece = min(block, len(depth))
+    for first, last in blocks(len(chosen), max(block // piece, 1)):
+        rows = chosen[first:last]
+        for start, stop in blocks(len(depth), piece):
+            points = np.empty((last - first, stop - start, len(lattice.shape)))
+            points[..., :-1] = columns[rows, np.newaxis]
+            points[..., -1] = depth[start:stop]
+            found = np.asarray(field(points.reshape(-1, len(lattice.shape))))
+            samples[rows, start:stop] = require_finite(found, "field values").reshape(points.shape[:2])
         if progress:
-            progress(stop, total)
+            progress(last * len(depth), len(chosen) * len(depth))
     return samples.reshape(lattice.shape)
 
 
-def check_keep(keep: npt.ArrayLike | None, shape: tuple[int, ...]) -> BoolArray:
+def check_keep(keep: npt.ArrayLike | None, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
     """Return the mask of columns as an array of `shape` (all of them where it is None), or raise `InputError`."""
     if keep is None:
         return np.ones(shape, dtype=bool)

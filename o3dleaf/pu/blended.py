@@ -1,0 +1,129 @@
+"""What every blend of balls can be asked: values, gradients and Hessians, at points and on lattices."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray, as_points
+from o3dleaf.errors import InputError
+from o3dleaf.lattice import Lattice, sample_lattice
+from o3dleaf.parallel import Progress, blocks, run_blocks
+from o3dleaf.pu.index import BallIndex
+from o3dleaf.pu.jets import unpack
+from o3dleaf.pu.local import LocalFits
+
+CHUNK = 1 << 18
+"""Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
+result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`."""
+WORKING_MEMORY = 128 * CHUNK
+"""32 MiB, however many points are asked for; the result does not depend on it."""
+FOLD_BLOCK = 1 << 15
+
+
+class Blended:
+    """A partition of unity that can be evaluated: local fits, and the index that says which of them hold a point.
+
+    Outside its domain a blend is its value at the nearest point of the domain less the distance to
+    it. Whatever the number of points, evaluation needs `WORKING_MEMORY` beside its arguments and
+    its result.
+    """
+
+    local: LocalFits
+    index: BallIndex
+
+    def __call__(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+        """Return the (n,) values at (n, d) points.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+        dtype : float64 or float32
+            The numbers that the sums over a ball's points are formed in. Single precision is two to three times
+            as fast, and right to about 10⁻⁷ of the largest λ_j φ(r_j), of which the value may be a small rest.
+        """
+        return self._evaluate(points, 0, dtype)[0]
+
+    def gradient(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+        """Return the (n, d) analytic gradients at (n, d) points, through the weights and the local fits.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+        dtype : float64 or float32
+            As for the values.
+        """
+        return self._evaluate(points, 1, dtype)[1]
+
+    def hessian(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+        """Return the (n, d, d) analytic second derivatives at (n, d) points.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+        dtype : float64 or float32
+            As for the values.
+
+        Raises
+        ------
+        InputError
+            If the local fits are not twice differentiable: splines of φ = −r and r² log r are not.
+        """
+        return self._evaluate(points, 2, dtype)[2]
+
+    def on_lattice(
+        self,
+        bounds: npt.ArrayLike,
+        spacing: float | npt.ArrayLike,
+        *,
+        dtype: npt.DTypeLike = np.float64,
+        progress: Progress | None = None,
+    ) -> tuple[Lattice, npt.NDArray[Any]]:
+        """Return the lattice of whole multiples of `spacing` that covers a box, and the values on it.
+
+        Parameters
+        ----------
+        bounds : (2, d) array_like
+            Lower, then upper corner, in the field's unit.
+        spacing : float or (d,) array_like
+            Step, one for all axes or one each.
+        dtype : float64 or float32
+            As for single points; also that of the result.
+        progress : callable, optional
+            ``progress(done, total)`` in lattice points.
+
+        Returns
+        -------
+        lattice : Lattice
+        values : ndarray of shape ``lattice.shape``
+
+        Raises
+        ------
+        InputError, MemoryBudgetError
+            If the box or the spacing cannot be meant, or the lattice would not fit into memory.
+        """
+        lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
+        return lattice, sample_lattice(lambda at: self(at, dtype=dtype), lattice, dtype=dtype, progress=progress)
+
+    def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> tuple[npt.NDArray[Any], ...]:
+        """Return values and, up to `level`, gradients and Hessians (else no rows)."""
+        kind = np.dtype(dtype)
+        if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
+            raise InputError(f"dtype: is {kind}; give float64 or float32")
+        index = self.index
+        dimension = index.bounds.shape[1]
+        queries = as_points(points, dim=dimension)
+        count = len(queries)
+        values = np.empty(count, dtype=kind)
+        gradients = np.empty((count if level > 0 else 0, dimension), dtype=kind)
+        hessians = np.empty((count if level > 1 else 0, dimension, dimension), dtype=kind)
+        for first, last in blocks(count, CHUNK):
+            part = queries[first:last]
+            jets = self.local.blend(index, part, level=level, dtype=kind)
+            found = values[first:last], gradients[first:last], hessians[first:last]
+
+            def task(start: int, stop: int) -> None:
+                unpack(start, stop, jets, part, index.bounds, index.period, *found)  # noqa: B023 - runs within this turn
+
+            run_blocks(task, last - first, FOLD_BLOCK)
+        return values, gradients, hessians
