@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -74,6 +75,60 @@ def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArr
     if len(array) != 2 or np.any(array[1] < array[0]):
         raise InputError(f"{name}: give the lower corner, then the upper corner, shape (2, {dim})")
     return array
+
+
+def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
+    """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
+    step = np.asarray(spacing, dtype=np.float64)
+    if step.shape not in {(), (dimension,)}:
+        raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
+    for each in step.ravel():
+        require_positive(float(each), "spacing")
+    return np.broadcast_to(step, dimension)
+
+
+def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
+    """Return an array of finite real numbers in this machine's byte order, copied only if it must be.
+
+    Raises
+    ------
+    InputError
+        If it holds anything else, or has no voxel.
+    """
+    voxels: npt.NDArray[Any] = np.asarray(data)
+    if voxels.dtype.kind not in "buif":
+        raise InputError(f"{name}: holds {voxels.dtype} values; give real numbers")
+    if voxels.ndim == 0 or voxels.size == 0:
+        raise InputError(f"{name}: has shape {voxels.shape}; give an array of voxels")
+    if voxels.dtype.kind == "b":
+        return voxels.astype(np.uint8)
+    if not voxels.dtype.isnative:
+        # Compiled loops know this machine's byte order only; ImageJ writes the other one.
+        voxels = voxels.astype(voxels.dtype.newbyteorder("="))
+    if voxels.dtype.kind == "f":
+        # Slab by slab in the file's own order, so that a mapped file is read once and never held whole.
+        axis = int(np.argmax(voxels.strides))
+        for i in range(voxels.shape[axis]):
+            require_finite(voxels.take(i, axis=axis), f"{name}, slab {i} along axis {axis}")
+    return voxels
+
+
+def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str = "mask") -> npt.NDArray[np.bool_]:
+    """Return `mask` as an array of bool of the given shape, or raise `InputError`."""
+    array = np.asarray(mask)
+    if array.shape != shape or array.dtype != np.bool_:
+        raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one bool a voxel, shape {shape}")
+    return array
+
+
+def as_rigid_motion(transform: npt.ArrayLike, dimension: int = 3) -> tuple[FloatArray, FloatArray]:
+    """Return rotation (d, d) and displacement (d,) of a (d + 1, d + 1) matrix, or raise `InputError`."""
+    matrix = as_points(transform, "transform", dim=dimension + 1)
+    turn = matrix[:dimension, :dimension]
+    size = f"({dimension + 1}, {dimension + 1})"
+    if len(matrix) != dimension + 1 or np.abs(turn @ turn.T - np.eye(dimension)).max() > 1e-9:
+        raise InputError(f"transform: is no rigid motion of shape {size}; give a rotation and a displacement")
+    return turn, matrix[:dimension, dimension]
 
 
 def require_finite(array: FloatArray, name: str) -> FloatArray:

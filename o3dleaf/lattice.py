@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_bounds, require_finite, require_positive
+from o3dleaf.checks import FloatArray, as_bounds, as_step, require_finite, require_positive
 from o3dleaf.errors import InputError, MemoryBudgetError
 from o3dleaf.parallel import Progress, blocks
 
@@ -106,16 +106,6 @@ class Lattice:
         """
         axes = [self.ticks(axis) for axis in range(len(self.shape) - 1)]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-
-
-def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
-    """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
-    step = np.asarray(spacing, dtype=np.float64)
-    if step.shape not in {(), (dimension,)}:
-        raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
-    for each in step.ravel():
-        require_positive(float(each), "spacing")
-    return np.broadcast_to(step, dimension)
 
 
 def sample_lattice(

@@ -135,10 +135,19 @@ def create_texture(
         level = volume.threshold(options.level)
         transform = align_blade(volume, level)
         box = inscribed_box(volume.bounds, transform)
-        points, values = volume.to_samples(level, transform=transform, bounds=box)
     # A smoothed implicit interpolant F(z) = f_surface on the voxels.
     with journal.stage("fit micro-scale interpolant") as progress:
-        field = PUInterpolant.fit(points, values, rho=options.rho, unit=volume.unit, bounds=box, progress=progress)
+        field = PUInterpolant.fit_lattice(
+            volume.data,
+            spacing=volume.spacing,
+            origin=volume.origin,
+            transform=transform,
+            isovalue=level,
+            rho=options.rho,
+            unit=volume.unit,
+            bounds=box,
+            progress=progress,
+        )
     # Copies displaced by exactly the width of the segment, blended by the partition of unity.
     return TiledField(field)
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_bounds, as_points, require_finite
+from o3dleaf.checks import FloatArray, as_bounds, as_points, as_voxels
 from o3dleaf.ct.threshold import histogram_threshold
 from o3dleaf.errors import InputError
 from o3dleaf.units import check_unit
@@ -187,21 +187,9 @@ def as_spacing(spacing: npt.ArrayLike) -> FloatArray:
 
 
 def _as_voxels(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    voxels: npt.NDArray[Any] = np.asarray(data)
-    if voxels.dtype.kind not in "buif":
-        raise InputError(f"volume: holds {voxels.dtype} values; give real numbers")
+    voxels = as_voxels(data, "volume")
     if voxels.ndim != 3 or min(voxels.shape) < 2:
         raise InputError(f"volume: has shape {voxels.shape}; give (nx, ny, nz) voxels, at least 2 along each axis")
-    if voxels.dtype.kind == "b":
-        return voxels.astype(np.uint8)
-    if not voxels.dtype.isnative:
-        # Compiled loops know this machine's byte order only; ImageJ writes the other one.
-        voxels = voxels.astype(voxels.dtype.newbyteorder("="))
-    if voxels.dtype.kind == "f":
-        # Slab by slab in the file's own order, so that a mapped file is read once and never held whole.
-        axis = int(np.argmax(voxels.strides))
-        for i in range(voxels.shape[axis]):
-            require_finite(voxels.take(i, axis=axis), f"volume, slab {i} along {'xyz'[axis]}")
     return voxels
 
 

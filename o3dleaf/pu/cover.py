@@ -1,6 +1,7 @@
 """An adaptive cover: balls around the cells of a box that is halved until each holds few enough points."""
 
 from dataclasses import dataclass
+from operator import index
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -47,18 +48,13 @@ class Cover:
         Raises
         ------
         InputError
-            If the bounds on points or the overlap make no sense, or too many points coincide.
+            If too many points coincide.
         """
         least, most = points_per_ball
-        if not 1 <= least <= most:
-            raise InputError(f"points_per_ball: is {points_per_ball}; give (least, most) with 1 <= least <= most")
-        if not 1 < overlap < 10:
-            raise InputError(f"overlap: is {overlap}; give a factor above 1, such as 1.1")
         tree = cKDTree(points)
         low, high = _halve_until_small(tree, bounds, most, overlap)
         centres, radii = _circumscribe(low, high, overlap)
-        index = BallIndex.build(centres, radii, bounds)
-        offsets, members = index.members(points)
+        offsets, members = BallIndex.build(centres, radii, bounds).members(points)
         least = min(least, len(points))
         few = np.flatnonzero(np.diff(offsets) < least)
         _, nearest = tree.query(centres[few], k=np.arange(1, least + 1), workers=-1)
@@ -69,6 +65,20 @@ class Cover:
     def counts(self) -> IntArray:
         """(M,) number of points that each ball is fitted to, the paper's N_i."""
         return np.diff(self.offsets)
+
+
+def as_ball_size(points_per_ball: int | tuple[int, int], overlap: float) -> tuple[int, int]:
+    """Return (least, most) points of a ball, an int n standing for (n/2, n), or raise `InputError`."""
+    if isinstance(points_per_ball, tuple | list):
+        least, most = (index(number) for number in points_per_ball)
+    else:
+        most = index(points_per_ball)
+        least = max(most // 2, 1)
+    if not 1 <= least <= most:
+        raise InputError(f"points_per_ball: is {points_per_ball}; give (least, most) with 1 <= least <= most")
+    if not 1 < overlap < 10:
+        raise InputError(f"overlap: is {overlap}; give a factor above 1, such as 1.1")
+    return least, most
 
 
 def _circumscribe(low: FloatArray, high: FloatArray, overlap: float) -> tuple[FloatArray, FloatArray]:

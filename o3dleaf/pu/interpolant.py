@@ -3,19 +3,32 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_bounds, as_points, as_values, as_weights
+from o3dleaf.checks import (
+    FloatArray,
+    as_bounds,
+    as_mask,
+    as_points,
+    as_rigid_motion,
+    as_step,
+    as_values,
+    as_voxels,
+    as_weights,
+)
 from o3dleaf.errors import IllPosedError, InputError
 from o3dleaf.field import Field
 from o3dleaf.parallel import Progress
 from o3dleaf.pu.blended import Blended
-from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
+from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
 from o3dleaf.store import write_model
@@ -23,6 +36,9 @@ from o3dleaf.units import check_unit
 
 POINTS_PER_BALL = (200, 400)
 OVERLAP = 1.1
+
+FACE = 1e-6
+"""Share of a voxel that a box may reach beyond the lattice: the rounding of a box computed from it."""
 
 LocalFitter = Callable[[FloatArray, FloatArray], Field]
 """Fits one ball: (n, d) points and (n,) values in, a Field out."""
@@ -116,7 +132,7 @@ class PUInterpolant(Blended):
         sites = as_points(points, least=1)
         data = as_values(values, len(sites))
         box = _box(sites, bounds)
-        size = (max(points_per_ball // 2, 1), points_per_ball) if isinstance(points_per_ball, int) else points_per_ball
+        size = as_ball_size(points_per_ball, overlap)
         cover = Cover.fit(sites, box, size, overlap)
         index = BallIndex.build(cover.centres, cover.radii, box)
         trust = None if weights is None else as_weights(weights, len(sites))
@@ -125,13 +141,86 @@ class PUInterpolant(Blended):
             rows = np.split(cover.members, cover.offsets[1:-1])
             fields = LocalFields([local(sites[r], data[r]) for r in rows])
             return cls(cover, index, fields, check_unit(unit), data_hash)
-        phi = as_kernel(kernel, sites.shape[1])
-        degree = phi.degree if degree is None else degree
-        if degree < phi.least_degree:
-            raise IllPosedError(f"degree: is {degree}; this kernel needs at least {phi.least_degree}")
+        phi, degree = _spline(kernel, degree, sites.shape[1])
         rule = as_smoothing(phi, smoothing, rho)
         splines = LocalSplines.fit(cover, sites, data, phi, degree, rule, trust=trust, progress=progress)
         return cls(cover, index, splines, check_unit(unit), data_hash)
+
+    @classmethod
+    def fit_lattice(  # noqa: PLR0913 - the options of a lattice besides those of a spline, of a cover and of a field
+        cls,
+        values: npt.ArrayLike,
+        *,
+        spacing: float | npt.ArrayLike,
+        origin: npt.ArrayLike | None = None,
+        transform: npt.ArrayLike | None = None,
+        isovalue: float = 0.0,
+        mask: npt.ArrayLike | None = None,
+        kernel: str | Polyharmonic = "cubic",
+        degree: int | None = None,
+        smoothing: Amount | None = None,
+        rho: Amount | None = None,
+        points_per_ball: int | tuple[int, int] = POINTS_PER_BALL,
+        overlap: float = OVERLAP,
+        unit: str | None = None,
+        bounds: npt.ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> "PUInterpolant":
+        r"""Fit the voxels of a volume, by balls that sit alike on its lattice and share one factorisation.
+
+        As exact as `fit` to the same voxels with the same balls, and tens of times as fast: the cost is that
+        of reading each ball's values. The balls lie as the lattice does, not as the box of the data.
+
+        Parameters
+        ----------
+        values : (n_1, ..., n_d) array_like
+            Real numbers of any type; ``values[i, j, k]`` lies at origin + spacing * (i, j, k).
+        spacing : float or (d,) array_like
+            Distance between voxels, in `unit`.
+        origin : (d,) array_like, optional
+            Position of the first voxel, in `unit`; 0 by default.
+        transform : (d + 1, d + 1) array_like, optional
+            Rigid motion of the lattice, for example from `align_blade`; give `bounds` with it.
+        isovalue : float
+            Taken off the values, so that the surface is where the field is zero.
+        mask : array_like of bool, of the shape of `values`, optional
+            Where the full resolution is wanted, such as a band around the surface. It chooses balls: where they
+            hold no marked voxel, larger ones are fitted to every second, fourth, ... voxel.
+        kernel, degree, smoothing, rho, overlap, unit, progress
+            As in `fit`; "gcv" looks at the balls in the interior.
+        points_per_ball : int or (least, most)
+            Balls hold at most so many voxels; those at a face of the lattice hold fewer.
+        bounds : (2, d) array_like, optional
+            The box to cover, within the voxels' faces; by default that of the voxels' centres. Voxels outside
+            the box are used where a ball reaches them.
+
+        Raises
+        ------
+        InputError
+            If the input has a wrong shape or is not finite, or the box is not within the voxels.
+        IllPosedError
+            If the degree is below what the kernel needs.
+        """
+        data = np.ascontiguousarray(as_voxels(values))
+        dimension = data.ndim
+        step = as_step(spacing, dimension)
+        start = np.zeros(dimension) if origin is None else as_points(origin, "origin", dim=dimension)[0]
+        turn, moved = np.eye(dimension), start
+        if transform is not None:
+            turn, shift = as_rigid_motion(transform, dimension)
+            moved = turn @ start + shift
+        steps = step[:, np.newaxis] * turn.T
+        box = _voxel_box(bounds, data.shape, steps, moved, turned=transform is not None)
+        marked = None if mask is None else as_mask(mask, data.shape)
+        _, most = as_ball_size(points_per_ball, overlap)
+        cover = VoxelCover.fit(data.shape, steps, most, overlap, marked).reaching(box[0], box[1], moved)
+        phi, degree = _spline(kernel, degree, dimension)
+        rule = as_smoothing(phi, smoothing, rho)
+        splines = fit_splines(cover, VoxelValues(data, isovalue), phi, degree, rule, progress)
+        centres, radii = cover.centres(moved), cover.radii
+        balls = Cover(centres, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
+        data_hash = _hash(data, step, start, turn, moved)
+        return cls(balls, BallIndex.build(centres, radii, box), splines, check_unit(unit), data_hash)
 
     @property
     def bounds(self) -> FloatArray:
@@ -141,6 +230,31 @@ class PUInterpolant(Blended):
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
         write_model(path, self)
+
+
+def _spline(kernel: str | Polyharmonic, degree: int | None, dimension: int) -> tuple[Polyharmonic, int]:
+    """Return the kernel and the degree of its tail, or raise `IllPosedError`."""
+    phi = as_kernel(kernel, dimension)
+    chosen = phi.degree if degree is None else degree
+    if chosen < phi.least_degree:
+        raise IllPosedError(f"degree: is {chosen}; this kernel needs at least {phi.least_degree}")
+    return phi, chosen
+
+
+def _voxel_box(
+    bounds: npt.ArrayLike | None, shape: tuple[int, ...], steps: FloatArray, origin: FloatArray, *, turned: bool
+) -> FloatArray:
+    """Return the box to cover, or raise `InputError` where it reaches beyond the voxels' faces."""
+    if bounds is None:
+        if turned:
+            raise InputError("bounds: are needed with a transform; give a box within the turned voxels (inscribed_box)")
+        return np.array([origin, origin + np.diag(steps) * (np.array(shape) - 1)])
+    box = as_bounds(bounds, len(shape))
+    corners = np.array(list(product(*box.T)))
+    voxels = (corners - origin) @ np.linalg.inv(steps)
+    if np.any(voxels < -0.5 - FACE) or np.any(voxels > np.array(shape) - 0.5 + FACE):
+        raise InputError("bounds: reach beyond the voxels; give a smaller box (inscribed_box finds the largest)")
+    return box
 
 
 def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:
@@ -153,7 +267,7 @@ def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:
     return box
 
 
-def _hash(*arrays: FloatArray | None) -> str:
+def _hash(*arrays: npt.NDArray[Any] | None) -> str:
     """Return the SHA-256 of the bytes of the arrays that there are."""
     digest = hashlib.sha256()
     for array in arrays:

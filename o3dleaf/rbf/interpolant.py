@@ -136,7 +136,8 @@ class RBFInterpolant:
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d) gradients of the spline at (n, d) points, in value per `unit`."""
-        return self._jets(points, 1)[1:].T / self.radius
+        slopes: FloatArray = self._jets(points, 1)[1:].T / self.radius
+        return slopes
 
     def hessian(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d, d) second derivatives at (n, d) points, in value per `unit` squared.

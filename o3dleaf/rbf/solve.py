@@ -277,6 +277,19 @@ def spectrum(points, values, exponents, power):
 
 
 @njit(nogil=True, cache=True)
+def spectra(points, values, exponents, power):
+    """Return (eigenvalues e, coefficients c (·, m)) of a system with m columns of values (n, m); see `spectrum`."""
+    matrix, vectors, betas, triangle, _ = project(points, exponents, power, np.zeros(len(values)))
+    rank = len(triangle)
+    rotated = np.empty((values.shape[1], len(values)))
+    for column in range(values.shape[1]):
+        rotated[column] = values[:, column]
+        reflect(rotated[column], vectors, betas, True)
+    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
+    return eigenvalues, np.ascontiguousarray(eigenvectors.T) @ np.ascontiguousarray(rotated[:, rank:].T)
+
+
+@njit(nogil=True, cache=True)
 def held_out(points, values, exponents, power, diagonal, groups):
     """Return f − F⁽⁻ᴵ⁾ at every point, F⁽⁻ᴵ⁾ fitted without the whole group I of the point; NaN where too few are left.
 
