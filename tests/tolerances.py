@@ -149,3 +149,8 @@ SILHOUETTE = 1.5
 
 HELD_OUT = 1e-7
 """Values of order 1, one inverse of a 220-point system against a refit; a wrong group index gives 1e-2."""
+
+# --- pu: voxels ---
+
+SHARED_FACTOR = 1e-9
+"""Issue 3's own number, as a share of the largest value: one factor for many balls found 1e-12, a wrong point 1e-3."""

@@ -190,20 +190,22 @@ def _all_tiles(shape: tuple[int, ...], tile: IntArray) -> tuple[IntArray, IntArr
 
 
 def _merged_tiles(mask: npt.NDArray[np.bool_], tile: IntArray) -> tuple[IntArray, IntArray]:
-    """Return starts and levels of tiles: halved along every axis, from the largest, where they hold a marked voxel."""
-    top = int(np.log2(min(size // side for size, side in zip(mask.shape, tile, strict=True))))
+    """Return starts and levels of tiles: as large as can be where they hold no marked voxel, whole in the lattice."""
     table = np.zeros([size + 1 for size in mask.shape], dtype=np.int64)
     table[(slice(1, None),) * mask.ndim] = mask
     for axis in range(mask.ndim):
         np.cumsum(table, axis=axis, out=table)
-    starts, _ = _all_tiles(mask.shape, tile << top)
+    whole = np.array(mask.shape) // tile
+    merged = np.zeros(-(-np.array(mask.shape) // tile), dtype=bool)
     done: list[tuple[IntArray, int]] = []
-    for level in range(top, 0, -1):
-        marked = _marked(table, starts, tile << level)
-        done.append((starts[~marked], level))
-        halves = np.array(list(product((0, 1), repeat=mask.ndim))) * (tile << (level - 1))
-        starts = (starts[marked, np.newaxis] + halves).reshape(-1, mask.ndim)
-    done.append((starts, 0))
+    for level in range(int(np.log2(whole.min())), 0, -1):
+        places = np.argwhere(np.ones(whole >> level, dtype=bool)) << level
+        free = ~merged[tuple(places.T)] & ~_marked(table, places * tile, tile << level)
+        inside = np.array(list(product(range(1 << level), repeat=mask.ndim)))
+        merged[tuple((places[free, np.newaxis] + inside).reshape(-1, mask.ndim).T)] = True
+        done.append((places[free] * tile, level))
+    starts, _ = _all_tiles(mask.shape, tile)
+    done.append((starts[~merged.ravel()], 0))
     return np.concatenate([s for s, _ in done]), np.concatenate([np.full(len(s), level) for s, level in done])
 
 
