@@ -53,11 +53,12 @@ def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
         raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
 
 
-def as_values(values: npt.ArrayLike, count: int, name: str = "values") -> FloatArray:
-    """Return `values` as a finite (count,) float64 array, or raise `InputError`."""
+def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
+    """Return `values` as a finite (count,) array, or (count, m) where there may be `columns`, or raise `InputError`."""
     array = _as_floats(values, name)
-    if array.shape != (count,):
-        raise InputError(f"{name}: has shape {array.shape}; give one value a point, shape ({count},)")
+    if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
+        wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
+        raise InputError(f"{name}: has shape {array.shape}; give one value a point, shape {wanted}")
     return require_finite(array, name)
 
 

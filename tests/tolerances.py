@@ -154,3 +154,17 @@ HELD_OUT = 1e-7
 
 SHARED_FACTOR = 1e-9
 """Issue 3's own number, as a share of the largest value: one factor for many balls found 1e-12, a wrong point 1e-3."""
+
+# --- rbf: parity with SciPy ---
+
+SCIPY_PARITY = 1e-8
+"""Issue 3's own number, as a share of the largest value; found 1e-9 for the quintic with a tail of degree 4."""
+
+LEAST_SQUARES_LIMIT = 1e-6
+"""A smoothing of 1e10 leaves about n r⁵/1e10 of the spline; one of 1e6 would leave 1e-3."""
+
+OUTLIER = 1e-6
+"""A value of 1e3 trusted by 1e-12 moves the fit by 1e3 · 1e-12/1e-3; trusted fully, by its whole size."""
+
+EXTREME_DOMAIN = 1e-4
+"""Coordinates of 1e55 leave eleven digits of a domain of 1e50, of which the quintic's system loses six."""

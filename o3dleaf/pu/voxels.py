@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import lapack, solve_triangular
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.errors import ReconstructionError
 from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
 from o3dleaf.pu.local import GCV_BALLS, LocalSplines
 from o3dleaf.rbf import solve
+from o3dleaf.rbf.factor import LocalFactor
 from o3dleaf.rbf.kernels import Polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
@@ -219,46 +218,6 @@ def _marked(table: IntArray, starts: IntArray, sides: IntArray) -> npt.NDArray[n
 
 
 @dataclass(frozen=True, eq=False)
-class _Factor:
-    """What a class of balls shares: P = Q R, Q = I − Y T Yᵀ, and the factor of Qᵀ (A + D) Q on the null space."""
-
-    reflectors: FloatArray
-    triangle: FloatArray
-    cholesky: FloatArray
-    above: FloatArray
-    right: FloatArray
-    basis: FloatArray
-
-    @classmethod
-    def of(cls, points: FloatArray, exponents: IntArray, power: int, diagonal: float) -> "_Factor":
-        matrix, vectors, betas, right, basis = solve.project(
-            points, exponents, power, np.full(points.shape[1], diagonal)
-        )
-        rank = len(right)
-        factor, failed = lapack.dpotrf(matrix[rank:, rank:], lower=1, clean=0)
-        if failed:
-            raise ReconstructionError(
-                "smoothing: without any, the voxels' system is singular to rounding; give a smoothing or a rho above 0"
-            )
-        triangle = np.zeros((len(betas), len(betas)))
-        for k, beta in enumerate(betas):
-            triangle[:k, k] = -beta * (triangle[:k, :k] @ (vectors[:k] @ vectors[k]))
-            triangle[k, k] = beta
-        return cls(vectors, triangle, factor, matrix[:rank, rank:].copy(), right, basis)
-
-    def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the (m, n) weights and (m, q) tails of balls with (m, n) values."""
-        rank = len(self.right)
-        rotated = values - values @ self.reflectors.T @ self.triangle @ self.reflectors
-        inner, _ = lapack.dpotrs(self.cholesky, rotated[:, rank:].T, lower=1)
-        reduced = solve_triangular(self.right, rotated[:, :rank].T - self.above @ inner)
-        weights = np.zeros_like(values)
-        weights[:, rank:] = inner.T
-        weights -= weights @ self.reflectors.T @ self.triangle.T @ self.reflectors
-        return weights, (self.basis @ reduced).T
-
-
-@dataclass(frozen=True, eq=False)
 class VoxelValues:
     """The data of a lattice: read where they lie, as float64 less the isovalue, ball by ball."""
 
@@ -300,7 +259,9 @@ def fit_splines(
         def factor(start: int, stop: int) -> None:
             for number in range(start, stop):
                 diagonal = smoothing.diagonal(int(sizes[number])) / of_class[number] ** kernel.power
-                factors[number] = _Factor.of(points[number], exponents, kernel.power, diagonal)
+                factors[number] = LocalFactor.of(
+                    points[number], exponents, kernel.power, np.full(sizes[number], diagonal)
+                )
 
         run_blocks(factor, len(points), 1)
         batches = list(_batches(cover.classes))

@@ -10,6 +10,7 @@ from o3dleaf.checks import FloatArray, as_points, as_values, as_weights
 from o3dleaf.errors import IllPosedError
 from o3dleaf.parallel import run_blocks, single_threaded_blas
 from o3dleaf.rbf import loops, solve
+from o3dleaf.rbf.factor import LocalFactor
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel, require_twice_differentiable
 from o3dleaf.rbf.smoothing import Amount, Smoothing, as_smoothing, choose_by_gcv
 from o3dleaf.rbf.tail import IntArray, tail_exponents
@@ -41,9 +42,9 @@ class RBFInterpolant:
         The rule for s with its amount, chosen where it was "gcv".
     centre, radius : (d,) ndarray, float
         The ball around the data in whose unit coordinates (x − centre)/radius everything is stored.
-    points, weights : (d, n), (n,) ndarrays
-        Data sites in unit coordinates, and λ.
-    tail, exponents : (q,), (q, d) ndarrays
+    points, weights : (d, n), (n,) or (m, n) ndarrays
+        Data sites in unit coordinates, and λ, for m columns of values a row each.
+    tail, exponents : (q,) or (m, q), (q, d) ndarrays
         The a_k, and the exponents of the p_k.
     """
 
@@ -77,7 +78,8 @@ class RBFInterpolant:
         ----------
         points : (n, d) array_like
             Data sites, in `unit`; distinct where nothing is smoothed.
-        values : (n,) array_like
+        values : (n,) or (n, m) array_like
+            One number a point, or m of them: one fit for each column, with one factorisation.
         kernel : str or Polyharmonic
             A kernel object, or one of SciPy's names.
         degree : int, optional
@@ -100,7 +102,7 @@ class RBFInterpolant:
             is below what the kernel needs.
         """
         sites = as_points(points, least=1)
-        data = as_values(values, len(sites))
+        data = as_values(values, len(sites), columns=True)
         trust = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
         phi = as_kernel(kernel, sites.shape[1])
         asked = phi.degree if degree is None else degree
@@ -114,11 +116,11 @@ class RBFInterpolant:
         unit_scale = 1 / radius**phi.power
         with single_threaded_blas():
             if rule.amount == "gcv":
-                spectra = [solve.spectrum(local, data, exponents, phi.power)]
-                scales = np.array([rule.scale(len(sites)) * unit_scale])
+                spectra = [solve.spectrum(local, column, exponents, phi.power) for column in _columns(data)]
+                scales = np.full(len(spectra), rule.scale(len(sites)) * unit_scale)
                 rule = Smoothing(choose_by_gcv(spectra, scales), rule.per_point)
             diagonal = rule.diagonal(len(sites)) * unit_scale / trust
-            strengths, tail, rank, _ = solve.solve_local(local, data, exponents, phi.power, diagonal)
+            strengths, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
         if rank < len(exponents) and degree is not None:
             raise IllPosedError(
                 f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "
@@ -131,16 +133,16 @@ class RBFInterpolant:
         write_model(path, self)
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n,) values of the spline at (n, d) points."""
-        return self._jets(points, 0)[0]
+        """Return the (n,) values of the spline, or (n, m) of its columns, at (n, d) points."""
+        return self._jets(points, 0)[..., 0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n, d) gradients of the spline at (n, d) points, in value per `unit`."""
-        slopes: FloatArray = self._jets(points, 1)[1:].T / self.radius
+        """Return the (n, d) gradients of the spline, or (n, m, d), at (n, d) points, in value per `unit`."""
+        slopes: FloatArray = self._jets(points, 1)[..., 1:] / self.radius
         return slopes
 
     def hessian(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n, d, d) second derivatives at (n, d) points, in value per `unit` squared.
+        """Return the (n, d, d) second derivatives, or (n, m, d, d), at (n, d) points, in value per `unit` squared.
 
         Raises
         ------
@@ -150,20 +152,45 @@ class RBFInterpolant:
         require_twice_differentiable(self.kernel)
         dimension = self.kernel.dimension
         jets = self._jets(points, 2)
-        bends = np.empty((jets.shape[1], dimension, dimension))
+        bends = np.empty((*jets.shape[:-1], dimension, dimension))
         a, b = np.triu_indices(dimension)
-        bends[:, a, b] = bends[:, b, a] = jets[1 + dimension :].T / self.radius**2
+        bends[..., a, b] = bends[..., b, a] = jets[..., 1 + dimension :] / self.radius**2
         return bends
 
     def _jets(self, points: npt.ArrayLike, level: int) -> FloatArray:
-        """Return the jets, in unit coordinates, at (n, d) points; see `o3dleaf.rbf.loops`."""
+        """Return the jets, in unit coordinates, at (n, d) points, (n, ·) or (n, m, ·); see `o3dleaf.rbf.loops`."""
         dimension = self.kernel.dimension
         queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.centre) / self.radius).T)
-        jets = np.empty((loops.jet_size(dimension, level), queries.shape[1]))
-        model = (self.points, self.weights, self.tail, self.exponents, self.kernel.power)
+        strengths, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
+        jets = np.empty((len(strengths), loops.jet_size(dimension, level), queries.shape[1]))
 
         def task(start: int, stop: int) -> None:
-            loops.evaluate(start, stop, queries, *model, level, jets)
+            for column, found in enumerate(jets):
+                model = (self.points, strengths[column], tails[column], self.exponents, self.kernel.power)
+                loops.evaluate(start, stop, queries, *model, level, found)
 
         run_blocks(task, queries.shape[1], BLOCK)
-        return jets
+        return jets[0].T if self.weights.ndim == 1 else np.moveaxis(jets, 2, 0)
+
+
+def _columns(values: FloatArray) -> FloatArray:
+    """Return (n,) or (n, m) values as rows (m, n)."""
+    return np.atleast_2d(np.ascontiguousarray(values.T))
+
+
+def _solve(
+    points: FloatArray, values: FloatArray, exponents: IntArray, power: int, diagonal: FloatArray
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return λ, a and the rank of the tail, for several columns of values a row each."""
+    if values.ndim == 1:
+        weights, tail, rank, _ = solve.solve_local(points, values, exponents, power, diagonal)
+        return weights, tail, rank
+    rows = _columns(values)
+    try:
+        factor = LocalFactor.of(points, exponents, power, diagonal)
+    except IllPosedError:
+        # Coinciding points: what they agree on is found column by column.
+        each = [solve.solve_local(points, row, exponents, power, diagonal) for row in rows]
+        return np.array([one[0] for one in each]), np.array([one[1] for one in each]), each[0][2]
+    weights, tails = factor.solve(rows)
+    return weights, np.ascontiguousarray(tails), len(factor.right)

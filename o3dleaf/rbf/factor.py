@@ -1,0 +1,72 @@
+"""One local system factored once for many right-hand sides: columns of values, or balls that hold alike points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import lapack, solve_triangular
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import IllPosedError
+from o3dleaf.rbf import solve
+from o3dleaf.rbf.tail import IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class LocalFactor:
+    r"""What the solution of (A + D) λ + P a = f, Pᵀ λ = 0 needs of everything but f.
+
+    .. math:: P = Q \binom{R}{0}, \quad Q = I - Y^T T Y, \quad Q^T (A + D)\, Q =
+              \begin{pmatrix} \cdot & B \\ B^T & L L^T \end{pmatrix}
+
+    Attributes
+    ----------
+    reflectors, triangle : (r, n), (r, r) ndarrays
+        Y and T (Schreiber and Van Loan 1989).
+    right, basis : (r, r), (q, r) ndarrays
+        R, and the polynomials that it belongs to: see `o3dleaf.rbf.solve.restrict_tail`.
+    above, cholesky : (r, n − r), (n − r, n − r) ndarrays
+        B and L.
+    """
+
+    reflectors: FloatArray
+    triangle: FloatArray
+    right: FloatArray
+    basis: FloatArray
+    above: FloatArray
+    cholesky: FloatArray
+
+    @classmethod
+    def of(cls, points: FloatArray, exponents: IntArray, power: int, diagonal: FloatArray) -> "LocalFactor":
+        """Factor the system of (d, n) points in unit coordinates, with (n,) numbers on the diagonal.
+
+        Hold BLAS at one thread around it and around `solve`.
+
+        Raises
+        ------
+        IllPosedError
+            If the system is singular to rounding, as it is where points coincide and nothing is smoothed.
+        """
+        matrix, vectors, betas, right, basis = solve.project(points, exponents, power, diagonal)
+        rank = len(right)
+        cholesky, failed = lapack.dpotrf(matrix[rank:, rank:], lower=1, clean=0) if rank < len(matrix) else (matrix, 0)
+        if failed:
+            raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
+        triangle = np.zeros((len(betas), len(betas)))
+        for k, beta in enumerate(betas):
+            triangle[:k, k] = -beta * (triangle[:k, :k] @ (vectors[:k] @ vectors[k]))
+            triangle[k, k] = beta
+        return cls(vectors, triangle, right, basis, matrix[:rank, rank:].copy(), cholesky)
+
+    def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the (m, n) λ and the (m, q) a of (m, n) values."""
+        rank = len(self.right)
+        rotated = values - values @ self.reflectors.T @ self.triangle @ self.reflectors
+        weights = np.zeros_like(values)
+        if rank < values.shape[1]:
+            inner, _ = lapack.dpotrs(self.cholesky, rotated[:, rank:].T, lower=1)
+            weights[:, rank:] = inner.T
+        reduced = rotated[:, :rank].T - self.above @ weights[:, rank:].T
+        if rank:
+            reduced = solve_triangular(self.right, reduced)
+        weights -= weights @ self.reflectors.T @ self.triangle.T @ self.reflectors
+        return weights, (self.basis @ reduced).T
