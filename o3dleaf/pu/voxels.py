@@ -100,7 +100,7 @@ class VoxelCover:
     @property
     def radii(self) -> FloatArray:
         """(M,) radii of the balls."""
-        radii: FloatArray = self._radius * (1 << self.levels)
+        radii: FloatArray = np.asarray(self._radius * (1 << self.levels), dtype=np.float64)
         return radii
 
     @property
