@@ -11,6 +11,7 @@ import open3d as o3d
 from o3dleaf.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.files import require_writable
+from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
@@ -20,7 +21,6 @@ from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import RemovedComponents, connected_components, largest_components
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
-from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import Progress
 from o3dleaf.store import write_model

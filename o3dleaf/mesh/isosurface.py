@@ -7,8 +7,8 @@ import open3d as o3d
 from o3dleaf.checks import as_bounds, require_choice
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.field import Field
-from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.lattice import Lattice, as_step, sample_lattice
+from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.polygonise import METHODS, polygonise
 from o3dleaf.parallel import Progress
 

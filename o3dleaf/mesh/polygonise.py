@@ -16,9 +16,9 @@ from skimage.measure import marching_cubes
 
 from o3dleaf.checks import FloatArray, require_choice, require_finite
 from o3dleaf.errors import InputError
+from o3dleaf.lattice import check_keep
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.clip import discard_triangles
-from o3dleaf.lattice import check_keep
 from o3dleaf.mesh.loops import LEAST_FRACTION, count_planes, march_planes
 from o3dleaf.parallel import run_blocks
 

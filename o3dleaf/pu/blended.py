@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_points
+from o3dleaf.checks import as_points
 from o3dleaf.errors import InputError
 from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.parallel import Progress, blocks, run_blocks

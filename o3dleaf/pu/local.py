@@ -161,7 +161,14 @@ class LocalFields:
 
     fields: Sequence[Field]
 
-    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+    def blend(
+        self,
+        index: BallIndex,
+        queries: FloatArray,
+        *,
+        level: int,
+        dtype: np.dtype[Any],  # noqa: ARG002 - a Field computes in float64
+    ) -> FloatArray:
         """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
         folded, _ = index.fold(queries)
         count, dimension = folded.shape

@@ -91,7 +91,7 @@ def build_tree(centres, radii, low, high):
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def fold(start, stop, points, bounds, period, tree, folded, leaves):
-    """Move the points of the block into the box, by whole periods or else to its nearest point; write the leaf of each."""
+    """Move the points of the block into the box, by whole periods or to its nearest point; write the leaf of each."""
     axes, splits, children = tree[0], tree[1], tree[2]
     for i in range(start, stop):
         for axis in range(period.size):
@@ -280,7 +280,7 @@ def blend_strip(rows, items, folded, images, model, level, scratch, jets):
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def hold(at, count, centre, radius, squared, z, held):
-    """Write the unit coordinates and the numbers of those of the points `at` (d, ·) that a ball holds; return how many."""
+    """Write unit coordinates and numbers of those of the points `at` (d, ·) that a ball holds; return how many."""
     squared[:count] = 0.0
     for axis in range(centre.size):
         for i in range(count):

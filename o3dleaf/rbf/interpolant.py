@@ -132,11 +132,11 @@ class RBFInterpolant:
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values of the spline at (n, d) points."""
-        return self._jets(points, 0)[0]
+        return self._jets(points, 0).ravel()
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d) gradients of the spline at (n, d) points, in value per `unit`."""
-        return self._jets(points, 1)[1:].T / self.radius
+        return np.ascontiguousarray(self._jets(points, 1)[1:].T) / self.radius
 
     def hessian(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d, d) second derivatives at (n, d) points, in value per `unit` squared.

@@ -5,9 +5,9 @@ import pytest
 
 from mesh_fields import CENTRE, Analytic, hashed_noise, sphere, torus, wavy_sheets
 from o3dleaf.errors import InputError, MemoryBudgetError, ReconstructionError
+from o3dleaf.lattice import OUTSIDE, Lattice, sample_lattice
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.isosurface import extract_isosurface
-from o3dleaf.lattice import OUTSIDE, Lattice, sample_lattice
 from o3dleaf.mesh.loops import LEAST_FRACTION
 from o3dleaf.mesh.polygonise import METHODS, polygonise
 from o3dleaf.mesh.quality import mesh_report
