@@ -1,5 +1,6 @@
 """Where a field is asked: a regular lattice over a box, sampled block by block in bounded memory."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -104,8 +105,11 @@ class Lattice:
         What an outline says of them, reshaped to (nx, ny), is the `keep` of `sample_lattice`. In d
         dimensions a column is what has its first d − 1 coordinates in common.
         """
-        axes = [self.ticks(axis) for axis in range(len(self.shape) - 1)]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        shape = self.shape[:-1]
+        columns = np.empty((*shape, len(shape)))
+        for axis, ticks in enumerate(np.ix_(*[self.ticks(axis) for axis in range(len(shape))])):
+            columns[..., axis] = ticks
+        return columns.reshape(math.prod(shape), len(shape))
 
 
 def sample_lattice(

@@ -69,6 +69,87 @@ class Spline:
         return PHI[self.power](distances(x, self.points)) @ self.lam + tail @ self.a
 
 
+def radial_derivatives(power, r):
+    """Return φ′(r) and φ″(r) for r > 0, φ as in `PHI`."""
+    sign = (-1) ** (power // 2 + 1)
+    first, second = power * r ** (power - 1), power * (power - 1) * r ** (power - 2)
+    if power % 2 == 0:
+        first, second = first * np.log(r) + r ** (power - 1), second * np.log(r) + (2 * power - 1) * r ** (power - 2)
+    return sign * first, sign * second
+
+
+def radial_jet(offsets, first, second):
+    """Return gradient and Hessian of a function f(|y|), f′(0) = 0, at the vectors y (n, d), from f′ and f″ of a length.
+
+    Hess f = f″ y yᵀ/r² + (f′/r)(I − y yᵀ/r²), and f″(0) I at y = 0.
+    """
+    d = offsets.shape[1]
+    gradients, hessians = np.zeros((len(offsets), d)), np.zeros((len(offsets), d, d))
+    for row, y in enumerate(offsets):
+        r = math.sqrt(y @ y)
+        if r > 0:
+            along = np.outer(y, y) / r**2
+            gradients[row] = first(r) * y / r
+            hessians[row] = second(r) * along + first(r) / r * (np.eye(d) - along)
+        else:
+            hessians[row] = second(0.0) * np.eye(d)
+    return gradients, hessians
+
+
+def spline_jet(spline, x):
+    """Return value, gradient and Hessian of a `Spline` of r³ or smoother at one point x (d,)."""
+
+    def slope(r):
+        return radial_derivatives(spline.power, r)[0]
+
+    def bend(r):
+        return radial_derivatives(spline.power, r)[1] if r > 0 else 0.0
+
+    gradients, hessians = radial_jet(x - spline.points, slope, bend)
+    gradient, hessian = spline.lam @ gradients, np.tensordot(spline.lam, hessians, 1)
+    z = (x - spline.origin) / spline.length
+    for factor, power in zip(spline.a, np.array(powers(len(x), spline.degree), dtype=float), strict=True):
+        for a, one in enumerate(np.eye(len(x))):
+            gradient[a] += factor * power[a] * np.prod(z ** np.maximum(power - one, 0)) / spline.length
+            for b, other in enumerate(np.eye(len(x))):
+                twice = power[a] * (power - one)[b] * np.prod(z ** np.maximum(power - one - other, 0))
+                hessian[a, b] += factor * twice / spline.length**2
+    return spline(x[None])[0], gradient, hessian
+
+
+def weight_jet(y, radius):
+    """Return value, gradient and Hessian of Wendland's weight of a ball at the vector y from its centre."""
+
+    def slope(r):
+        return -20 * r / radius**2 * max(1 - r / radius, 0) ** 3
+
+    def bend(r):
+        return (80 * r / radius - 20) / radius**2 * max(1 - r / radius, 0) ** 2
+
+    gradients, hessians = radial_jet(y[None], slope, bend)
+    return wendland(math.sqrt(y @ y) / radius), gradients[0], hessians[0]
+
+
+def blended_jets(queries, centres, radii, local):
+    """Return values, gradients and Hessians of N/W, N = Σ w_i F_i and W = Σ w_i, by Leibniz's rule, a query at a time."""
+    values, gradients, hessians = [], [], []
+    for x in queries:
+        d = len(x)
+        N, gN, hN, W, gW, hW = 0.0, np.zeros(d), np.zeros((d, d)), 0.0, np.zeros(d), np.zeros((d, d))
+        for centre, radius, fit in zip(centres, radii, local, strict=True):
+            if math.dist(x, centre) < radius:
+                w, gw, hw = weight_jet(x - centre, radius)
+                f, gf, hf = spline_jet(fit, x)
+                N, W = N + w * f, W + w
+                gN, gW = gN + gw * f + w * gf, gW + gw
+                hN, hW = hN + hw * f + np.outer(gw, gf) + np.outer(gf, gw) + w * hf, hW + hw
+        g = gN / W - N / W**2 * gW
+        values.append(N / W)
+        gradients.append(g)
+        hessians.append(hN / W - (np.outer(g, gW) + np.outer(gW, g)) / W - N / W**2 * hW)
+    return np.array(values), np.array(gradients), np.array(hessians)
+
+
 def solve_spline(points, values, power, degree, diagonal=0.0):
     """Solve (A + s I) λ + P a = f, Pᵀ λ = 0 as one dense saddle-point system."""
     origin = points.mean(axis=0)

@@ -27,6 +27,14 @@ SCIPY = 1e-9
 FIELD_GRADIENT = 1e-7
 """Share of the largest slope: a difference of fourth order at a step of 1e-4, in balls of 0.1, is right to 1e-8."""
 
+HESSIAN_TWIN = 1e-9
+
+HESSIAN_DIFFERENCE = 1e-6
+
+HESSIAN_KINK = 1e-4
+
+HESSIAN_SEAM = 1e-10
+
 POLYNOMIAL = 1e-9
 """Issue 2's own number, for polynomials of size 1; shifted by 1e6 at a scale of 1e-3 we find 1e-14."""
 

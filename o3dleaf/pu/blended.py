@@ -102,14 +102,13 @@ class Blended:
         InputError, MemoryBudgetError
             If the box or the spacing cannot be meant, or the lattice would not fit into memory.
         """
+        kind = _as_kind(dtype)
         lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
-        return lattice, sample_lattice(lambda at: self(at, dtype=dtype), lattice, dtype=dtype, progress=progress)
+        return lattice, sample_lattice(lambda at: self(at, dtype=kind), lattice, dtype=kind, progress=progress)
 
     def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> tuple[npt.NDArray[Any], ...]:
         """Return values and, up to `level`, gradients and Hessians (else no rows)."""
-        kind = np.dtype(dtype)
-        if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
-            raise InputError(f"dtype: is {kind}; give float64 or float32")
+        kind = _as_kind(dtype)
         index = self.index
         dimension = index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
@@ -127,3 +126,14 @@ class Blended:
 
             run_blocks(task, last - first, FOLD_BLOCK)
         return values, gradients, hessians
+
+
+def _as_kind(dtype: npt.DTypeLike) -> np.dtype[Any]:
+    """Return `dtype` as NumPy's object if it is float64 or float32, else raise `InputError`."""
+    try:
+        kind = np.dtype(dtype)
+    except TypeError:
+        kind = None
+    if kind is None or kind not in {np.dtype(np.float64), np.dtype(np.float32)}:
+        raise InputError(f"dtype: is {dtype}; give float64 or float32")
+    return kind

@@ -70,11 +70,10 @@ def unpack(start, stop, jets, points, bounds, period, values, gradients, hessian
     """
     dimension = period.size
     for i in range(start, stop):
-        square = 0.0
+        distance = 0.0
         for a in range(dimension):
-            off = offset(points[i, a], bounds, period, a)
-            square += off * off
-        distance = math.sqrt(square)
+            # A sum of squares would vanish at distances below 1e-162, and overflow beyond 1e154.
+            distance = math.hypot(distance, offset(points[i, a], bounds, period, a))
         values[i] = jets[0, i] - distance
         if len(gradients):
             for a in range(dimension):
@@ -87,9 +86,7 @@ def unpack(start, stop, jets, points, bounds, period, values, gradients, hessian
                 also = offset(points[i, b], bounds, period, b)
                 bend = jets[row, i]
                 if moved != 0.0 or also != 0.0:
-                    bend = moved / distance * (also / distance) / distance
-                    if a == b:
-                        bend -= 1.0 / distance
+                    bend = (moved / distance * (also / distance) - (1.0 if a == b else 0.0)) / distance
                 hessians[i, a, b] = bend
                 hessians[i, b, a] = bend
                 row += 1

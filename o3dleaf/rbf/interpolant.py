@@ -134,12 +134,11 @@ class RBFInterpolant:
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values of the spline, or (n, m) of its columns, at (n, d) points."""
-        return self._jets(points, 0)[..., 0]
+        return np.ascontiguousarray(self._jets(points, 0)[..., 0])
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d) gradients of the spline, or (n, m, d), at (n, d) points, in value per `unit`."""
-        slopes: FloatArray = self._jets(points, 1)[..., 1:] / self.radius
-        return slopes
+        return np.ascontiguousarray(self._jets(points, 1)[..., 1:]) / self.radius
 
     def hessian(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, d, d) second derivatives, or (n, m, d, d), at (n, d) points, in value per `unit` squared.

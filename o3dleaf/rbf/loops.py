@@ -216,7 +216,7 @@ def cubic_slopes(x, y, z, xs, ys, zs, weights):
 def cubic_bends(x, y, z, xs, ys, zs, weights):
     """Return Σ λ_j r_j and Σ λ_j d dᵀ/r_j, d = z − z_j (xx, xy, xz, yy, yz, zz): a third of the second derivatives."""
     total = xx = xy = xz = yy = yz = zz = weights.dtype.type(0)
-    tiny = weights.dtype.type(1e-30)
+    tiny = weights.dtype.type(1e-18)  # float32 must hold λ_j/tiny
     for j in range(weights.size):
         a, b, c = x - xs[j], y - ys[j], z - zs[j]
         root = np.sqrt(a * a + b * b + c * c)

@@ -127,7 +127,7 @@ def test_the_index_finds_every_ball_that_holds_a_query(points, seed):
     queries = np.vstack([queries, bounds])
     inside = reference.distances(queries, cover.centres) < cover.radii
     _, _, _, starts, stops, items = index.tree
-    for leaf, expected in zip(index.locate(queries), inside, strict=True):
+    for leaf, expected in zip(index.fold(queries)[1], inside, strict=True):
         listed = items[starts[leaf] : stops[leaf]]
         assert np.all(np.diff(listed) > 0)
         assert set(np.flatnonzero(expected)) <= set(listed)

@@ -5,7 +5,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from o3dleaf.parallel import get_num_threads, set_num_threads
-from o3dleaf.pu import index, local
+from o3dleaf.pu import blended, index, local
 from o3dleaf.pu.interpolant import PUInterpolant
 
 
@@ -24,8 +24,14 @@ def data():
 
 def everything(field, queries):
     """All the numbers of a fit and of its evaluation."""
-    parts = (field.cover.members, field.local.weights, field.local.tails, field(queries), field.gradient(queries))
-    return [part.tobytes() for part in parts]
+    fitted = field.cover.members, field.local.weights, field.local.tails
+    return [part.tobytes() for part in (*fitted, *evaluations(field, queries))]
+
+
+def evaluations(field, queries):
+    """Values, gradients and Hessians, in double and in single precision."""
+    calls = field, field.gradient, field.hessian
+    return [call(queries, dtype=dtype) for call in calls for dtype in (np.float64, np.float32)]
 
 
 def test_the_number_of_threads_does_not_change_a_bit(threads):
@@ -38,24 +44,44 @@ def test_the_number_of_threads_does_not_change_a_bit(threads):
     assert found[0] == found[1] == found[2]
 
 
+SIZES = [(local, "BLEND_BLOCK"), (index, "FOLD_BLOCK"), (blended, "FOLD_BLOCK"), (blended, "CHUNK")]
+
+
+def test_every_size_of_a_block_of_queries_is_varied_here():
+    named = [(m, n) for m in (blended, index, local) for n in vars(m) if n == "CHUNK" or n.endswith("BLOCK")]
+    assert sorted(named, key=str) == sorted(SIZES, key=str)
+
+
+@pytest.mark.parametrize(("module", "name"), SIZES, ids=lambda part: getattr(part, "__name__", part))
+@pytest.mark.parametrize("block", [7, 1000])
+def test_no_single_size_changes_a_bit(module, name, block, monkeypatch):
+    points, values, queries = data()
+    field = PUInterpolant.fit(points[:800], values[:800], points_per_ball=80)
+    before = everything(field, queries)
+    monkeypatch.setattr(module, name, block)
+    assert everything(field, queries) == before
+
+
 @pytest.mark.parametrize("block", [1, 7, 1000, 10**6])
 def test_the_blocks_do_not_change_a_bit(block, monkeypatch):
     points, values, queries = data()
     field = PUInterpolant.fit(points, values, points_per_ball=80)
     before = everything(field, queries)
-    monkeypatch.setattr(local, "BLEND_BLOCK", block)
-    monkeypatch.setattr(index, "LOCATE_BLOCK", block)
+    for module, name in SIZES:
+        monkeypatch.setattr(module, name, block)
     assert everything(field, queries) == before
 
 
 def test_the_order_and_the_company_of_queries_do_not_change_a_bit():
     points, values, queries = data()
     field = PUInterpolant.fit(points, values, points_per_ball=80)
-    result, slopes = field(queries), field.gradient(queries)
+    result = evaluations(field, queries)
     for order in (np.lexsort(queries.T), np.random.default_rng(1).permutation(len(queries))):
-        np.testing.assert_array_equal(field(queries[order]), result[order])
-        np.testing.assert_array_equal(field.gradient(queries[order]), slopes[order])
-    np.testing.assert_array_equal(np.concatenate([field(q) for q in queries[:50]]), result[:50])
+        for found, expected in zip(evaluations(field, queries[order]), result, strict=True):
+            np.testing.assert_array_equal(found, expected[order])
+    alone = [evaluations(field, q) for q in queries[:50]]
+    for found, expected in zip(zip(*alone, strict=True), result, strict=True):
+        np.testing.assert_array_equal(np.concatenate(found), expected[:50])
 
 
 def test_a_second_fit_gives_the_same_bits():

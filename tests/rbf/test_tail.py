@@ -30,20 +30,38 @@ def test_a_degree_below_minus_one_is_refused():
         tail_exponents(3, -2)
 
 
-@pytest.mark.parametrize("d", [1, 2, 3])
-def test_monomials_and_their_slopes(d):
-    """The slope of zᵅ along an axis is α z^(α − e), 0 where α is 0, also at z = 0."""
+def derivative(z, exponent, axes):
+    """The derivative of z^exponent along each of the axes in turn, as one learns it at school."""
+    factor, lower = 1.0, exponent.astype(float)
+    for axis in axes:
+        factor *= lower[axis]
+        lower[axis] -= 1
+    return factor * np.prod(z ** np.maximum(lower, 0))
+
+
+def tail_jets(z, tail, exponents, order):
+    """The jet of a tail at one point, by the compiled functions."""
+    lowered = loops.lower_exponents(exponents)
+    coefficients = np.full((loops.jet_size(len(z), order), len(tail)), np.nan)
+    loops.tail_derivatives(tail, exponents, lowered, order, coefficients)
+    jets = np.full((len(coefficients), 1), np.nan)
+    loops.tail_jets(z[:, np.newaxis], 1, coefficients, lowered, np.empty((len(tail), 1)), jets)
+    return jets[:, 0]
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 4])
+def test_monomials_and_their_derivatives(d):
+    """The slope of zᵅ along an axis is α z^(α − e), 0 where α is 0, also at z = 0; and so on for the slope's slope."""
     exponents = tail_exponents(d, 4)
-    steps, terms, slopes = loops.tail_steps(exponents), np.empty(len(exponents)), np.empty(len(exponents))
+    pairs = list(zip(*np.triu_indices(d), strict=True))
     for z in (np.zeros(d), np.random.default_rng(d).uniform(-1, 1, d)):
         for exponent, one in zip(exponents, np.eye(len(exponents)), strict=True):
             assert loops.monomial(z, exponent) == pytest.approx(np.prod(z**exponent), rel=ROUNDING)
-            assert loops.tail_value(z, one, steps, terms) == pytest.approx(np.prod(z**exponent), rel=ROUNDING)
-            for axis in range(d):
-                lower = exponent - (np.arange(d) == axis)
-                expected = exponent[axis] * np.prod(z**lower) if exponent[axis] else 0.0
-                found = loops.tail_slope(z, axis, one, steps, terms, slopes)
-                assert found == pytest.approx(expected, rel=ROUNDING)
+            slopes = [derivative(z, exponent, [axis]) for axis in range(d)]
+            bends = [derivative(z, exponent, pair) for pair in pairs]
+            for order, expected in enumerate(([], slopes, slopes + bends)):
+                jet = np.array([np.prod(z**exponent), *expected])
+                np.testing.assert_allclose(tail_jets(z, one, exponents, order), jet, rtol=ROUNDING, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
