@@ -98,6 +98,7 @@ def radial_jet(offsets, first, second):
 
 def spline_jet(spline, x):
     """Return value, gradient and Hessian of a `Spline` of r³ or smoother at one point x (d,)."""
+
     def slope(r):
         return radial_derivatives(spline.power, r)[0]
 
@@ -118,6 +119,7 @@ def spline_jet(spline, x):
 
 def weight_jet(y, radius):
     """Return value, gradient and Hessian of Wendland's weight of a ball at the vector y from its centre."""
+
     def slope(r):
         return -20 * r / radius**2 * max(1 - r / radius, 0) ** 3
 
@@ -129,7 +131,7 @@ def weight_jet(y, radius):
 
 
 def blended_jets(queries, centres, radii, local):
-    """Return values, gradients and Hessians of N/W, N = Σ w_i F_i and W = Σ w_i, by Leibniz's rule, a query at a time."""
+    """Return values, gradients and Hessians of Σ w_i F_i / Σ w_i = N/W by Leibniz's rule, a query at a time."""
     values, gradients, hessians = [], [], []
     for x in queries:
         d = len(x)
