@@ -39,8 +39,9 @@ HESSIAN_KINK = 1e-5
 HESSIAN_SEAM = 1e-12
 """Another rounding of z − s; found 8e-15."""
 
-SINGLE = 1e-5
-"""Share of Σ|λ_j| (over Rᵏ for derivatives of order k): 6e-8 a term, times φ″ and w″ of up to 12 and 20; found 3e-6."""
+SINGLE = (1e-6, 3e-6, 1e-4)
+"""By order k, share of Σ|λ_j|/Rᵏ: roundings of 6e-8 a term, times φ″ of up to 12 and w″/w of up to hundreds where all
+balls that hold a point are about to let go of it; found 6e-7, 2e-6 and 8e-5. Coordinates in float32 leave 1e-3."""
 
 POLYNOMIAL = 1e-9
 """Issue 2's own number, for polynomials of size 1; shifted by 1e6 at a scale of 1e-3 we find 1e-14."""

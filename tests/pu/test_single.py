@@ -33,7 +33,7 @@ def test_the_error_is_a_rounding_of_the_terms_of_the_sum(power, d, smoothing):
         assert (double.dtype, single.dtype) == (np.float64, np.float32)
         size = terms / field.cover.radii.min() ** level
         error = np.abs(single - double).max()
-        assert 0 < error <= SINGLE * size + np.finfo(np.float32).eps * np.abs(double).max()
+        assert 0 < error <= SINGLE[level] * size + np.finfo(np.float32).eps * np.abs(double).max()
 
 
 def test_the_gradient_and_the_hessian_in_single_precision_are_finite_at_data_of_any_size():
