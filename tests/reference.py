@@ -131,7 +131,7 @@ def weight_jet(y, radius):
 
 
 def blended_jets(queries, centres, radii, local):
-    """Return values, gradients and Hessians of N/W, N = Σ w_i F_i and W = Σ w_i, by Leibniz's rule, a query at a time."""
+    """Return values, gradients and Hessians of Σ w_i F_i / Σ w_i = N/W by Leibniz's rule, a query at a time."""
     values, gradients, hessians = [], [], []
     for x in queries:
         d = len(x)

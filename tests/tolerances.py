@@ -27,13 +27,21 @@ SCIPY = 1e-9
 FIELD_GRADIENT = 1e-7
 """Share of the largest slope: a difference of fourth order at a step of 1e-4, in balls of 0.1, is right to 1e-8."""
 
-HESSIAN_TWIN = 1e-9
+HESSIAN_TWIN = 1e-11
+"""Share of the largest: smoothed systems of 80 points and Leibniz's rule in another order; found 2e-13."""
 
 HESSIAN_DIFFERENCE = 1e-6
+"""The same: differences of gradients at a step of 1e-4 find 1e-10, and 2e-7 where r⁷ extrapolates."""
 
-HESSIAN_KINK = 1e-4
+HESSIAN_KINK = 1e-5
+"""The same, at a step of 1e-6 where third derivatives jump (r³ at its data, w at the centre): found 5e-7."""
 
-HESSIAN_SEAM = 1e-10
+HESSIAN_SEAM = 1e-12
+"""Another rounding of z − s; found 8e-15."""
+
+SINGLE = (1e-6, 3e-6, 1e-4)
+"""By order k, share of Σ|λ_j|/Rᵏ: roundings of 6e-8 a term, times φ″ of up to 12 and w″/w of up to hundreds where all
+balls that hold a point are about to let go of it; found 6e-7, 2e-6 and 8e-5. Coordinates in float32 leave 1e-3."""
 
 POLYNOMIAL = 1e-9
 """Issue 2's own number, for polynomials of size 1; shifted by 1e6 at a scale of 1e-3 we find 1e-14."""

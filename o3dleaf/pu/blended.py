@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import as_points
+from o3dleaf.checks import FloatArray, as_points
 from o3dleaf.errors import InputError
 from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.parallel import Progress, blocks, run_blocks
@@ -15,7 +15,8 @@ from o3dleaf.pu.local import LocalFits
 
 CHUNK = 1 << 18
 """Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
-result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`."""
+result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`; eight of them
+are left over for what the threads work in, which is enough for sixteen."""
 WORKING_MEMORY = 128 * CHUNK
 """32 MiB, however many points are asked for; the result does not depend on it."""
 FOLD_BLOCK = 1 << 15
@@ -42,7 +43,7 @@ class Blended:
             The numbers that the sums over a ball's points are formed in. Single precision is two to three times
             as fast, and right to about 10⁻⁷ of the largest λ_j φ(r_j), of which the value may be a small rest.
         """
-        return self._evaluate(points, 0, dtype)[0]
+        return self._evaluate(points, 0, dtype)
 
     def gradient(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
         """Return the (n, d) analytic gradients at (n, d) points, through the weights and the local fits.
@@ -53,7 +54,7 @@ class Blended:
         dtype : float64 or float32
             As for the values.
         """
-        return self._evaluate(points, 1, dtype)[1]
+        return self._evaluate(points, 1, dtype)
 
     def hessian(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
         """Return the (n, d, d) analytic second derivatives at (n, d) points.
@@ -69,7 +70,7 @@ class Blended:
         InputError
             If the local fits are not twice differentiable: splines of φ = −r and r² log r are not.
         """
-        return self._evaluate(points, 2, dtype)[2]
+        return self._evaluate(points, 2, dtype)
 
     def on_lattice(
         self,
@@ -106,26 +107,27 @@ class Blended:
         lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
         return lattice, sample_lattice(lambda at: self(at, dtype=kind), lattice, dtype=kind, progress=progress)
 
-    def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> tuple[npt.NDArray[Any], ...]:
-        """Return values and, up to `level`, gradients and Hessians (else no rows)."""
+    def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        """Return the values, gradients or Hessians: the derivatives of order `level`."""
         kind = _as_kind(dtype)
-        index = self.index
-        dimension = index.bounds.shape[1]
+        dimension = self.index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
-        count = len(queries)
-        values = np.empty(count, dtype=kind)
-        gradients = np.empty((count if level > 0 else 0, dimension), dtype=kind)
-        hessians = np.empty((count if level > 1 else 0, dimension, dimension), dtype=kind)
-        for first, last in blocks(count, CHUNK):
-            part = queries[first:last]
-            jets = self.local.blend(index, part, level=level, dtype=kind)
-            found = values[first:last], gradients[first:last], hessians[first:last]
+        result = np.empty((len(queries), *[dimension] * level), dtype=kind)
+        for first, last in blocks(len(queries), CHUNK):
+            self._fill(queries[first:last], level, result[first:last])
+        return result
 
-            def task(start: int, stop: int) -> None:
-                unpack(start, stop, jets, part, index.bounds, index.period, *found)  # noqa: B023 - runs within this turn
+    def _fill(self, queries: FloatArray, level: int, result: npt.NDArray[Any]) -> None:
+        """Write the derivatives of order `level` at one chunk of points; what that took is given back on return."""
+        index = self.index
+        jets = self.local.blend(index, queries, level=level, dtype=result.dtype)
+        parts = [np.empty((0, *[queries.shape[1]] * order), dtype=result.dtype) for order in range(3)]
+        parts[level] = result
 
-            run_blocks(task, last - first, FOLD_BLOCK)
-        return values, gradients, hessians
+        def task(start: int, stop: int) -> None:
+            unpack(start, stop, jets, queries, index.bounds, index.period, *parts)
+
+        run_blocks(task, len(queries), FOLD_BLOCK)
 
 
 def _as_kind(dtype: npt.DTypeLike) -> np.dtype[Any]:

@@ -74,7 +74,8 @@ def unpack(start, stop, jets, points, bounds, period, values, gradients, hessian
         for a in range(dimension):
             # A sum of squares would vanish at distances below 1e-162, and overflow beyond 1e154.
             distance = math.hypot(distance, offset(points[i, a], bounds, period, a))
-        values[i] = jets[0, i] - distance
+        if len(values):
+            values[i] = jets[0, i] - distance
         if len(gradients):
             for a in range(dimension):
                 off = offset(points[i, a], bounds, period, a)

@@ -4,8 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import reference
+from o3dleaf.pu import loops
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalFields
@@ -91,3 +94,31 @@ def test_no_period_means_the_plain_index():
     field, index = patch((0.0, 0.0, 0.0))
     queries = np.random.default_rng(7).uniform(field.bounds[0], field.bounds[1], (100, 3))
     np.testing.assert_array_equal(jets(field.local, index, queries, 0)[0], field(queries))
+
+
+@pytest.mark.parametrize("period", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.9, 1.1, 0.0), (0.5, 0.25, 2.0)])
+def test_points_are_folded_by_whole_periods_or_else_to_the_nearest_point(period):
+    """Into the cell first (low, period) where an axis repeats, to the box elsewhere; then down the tree to one leaf."""
+    period, low = np.array(period), np.array([-1.0, 2.0, 0.5])
+    bounds = np.array([low, low + np.where(period > 0, period, 1.5)])
+    rng = np.random.default_rng(8)
+    centres, radii = rng.uniform(*bounds, (60, 3)), rng.uniform(0.2, 0.6, 60)
+    index = BallIndex.periodic(centres, radii, bounds, period)
+    queries = np.vstack([rng.uniform(-40, 40, (300, 3)), bounds, low + period * [[-3], [5]], [[1e6, -1e6, 1e-300]]])
+    folded, leaves = index.fold(queries)
+    wrapped = queries - np.floor((queries - low) / np.where(period > 0, period, np.inf)) * period
+    np.testing.assert_array_equal(folded, np.clip(wrapped, *bounds))
+    axes, splits, children, starts, stops, items = index.tree
+    for point, leaf in zip(folded, leaves, strict=True):
+        node = 0
+        while axes[node] >= 0:
+            node = children[node] + (point[axes[node]] >= splits[node])
+        assert node == leaf
+        inside = np.linalg.norm(point - index.centres, axis=1) < index.radii
+        assert set(np.flatnonzero(inside)) <= set(items[starts[leaf] : stops[leaf]])
+
+
+@given(leaves=st.lists(st.integers(0, 9), max_size=60))
+def test_grouping_is_a_stable_sort(leaves):
+    leaves = np.array(leaves, dtype=np.int64)
+    np.testing.assert_array_equal(loops.group(leaves, 10), np.argsort(leaves, kind="stable"))

@@ -39,8 +39,8 @@ def test_gradient_and_hessian_are_the_formula_written_out_at_data_sites_too(powe
     slow = reference.solve_spline(points, values, power, degree, 0.1)
     at = np.vstack([queries[:10], points[:10]])
     jets = [reference.spline_jet(slow, x) for x in at]
-    assert_close(field.gradient(at), np.array([gradient for _, gradient, _ in jets]), 10 * FIELD_TWIN)
-    assert_close(field.hessian(at), np.array([hessian for _, _, hessian in jets]), 10 * FIELD_TWIN)
+    assert_close(field.gradient(at), np.array([gradient for _, gradient, _ in jets]), FIELD_TWIN)
+    assert_close(field.hessian(at), np.array([hessian for _, _, hessian in jets]), FIELD_TWIN)
 
 
 @pytest.mark.parametrize("tail", [True, False], ids=["tail", "no tail"])
@@ -65,13 +65,13 @@ def test_a_similarity_takes_its_square_off(d):
     plain = RBFInterpolant.fit(points, values, smoothing=0.1)
     moved = RBFInterpolant.fit(7 * points @ turn.T + 2, values, smoothing=0.1 * 7**3)
     expected = turn @ plain.hessian(queries) @ turn.T
-    assert_close(49 * moved.hessian(7 * queries @ turn.T + 2), expected, 100 * SIMILARITY)
+    assert_close(49 * moved.hessian(7 * queries @ turn.T + 2), expected, SIMILARITY)
 
 
 @pytest.mark.parametrize("kernel", ["linear", "thin_plate_spline"])
 def test_a_kernel_without_second_derivatives_refuses_in_one_line(kernel):
     points, values, queries = scattered(2)
-    with pytest.raises(InputError, match="no second derivatives.*use 'cubic' or a smoother") as error:
+    with pytest.raises(InputError, match=r"no second derivatives.*use 'cubic' or a smoother") as error:
         RBFInterpolant.fit(points, values, kernel=kernel).hessian(queries)
     assert "\n" not in str(error.value)
 

@@ -42,7 +42,7 @@ def test_the_value_is_the_literal_formula_in_kernel_and_in_loop(power):
     expected = reference.PHI[power](r)
     np.testing.assert_allclose(Polyharmonic(power, 3)(r), expected, rtol=ROUNDING)
     squared = r**2
-    loops.radial_values(power, squared, len(squared))
+    loops.radial_values(power, squared, len(squared), squared)
     np.testing.assert_allclose(squared, expected, rtol=ROUNDING, atol=ROUNDING * 1e-6)
 
 
@@ -56,9 +56,19 @@ def test_the_slope_is_the_difference_quotient_and_finite_at_zero(power):
     both = np.concatenate([[0.0], r])
     slopes = kernel.slope_over_r(both)
     assert slopes[0] == 0.0
-    squared = both**2
-    loops.radial_slopes(power, squared, len(squared))
-    np.testing.assert_allclose(squared, slopes, rtol=ROUNDING, atol=ROUNDING)
+    found = np.full(len(both), np.nan)
+    loops.radial_slopes(power, both**2, len(both), found)
+    np.testing.assert_allclose(found, slopes, rtol=ROUNDING, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("power", POWERS[2:])
+def test_the_bend_is_the_derivative_of_slope_over_r_over_r_and_zero_at_zero(power):
+    """ψ′/r = (φ″ − φ′/r)/r² for ψ = φ′/r."""
+    r = np.linspace(0.1, 3, 40)
+    first, second = reference.radial_derivatives(power, r)
+    found = np.full(41, np.nan)
+    loops.radial_bends(power, np.append(0.0, r) ** 2, 41, found)
+    np.testing.assert_allclose(found, np.append(0.0, (second - first / r) / r**2), rtol=ROUNDING, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
