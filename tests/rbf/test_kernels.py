@@ -10,7 +10,7 @@ import reference
 from o3dleaf.errors import InputError
 from o3dleaf.rbf import loops
 from o3dleaf.rbf.kernels import NAMES, Polyharmonic, as_kernel, polyharmonic
-from tolerances import KERNEL_SLOPE, ROUNDING
+from tolerances import KERNEL_SLOPE, ROOT, ROUNDING
 
 ORDERS = [(m, d) for d in range(1, 7) for m in range(1, 7) if 2 * m > d]
 POWERS = [1, 2, 3, 4, 5, 6, 7]
@@ -104,3 +104,11 @@ def test_impossible_kernels_are_refused():
         as_kernel("gaussian", 3)
     with pytest.raises(InputError, match="2-D points, these are 3-D"):
         as_kernel(polyharmonic(2, 2), 3)
+
+
+def test_the_root_by_multiplication_is_right_to_a_rounding():
+    squares = np.concatenate([np.geomspace(1e-300, 1e300, 20001), np.random.default_rng(0).uniform(0, 4, 20000)])
+    roots = np.array([loops.square_root(s) for s in squares])
+    np.testing.assert_allclose(roots, np.sqrt(squares), rtol=ROOT)
+    assert loops.square_root(0.0) == 0.0
+    assert loops.square_root(5e-324) < 1e-150
