@@ -31,6 +31,7 @@ def test_the_error_is_a_rounding_of_the_terms_of_the_sum(power, d, smoothing):
     for level, call in enumerate(calls):
         double, single = call(at), call(at, dtype="float32")
         assert (double.dtype, single.dtype) == (np.float64, np.float32)
+        assert np.any(single != double.astype(np.float32))  # the sums were formed in it, not the result alone
         size = terms / field.cover.radii.min() ** level
         error = np.abs(single - double).max()
         assert 0 < error <= SINGLE[level] * size + np.finfo(np.float32).eps * np.abs(double).max()
