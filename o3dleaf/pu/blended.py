@@ -13,12 +13,12 @@ from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.jets import unpack
 from o3dleaf.pu.local import LocalFits
 
-CHUNK = 1 << 18
+CHUNK = 1 << 20
 """Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
 result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`; eight of them
 are left over for what the threads work in, which is enough for sixteen."""
 WORKING_MEMORY = 128 * CHUNK
-"""32 MiB, however many points are asked for; the result does not depend on it."""
+"""128 MiB, however many points are asked for; the result does not depend on it."""
 FOLD_BLOCK = 1 << 15
 
 
