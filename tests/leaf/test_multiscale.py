@@ -23,7 +23,8 @@ def micro(unit="mm", scale=1.0):
         np.linspace(0, PERIOD, 25), np.linspace(0, PERIOD, 25), np.linspace(-0.3, 0.3, 13), indexing="ij"
     )
     wave = 2 * np.pi / PERIOD
-    values = 0.1 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(wave * x) - np.abs(z)
+    # Not 0.1: no sample shall lie on the level but for its last bits.
+    values = 0.1037 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(wave * x) - np.abs(z)
     points = scale * np.stack([x, y, z], axis=-1).reshape(-1, 3)
     return TiledField(PUInterpolant.fit(points, values.ravel(), points_per_ball=(60, 120), unit=unit, smoothing=0.0))
 

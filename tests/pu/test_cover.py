@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import reference
 from o3dleaf.errors import InputError
-from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
 
 
@@ -97,13 +97,17 @@ def test_a_refinement_follows_the_density():
 
 
 def test_impossible_wishes_are_refused():
-    points = cloud("uniform", 3)
-    for size in [(0, 10), (20, 10), (-1, -1)]:
+    for size in [(0, 10), (20, 10), (-1, -1), 0]:
         with pytest.raises(InputError, match="1 <= least <= most"):
-            Cover.fit(points, box(points), size, 1.1)
+            as_ball_size(size, 1.1)
     for overlap in (1.0, 0.5, np.nan, np.inf):
         with pytest.raises(InputError, match="factor above 1"):
-            Cover.fit(points, box(points), (10, 20), overlap)
+            as_ball_size((10, 20), overlap)
+
+
+def test_a_ball_size_may_be_any_whole_number():
+    assert as_ball_size(np.int64(61), 1.1) == (30, 61)
+    assert as_ball_size((np.int32(1), 7), 1.1) == (1, 7)
 
 
 @pytest.mark.parametrize("place", [0.0, 0.3, 1e6])
