@@ -120,6 +120,17 @@ def test_a_file_from_the_future_is_refused(file):
         load(file)
 
 
+def test_a_file_from_before_balls_chose_for_themselves_is_read(interpolant, file):
+    def older(header):
+        local = header["model"]["state"]["local"]["state"]
+        del local["amounts"], local["trust"], local["smoothing"]["state"]["score"]
+
+    rewrite_header(file, older)
+    found = load(file)
+    assert np.array_equal(found(QUERIES), interpolant(QUERIES))
+    assert np.array_equal(found.appraise([0]).score, interpolant.appraise([0]).score)
+
+
 def test_only_known_classes_come_out(file):
     rewrite_header(file, lambda header: header["model"].update({"class": "Popen"}))
     with pytest.raises(InputError, match="Popen"):

@@ -10,8 +10,10 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland, wendland_slope_over_tau
+from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import local_gradient, local_value
-from o3dleaf.rbf.solve import held_out, solve_local, spectrum
+from o3dleaf.rbf.solve import solve_local
+from o3dleaf.rbf.spectrum import spectrum
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -158,17 +160,17 @@ def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoot
 
 
 @njit(nogil=True, cache=True)
-def ball_spectrum(ball, points, values, cover, exponents, power):
-    """Return the spectrum of one ball's system, in unit coordinates."""
+def ball_spectrum(ball, points, values, trust, cover, exponents, power):
+    """Return the spectrum of one ball's weighted system, in unit coordinates."""
     centres, radii, offsets, members = cover
     rows = members[offsets[ball] : offsets[ball + 1]]
     local, data = gather(points, values, rows, centres[ball], radii[ball])
-    return spectrum(local, data, exponents, power)
+    return spectrum(local, data, np.sqrt(trust[rows]), exponents, power)
 
 
 @njit(nogil=True, cache=True)
 def ball_held_out(ball, points, values, trust, cover, exponents, power, smoothing, groups):
-    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.solve.held_out`."""
+    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.held_out`."""
     centres, radii, offsets, members = cover
     rows = members[offsets[ball] : offsets[ball + 1]]
     local, data = gather(points, values, rows, centres[ball], radii[ball])
