@@ -28,7 +28,9 @@ CtUnit = Annotated[
 ]
 VoxelSpacing = Annotated[float | None, typer.Option(help="Edge of a voxel, in ct-unit, if the file does not say.")]
 Level = Annotated[str, typer.Option(help="Intensity of the surface: a number, 'valley' or 'otsu'.")]
-Rho = Annotated[str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, or 'gcv'.")]
+Rho = Annotated[
+    str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, 'gcv' or 'gcv-per-ball'.")
+]
 Threads = Annotated[int | None, typer.Option(help="Threads; all cores by default. Results do not depend on it.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 Unit = Annotated[str | None, typer.Option(help="Unit of the coordinates: m, cm, mm, um or nm.")]

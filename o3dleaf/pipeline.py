@@ -56,7 +56,7 @@ class PatchOptions:
     ----------
     level : float, "valley" or "otsu"
         The surface's intensity, or how to find it between the two peaks of the histogram.
-    rho : float or "gcv"
+    rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.
     """
 

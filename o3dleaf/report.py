@@ -84,7 +84,7 @@ def summarise(
 
 
 def _fit_summary(local: object) -> dict[str, Any]:
-    """Return what is worth knowing of a fit over balls."""
+    """Return what is worth knowing of a fit over balls, at no cost; of the diagonals least, median, greatest."""
     if not isinstance(local, LocalSplines):
         return {"local": type(local).__name__}
     counts = np.diff(local.offsets)
@@ -94,6 +94,10 @@ def _fit_summary(local: object) -> dict[str, Any]:
         "kernel_power": local.kernel.power,
         "smoothing": local.smoothing.amount,
         "smoothing_is_rho": bool(local.smoothing.per_point),
+        "gcv_score": local.smoothing.score,
+        "diagonal": np.quantile(local.diagonals, (0, 0.5, 1)).tolist(),
+        "tail_rank": [int(local.ranks.min()), int(local.ranks.max())],
+        "directions_dropped": int(local.dropped.sum()),
     }
 
 

@@ -24,8 +24,10 @@ from o3dleaf.files import whole_file
 
 SUFFIX = ".o3l"
 MAGIC = b"o3dleaf\n"
-FORMAT = 1
-"""Raised when an older reader could not make sense of a newer file."""
+FORMAT = 2
+"""Raised when an older reader could not make sense of a newer file, or a newer one of an older file."""
+OLDEST = 2
+"""The oldest format that can still be read."""
 PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
 
@@ -101,6 +103,11 @@ def _read_header(file: Path) -> tuple[dict[str, Any], int]:
         raise InputError(
             f"{file}: was written by o3dleaf {header['o3dleaf']} in format {header['format']}, "
             f"this version reads up to {FORMAT}; update o3dleaf"
+        )
+    if header["format"] < OLDEST:
+        raise InputError(
+            f"{file}: was written by o3dleaf {header['o3dleaf']} in format {header['format']}, before a release; "
+            "fit and save the model again"
         )
     return header, PREFIX.size + length
 

@@ -168,10 +168,19 @@ def influence_matrix(points, power, degree, diagonal):
     return np.array(columns).T
 
 
-def gcv(points, values, power, degree, diagonal):
-    """Return Wahba's score (1/N) |(I − H) f|² / ((1/N) tr(I − H))²."""
-    rest = np.eye(len(points)) - influence_matrix(points, power, degree, diagonal)
-    return np.mean((rest @ values) ** 2) / (np.trace(rest) / len(points)) ** 2
+def gcv(points, values, power, degree, diagonal, weights=1.0):
+    """Return Wahba's score (1/N) |W^½ (I − H) f|² / ((1/N) tr(I − H))², with D = W⁻¹ `diagonal`."""
+    rest = np.eye(len(points)) - influence_matrix(points, power, degree, diagonal / weights)
+    return np.mean(weights * (rest @ values) ** 2) / (np.trace(rest) / len(points)) ** 2
+
+
+def left_out(points, values, power, degree, diagonal):
+    """Return the error at each point of the spline through all the others, `diagonal` a number or one a point."""
+    diagonal, errors = np.broadcast_to(diagonal, len(points)), np.empty(len(points))
+    for j in range(len(points)):
+        rest = np.arange(len(points)) != j
+        errors[j] = values[j] - solve_spline(points[rest], values[rest], power, degree, diagonal[rest])(points[[j]])[0]
+    return errors
 
 
 def wendland(tau):

@@ -12,7 +12,7 @@ import o3dleaf as o3l
 from o3dleaf.errors import InputError
 from o3dleaf.models import CLASSES, load
 from o3dleaf.samples import wheat_scan
-from o3dleaf.store import FORMAT, MAGIC, PREFIX, write_model
+from o3dleaf.store import FORMAT, MAGIC, OLDEST, PREFIX, write_model
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +118,23 @@ def test_a_file_from_the_future_is_refused(file):
     rewrite_header(file, lambda header: header.update(format=FORMAT + 1))
     with pytest.raises(InputError, match="update o3dleaf"):
         load(file)
+
+
+def test_a_file_from_before_the_first_release_is_refused(file):
+    rewrite_header(file, lambda header: header.update(format=OLDEST - 1))
+    with pytest.raises(InputError, match="fit and save the model again"):
+        load(file)
+
+
+def test_a_file_from_before_balls_chose_for_themselves_is_read(interpolant, file):
+    def older(header):
+        local = header["model"]["state"]["local"]["state"]
+        del local["amounts"], local["trust"], local["smoothing"]["state"]["score"]
+
+    rewrite_header(file, older)
+    found = load(file)
+    assert np.array_equal(found(QUERIES), interpolant(QUERIES))
+    assert np.array_equal(found.appraise([0]).score, interpolant.appraise([0]).score)
 
 
 def test_only_known_classes_come_out(file):

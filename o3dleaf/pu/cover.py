@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from operator import index
+from typing import cast
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -69,11 +70,14 @@ class Cover:
 
 def as_ball_size(points_per_ball: int | tuple[int, int], overlap: float) -> tuple[int, int]:
     """Return (least, most) points of a ball, an int n standing for (n/2, n), or raise `InputError`."""
-    if isinstance(points_per_ball, tuple | list):
-        least, most = (index(number) for number in points_per_ball)
-    else:
-        most = index(points_per_ball)
-        least = max(most // 2, 1)
+    try:
+        if np.ndim(points_per_ball) == 0:
+            most = index(cast("int", points_per_ball))
+            least = max(most // 2, 1)
+        else:
+            least, most = (index(number) for number in cast("tuple[int, int]", points_per_ball))
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"points_per_ball: is {points_per_ball!r}; give a whole number or (least, most)") from cause
     if not 1 <= least <= most:
         raise InputError(f"points_per_ball: is {points_per_ball}; give (least, most) with 1 <= least <= most")
     if not 1 < overlap < 10:

@@ -24,6 +24,7 @@ from o3dleaf.checks import (
 from o3dleaf.errors import IllPosedError, InputError
 from o3dleaf.field import Field
 from o3dleaf.parallel import Progress
+from o3dleaf.pu.appraisal import Appraisal, appraise_balls
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
@@ -98,11 +99,13 @@ class PUInterpolant(Blended):
         kernel, degree
             As in `RBFInterpolant.fit`: by default r³ with the tail of its energy's null space
             (degree 2 in 3-D).
-        smoothing : float or "gcv", optional
-            The number on the diagonal of every ball, as in SciPy; 0 by default. The surface then does
+        smoothing : float, "gcv" or "gcv-per-ball", optional
+            The number on the diagonal of every ball, as in SciPy; 0 by default. "gcv" takes what a fixed
+            sample of balls agrees on, "gcv-per-ball" what each ball chooses for itself, at about ten times
+            the cost of the fit; see `o3dleaf.rbf.smoothing.choose_by_gcv`. The surface then does
             not depend on the size of the balls as long as the smoothing's own bandwidth, about
             (θ·smoothing/density)^(1/2m), stays well below their radius; give larger balls if it does not.
-        rho : float or "gcv", optional
+        rho : float, "gcv" or "gcv-per-ball", optional
             The paper's ρ instead, in unit^(2m−d): N_i ρ/θ on the diagonal of ball i with N_i points.
         points_per_ball : int or (least, most)
             Balls hold at most `most` points; one that holds fewer than `least` is fitted to its
@@ -226,6 +229,34 @@ class PUInterpolant(Blended):
     def bounds(self) -> FloatArray:
         """(2, d) the covered box, in `unit`."""
         return self.cover.bounds
+
+    def appraise(self, balls: npt.ArrayLike | None = None, *, progress: Progress | None = None) -> Appraisal:
+        """Judge the fit of each ball: its smoothing, score, freedom, condition and leave-one-out error.
+
+        It costs an eigen-decomposition for each ball, about ten times its fit, and needs no data: a
+        model that was loaded can be judged as well.
+
+        Parameters
+        ----------
+        balls : (M,) array_like of int, optional
+            Numbers of the balls to judge; all by default.
+        progress : callable, optional
+            ``progress(done, total)`` over balls.
+
+        Raises
+        ------
+        InputError
+            If the balls hold other fits than splines, or there is no ball of such a number.
+        """
+        if not isinstance(self.local, LocalSplines):
+            raise InputError("appraise: the balls do not hold splines; judge your own local fits yourself")
+        count = len(self.cover.radii)
+        asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls)).astype(np.int64)
+        if np.any((asked < 0) | (asked >= count)):
+            raise InputError(
+                f"balls: there are {count}, numbered from 0; {asked.min()} to {asked.max()} were asked for"
+            )
+        return appraise_balls(self.cover, self.local, asked, progress)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""

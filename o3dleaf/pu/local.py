@@ -14,18 +14,17 @@ from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
 from o3dleaf.pu import loops
+from o3dleaf.pu.choice import choose_amounts
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.jets import add_product, divide, scale_jets
 from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.kernels import Polyharmonic, require_twice_differentiable
 from o3dleaf.rbf.loops import jet_size
-from o3dleaf.rbf.smoothing import Smoothing, choose_by_gcv
+from o3dleaf.rbf.smoothing import Smoothing
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
 BLEND_BLOCK = 4096
-GCV_BALLS = 32
-"""Balls whose pooled score chooses the smoothing; an eigen-decomposition costs ten factorisations."""
 
 
 class LocalFits(Protocol):
@@ -44,7 +43,7 @@ class LocalSplines:
     ----------
     kernel : Polyharmonic
     smoothing : Smoothing
-        With its amount chosen, where it was "gcv".
+        With its amount chosen, where it was "gcv"; the word is left where it was "gcv-per-ball".
     offsets, places : (M + 1,), (M,) int64 ndarrays
         Ball i has the weights ``offsets[i]:offsets[i + 1]``, and its points from ``places[i]`` on.
     sites, weights, tails : (·,), (total,), (M, q) ndarrays
@@ -52,6 +51,10 @@ class LocalSplines:
     exponents : (q, d) int64 ndarray
     ranks, dropped : (M,) int64 ndarrays
         Rank of each ball's tail on its points; directions of its system that coinciding points left out.
+    amounts : (M,) ndarray or None
+        Each ball's own amount of smoothing, where it was "gcv-per-ball".
+    trust : (total,) ndarray or None
+        The weights of the points of each ball, where there were any.
     """
 
     kernel: Polyharmonic
@@ -64,6 +67,8 @@ class LocalSplines:
     exponents: IntArray
     ranks: IntArray
     dropped: IntArray
+    amounts: FloatArray | None = None
+    trust: FloatArray | None = None
 
     @classmethod
     def fit(
@@ -84,20 +89,34 @@ class LocalSplines:
         count, total = len(cover.radii), int(cover.offsets[-1])
         model = (np.empty(points.shape[1] * total), np.empty(total), np.empty((count, len(exponents))))
         ranks, dropped = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
-        trust = np.ones(len(points)) if trust is None else trust
+        weights = np.ones(len(points)) if trust is None else trust
+        filled = (model, ranks, dropped)
         with single_threaded_blas():
-            if smoothing.amount == "gcv":
-                smoothing = _pooled_gcv(cover, points, values, kernel, exponents, smoothing)
-            diagonal = smoothing.diagonals(cover.counts)
+            rule, amounts = choose_amounts(
+                cover, points, values, weights, kernel=kernel, exponents=exponents, rule=smoothing, progress=progress
+            )
+            diagonal = rule.diagonals(cover.counts, amounts)
 
             def task(start: int, stop: int) -> None:
-                loops.fit_balls(
-                    start, stop, points, values, trust, balls, exponents, kernel.power, diagonal, model, ranks, dropped
-                )
+                loops.fit_balls(start, stop, points, values, weights, balls, exponents, kernel.power, diagonal, *filled)
 
-            run_blocks(task, count, 1, progress)
+            run_blocks(task, count, 1, progress if amounts is None else None)
+        kept = None if trust is None else trust[cover.members]
         places = points.shape[1] * cover.offsets[:-1]
-        return cls(kernel, smoothing, cover.offsets, places, *model, exponents, ranks, dropped)
+        return cls(kernel, rule, cover.offsets, places, *model, exponents, ranks, dropped, amounts, kept)
+
+    @property
+    def diagonals(self) -> FloatArray:
+        """(M,) the number s on the diagonal of each ball, in the data's unit."""
+        return self.smoothing.diagonals(np.diff(self.offsets), self.amounts)
+
+    def ball(self, ball: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the (d, N) points of a ball in its unit coordinates, their (N,) λ and their (N,) weights."""
+        first, last = self.offsets[ball], self.offsets[ball + 1]
+        dimension, place = self.kernel.dimension, self.places[ball]
+        points = self.sites[place : place + dimension * (last - first)].reshape(dimension, last - first)
+        trust = np.ones(last - first) if self.trust is None else self.trust[first:last]
+        return points, self.weights[first:last], trust
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box.
@@ -130,23 +149,6 @@ class LocalSplines:
     @cached_property
     def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         return self.sites.astype(np.float32), self.weights.astype(np.float32)
-
-
-def _pooled_gcv(
-    cover: Cover, points: FloatArray, values: FloatArray, kernel: Polyharmonic, exponents: IntArray, rule: Smoothing
-) -> Smoothing:
-    """Return the rule with the amount that a fixed sample of balls agrees on."""
-    sample = np.unique(np.linspace(0, len(cover.radii) - 1, GCV_BALLS).round().astype(np.int64))
-    balls = (cover.centres, cover.radii, cover.offsets, cover.members)
-    spectra: list[tuple[FloatArray, FloatArray]] = [(np.empty(0), np.empty(0))] * len(sample)
-
-    def task(start: int, stop: int) -> None:
-        for at in range(start, stop):
-            spectra[at] = loops.ball_spectrum(sample[at], points, values, balls, exponents, kernel.power)
-
-    run_blocks(task, len(sample), 1)
-    scales = [rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power for ball in sample]
-    return Smoothing(choose_by_gcv(spectra, np.array(scales)), rule.per_point)
 
 
 @dataclass(frozen=True, eq=False)

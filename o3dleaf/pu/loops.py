@@ -11,8 +11,10 @@ from numba import njit
 
 from o3dleaf.pu.jets import add_product, divide, scale_jets
 from o3dleaf.pu.weights import weight_jets
+from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
-from o3dleaf.rbf.solve import held_out, solve_local, spectrum
+from o3dleaf.rbf.solve import solve_local
+from o3dleaf.rbf.spectrum import spectra
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -193,17 +195,18 @@ def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoot
 
 
 @njit(nogil=True, cache=True)
-def ball_spectrum(ball, points, values, cover, exponents, power):
-    """Return the spectrum of one ball's system, in unit coordinates."""
+def ball_spectrum(ball, points, values, trust, cover, exponents, power):
+    """Return the spectrum of one ball's weighted system, in unit coordinates."""
     centres, radii, offsets, members = cover
     rows = members[offsets[ball] : offsets[ball + 1]]
     local, data = gather(points, values, rows, centres[ball], radii[ball])
-    return spectrum(local, data, exponents, power)
+    eigenvalues, coefficients = spectra(local, data.reshape(1, -1), np.sqrt(trust[rows]), exponents, power)
+    return eigenvalues, coefficients[0]
 
 
 @njit(nogil=True, cache=True)
 def ball_held_out(ball, points, values, trust, cover, exponents, power, smoothing, groups):
-    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.solve.held_out`."""
+    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.rbf.held_out`."""
     centres, radii, offsets, members = cover
     rows = members[offsets[ball] : offsets[ball + 1]]
     local, data = gather(points, values, rows, centres[ball], radii[ball])

@@ -8,19 +8,21 @@ balls are the columns of one right-hand side.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
 from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
-from o3dleaf.pu.local import GCV_BALLS, LocalSplines
-from o3dleaf.rbf import solve
+from o3dleaf.pu.choice import GCV_BALLS, each_ball
+from o3dleaf.pu.local import LocalSplines
 from o3dleaf.rbf.factor import LocalFactor
 from o3dleaf.rbf.kernels import Polyharmonic
-from o3dleaf.rbf.smoothing import Smoothing, choose_by_gcv
+from o3dleaf.rbf.smoothing import Smoothing, Spectrum
+from o3dleaf.rbf.spectrum import spectra
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
 COLUMNS = 256
@@ -253,7 +255,7 @@ def fit_splines(
     radii = cover.radii
     of_class = radii[np.unique(cover.classes, return_index=True)[1]]
     with single_threaded_blas():
-        if smoothing.amount == "gcv":
+        if isinstance(smoothing.amount, str):
             smoothing = _choose(cover, values, kernel, exponents, smoothing)
 
         def factor(start: int, stop: int) -> None:
@@ -292,20 +294,18 @@ def _choose(
     cover: VoxelCover, values: VoxelValues, kernel: Polyharmonic, exponents: IntArray, rule: Smoothing
 ) -> Smoothing:
     """Return the rule with the amount that a fixed sample of balls agrees on, by one eigen-decomposition a class."""
+    if rule.amount == "gcv-per-ball":
+        raise InputError("smoothing: balls on a lattice share one factor and its smoothing; give 'gcv' or a number")
     sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
     batches = list(_batches(cover.classes[sample]))
-    spectra: list[list[tuple[FloatArray, FloatArray]]] = [[] for _ in batches]
-    scales = [np.empty(0)] * len(batches)
 
-    def task(start: int, stop: int) -> None:
-        for at in range(start, stop):
-            balls = sample[batches[at]]
-            number = int(cover.classes[balls[0]])
-            voxels = cover.voxels(number)
-            points, data = cover.points(number, voxels), values.of(cover.starts[balls], voxels)
-            eigenvalues, coefficients = solve.spectra(points, data.T.copy(), exponents, kernel.power)
-            spectra[at] = [(eigenvalues, column) for column in coefficients.T]
-            scales[at] = rule.scale(points.shape[1]) / cover.radii[balls] ** kernel.power
+    def of_class(batch: int) -> Spectrum:
+        balls = sample[batches[batch]]
+        number = int(cover.classes[balls[0]])
+        voxels = cover.voxels(number)
+        points, data = cover.points(number, voxels), values.of(cover.starts[balls], voxels)
+        found, coefficients = spectra(points, data, np.ones(len(voxels)), exponents, kernel.power)
+        found /= rule.scale(len(voxels)) / cover.radii[balls[0]] ** kernel.power
+        return Spectrum.pooled(Spectrum(found, each, len(voxels)) for each in coefficients)
 
-    run_blocks(task, len(batches), 1)
-    return Smoothing(choose_by_gcv(list(chain.from_iterable(spectra)), np.concatenate(scales)), rule.per_point)
+    return rule.chosen(Spectrum.pooled(each_ball(of_class, np.arange(len(batches)))))

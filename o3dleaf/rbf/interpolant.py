@@ -12,7 +12,8 @@ from o3dleaf.parallel import run_blocks, single_threaded_blas
 from o3dleaf.rbf import loops, solve
 from o3dleaf.rbf.factor import LocalFactor
 from o3dleaf.rbf.kernels import Polyharmonic, as_kernel, require_twice_differentiable
-from o3dleaf.rbf.smoothing import Amount, Smoothing, as_smoothing, choose_by_gcv
+from o3dleaf.rbf.smoothing import Amount, Smoothing, Spectrum, as_smoothing
+from o3dleaf.rbf.spectrum import spectra
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 from o3dleaf.store import write_model
 from o3dleaf.units import check_unit
@@ -85,7 +86,7 @@ class RBFInterpolant:
         degree : int, optional
             Total degree of the tail; by default the null space of the kernel's energy, m − 1.
         smoothing : float or "gcv", optional
-            The number s on the diagonal, as in SciPy; 0 by default.
+            The number s on the diagonal, as in SciPy; 0 by default. "gcv" takes what `choose_by_gcv` says.
         rho : float or "gcv", optional
             The paper's ρ instead: s = ρ n/θ.
         weights : (n,) array_like, optional
@@ -115,10 +116,10 @@ class RBFInterpolant:
         rule = as_smoothing(phi, smoothing, rho)
         unit_scale = 1 / radius**phi.power
         with single_threaded_blas():
-            if rule.amount == "gcv":
-                spectra = [solve.spectrum(local, column, exponents, phi.power) for column in _columns(data)]
-                scales = np.full(len(spectra), rule.scale(len(sites)) * unit_scale)
-                rule = Smoothing(choose_by_gcv(spectra, scales), rule.per_point)
+            if isinstance(rule.amount, str):
+                found, coefficients = spectra(local, _columns(data), np.sqrt(trust), exponents, phi.power)
+                found /= rule.scale(len(sites)) * unit_scale
+                rule = rule.chosen(Spectrum.pooled(Spectrum(found, each, len(sites)) for each in coefficients))
             diagonal = rule.diagonal(len(sites)) * unit_scale / trust
             strengths, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
         if rank < len(exponents) and degree is not None:

@@ -171,19 +171,28 @@ def reflect(vector, vectors, betas, forward):
             vector[i] -= scale * vectors[k, i]
 
 
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def cholesky_solve(matrix, right):
-    """Solve the positive definite system in place of `right`; return whether it was fit for it."""
-    count = len(matrix)
+@njit(nogil=True, cache=True)
+def cholesky(matrix):
+    """Return the lower factor, and whether the matrix was fit for it."""
     lower = matrix
     try:
         lower = np.linalg.cholesky(matrix)
     except Exception:  # noqa: BLE001 - Numba knows this one class only; it is LinAlgError
-        return False
+        return lower, False
     least = SINGULAR * np.trace(matrix)
-    for i in range(count):
+    for i in range(len(matrix)):
         if lower[i, i] * lower[i, i] <= least:
-            return False
+            return lower, False
+    return lower, True
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def cholesky_solve(matrix, right):
+    """Solve the positive definite system in place of `right`; return whether it was fit for it."""
+    count = len(matrix)
+    lower, fit = cholesky(matrix)
+    if not fit:
+        return False
     for i in range(count):
         right[i] = (right[i] - dot(lower[i], right, i)) / lower[i, i]
     for i in range(count - 1, -1, -1):
@@ -260,59 +269,3 @@ def solve_local(points, values, exponents, power, diagonal):
         reduced[k] = total / triangle[k, k]
     reflect(weights, vectors, betas, False)
     return weights, basis @ reduced, rank, dropped
-
-
-@njit(nogil=True, cache=True)
-def spectrum(points, values, exponents, power):
-    """Return (eigenvalues e, coefficients c) of a local system on the null space of Pᵀ.
-
-    With them the residual of smoothing s is Σ (s c/(e + s))², for every s at once.
-    """
-    matrix, vectors, betas, triangle, _ = project(points, exponents, power, np.zeros(len(values)))
-    rank = len(triangle)
-    rotated = values.copy()
-    reflect(rotated, vectors, betas, True)
-    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
-    return eigenvalues, np.ascontiguousarray(eigenvectors.T) @ rotated[rank:]
-
-
-@njit(nogil=True, cache=True)
-def spectra(points, values, exponents, power):
-    """Return (eigenvalues e, coefficients c (·, m)) of a system with m columns of values (n, m); see `spectrum`."""
-    matrix, vectors, betas, triangle, _ = project(points, exponents, power, np.zeros(len(values)))
-    rank = len(triangle)
-    rotated = np.empty((values.shape[1], len(values)))
-    for column in range(values.shape[1]):
-        rotated[column] = values[:, column]
-        reflect(rotated[column], vectors, betas, True)
-    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
-    return eigenvalues, np.ascontiguousarray(eigenvectors.T) @ np.ascontiguousarray(rotated[:, rank:].T)
-
-
-@njit(nogil=True, cache=True)
-def held_out(points, values, exponents, power, diagonal, groups):
-    """Return f − F⁽⁻ᴵ⁾ at every point, F⁽⁻ᴵ⁾ fitted without the whole group I of the point; NaN where too few are left.
-
-    With B = (A + D)⁻¹ on the null space of Pᵀ, zero elsewhere, it is B_II⁻¹ (B f)_I: no refit. Groups are
-    runs of equal numbers in `groups` (n,).
-    """
-    matrix, vectors, betas, triangle, _ = project(points, exponents, power, diagonal)
-    count, rank = len(values), len(triangle)
-    inverse = np.zeros((count, count))
-    inverse[rank:, rank:] = np.linalg.inv(matrix[rank:, rank:].copy())
-    reflect_both_sides(inverse, vectors, betas, False)
-    pulled = inverse @ values
-    errors = np.full(count, np.nan)
-    for group in np.unique(groups):
-        rows = np.flatnonzero(groups == group)
-        if count - rows.size < 2 * rank:
-            continue
-        block = np.empty((rows.size, rows.size))
-        right = np.empty(rows.size)
-        for i in range(rows.size):
-            right[i] = pulled[rows[i]]
-            for j in range(rows.size):
-                block[i, j] = inverse[rows[i], rows[j]]
-        solve_positive(block, right)
-        errors[rows] = right
-    return errors

@@ -12,18 +12,12 @@ import reference
 from o3dleaf.errors import IllPosedError, InputError, UnitError
 from o3dleaf.field import Field
 from o3dleaf.pu.interpolant import PUInterpolant
-from o3dleaf.pu.local import GCV_BALLS
-from o3dleaf.rbf import solve
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic, polyharmonic
-from o3dleaf.rbf.smoothing import gcv_score
-from o3dleaf.rbf.tail import tail_exponents
 from o3dleaf.units import unit_scale
 from tolerances import (
     FIELD_GRADIENT,
     FIELD_TWIN,
-    GCV_EFFICIENCY,
-    GCV_MINIMUM,
     POLYNOMIAL,
     POLYNOMIAL_SLOPE,
     RHO_LIMIT,
@@ -171,37 +165,6 @@ def test_weights_divide_each_ball_s_diagonal():
     np.testing.assert_allclose(field(queries), expected, rtol=0, atol=FIELD_TWIN * np.abs(values).max())
 
 
-def test_gcv_pools_the_score_of_all_balls():
-    """Noise that grows along x: no single ball would choose what all of them do."""
-    rng = np.random.default_rng(5)
-    points = rng.random((400, 2))
-    values = np.sin(5 * points).sum(axis=1) + points[:, 0] ** 2 * rng.standard_normal(len(points))
-    kernel, exponents = polyharmonic(2, 2), tail_exponents(2, 1)
-    field = PUInterpolant.fit(points, values, kernel=kernel, rho="gcv", points_per_ball=(30, 60))
-    assert 4 < len(field.cover.radii) <= GCV_BALLS
-    rows = np.split(field.cover.members, field.cover.offsets[1:-1])
-    spectra = [solve.spectrum(points[r].T.copy(), values[r], exponents, kernel.power) for r in rows]
-    scales = field.cover.counts / kernel.theta
-    chosen = field.local.smoothing.amount
-    score = gcv_score(chosen, spectra, scales)
-    assert all(score <= gcv_score(chosen * x, spectra, scales) * (1 + GCV_MINIMUM) for x in np.geomspace(0.1, 10, 41))
-
-
-def test_gcv_is_one_amount_for_all_balls_and_quietens_noise():
-    rng = np.random.default_rng(2)
-    points = rng.random((1500, 3))
-    truth = np.sin(3 * points).sum(axis=1)
-    values = truth + 0.1 * rng.standard_normal(len(points))
-    field = PUInterpolant.fit(points, values, rho="gcv", points_per_ball=(60, 120))
-    again = PUInterpolant.fit(points, values, rho=field.local.smoothing.amount, points_per_ball=(60, 120))
-    np.testing.assert_array_equal(field(points), again(points))
-    errors = [
-        np.std(PUInterpolant.fit(points, values, rho=rho, points_per_ball=(60, 120))(points) - truth)
-        for rho in field.local.smoothing.amount * np.geomspace(1e-2, 1e2, 9)
-    ]
-    assert np.std(field(points) - truth) < GCV_EFFICIENCY * min(errors)
-
-
 def test_it_is_a_field_with_bounds_and_unit_and_takes_a_flat_or_an_empty_query():
     points, values, _ = wavy(3)
     field = PUInterpolant.fit(points, values, points_per_ball=40, unit="mm", bounds=[[-2] * 3, [3] * 3])
@@ -215,11 +178,23 @@ def test_it_is_a_field_with_bounds_and_unit_and_takes_a_flat_or_an_empty_query()
     np.testing.assert_allclose(field(points), values, rtol=0, atol=FIELD_TWIN * np.abs(values).max())
 
 
-def test_progress_reaches_the_number_of_balls():
+@pytest.mark.parametrize("rule", [{}, {"rho": "gcv"}, {"rho": "gcv-per-ball"}], ids=str)
+def test_progress_reaches_the_number_of_balls(rule):
     points, values, _ = wavy(3)
     seen = []
-    field = PUInterpolant.fit(points, values, points_per_ball=BALLS, progress=lambda *at: seen.append(at))
+    field = PUInterpolant.fit(points, values, points_per_ball=BALLS, progress=lambda *at: seen.append(at), **rule)
+    assert [done for done, _ in seen] == sorted(done for done, _ in seen)
     assert seen[-1] == (len(field.cover.radii), len(field.cover.radii))
+
+
+def test_any_kind_of_whole_number_says_how_large_the_balls_are():
+    points, values, queries = wavy(3)
+    expected = PUInterpolant.fit(points, values, points_per_ball=(25, 50))(queries)
+    for size in (50, np.int64(50), np.uint8(50), np.array(50), (np.int32(25), 50), np.array([25, 50]), [25, 50]):
+        np.testing.assert_array_equal(PUInterpolant.fit(points, values, points_per_ball=size)(queries), expected)
+    for size in (50.0, "50", None, (25, 50, 75), (25.0, 50), np.array([50.0])):
+        with pytest.raises(InputError, match=r"points_per_ball: is .*; give a whole number"):
+            PUInterpolant.fit(points, values, points_per_ball=size)
 
 
 def test_bad_input_is_named():

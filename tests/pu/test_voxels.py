@@ -9,12 +9,15 @@ from o3dleaf.errors import IllPosedError, InputError
 from o3dleaf.models import load
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.pu import voxels
+from o3dleaf.pu.choice import GCV_BALLS
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalSplines
 from o3dleaf.rbf.kernels import as_kernel
+from o3dleaf.rbf.smoothing import Spectrum, choose_by_gcv, gcv_score
+from o3dleaf.rbf.spectrum import spectra
 from o3dleaf.rbf.tail import tail_exponents
-from tolerances import POLYNOMIAL, ROUNDING, SHARED_FACTOR
+from tolerances import GCV_CHOICE, POLYNOMIAL, ROUNDING, SHARED_APPRAISAL, SHARED_FACTOR
 
 SPACING = np.array([2.0, 3.0, 2.5])
 ORIGIN = np.array([100.0, -50.0, 7.0])
@@ -143,6 +146,33 @@ def test_every_ball_of_a_class_holds_what_the_distances_say():
         assert len(found) <= 300
 
 
+def test_gcv_asks_a_sample_of_balls_as_the_general_path_does():
+    """The pooled score of the sampled balls, each decomposed by itself, has no smaller smoothing within its noise."""
+    values = data()
+    field = PUInterpolant.fit_lattice(values, spacing=SPACING, origin=ORIGIN, rho="gcv")
+    sample = np.unique(np.linspace(0, len(field.cover.radii) - 1, GCV_BALLS).round().astype(int))
+    points, flat = positions(values.shape), values.ravel()
+    parts = []
+    for ball in sample:
+        centre, radius = field.cover.centres[ball], field.cover.radii[ball]
+        rows = np.linalg.norm(points - centre, axis=1) <= radius * (1 + 1e-12)
+        local, trust = ((points[rows] - centre) / radius).T.copy(), np.ones(rows.sum())
+        found, coefficients = spectra(local, flat[rows][np.newaxis], trust, tail_exponents(3, 2), 3)
+        scale = rows.sum() / as_kernel("cubic", 3).theta / radius**3
+        parts.append(Spectrum(found / scale, coefficients[0], int(rows.sum())))
+    pooled, rule = Spectrum.pooled(parts), field.local.smoothing
+    assert rule.amount == pytest.approx(choose_by_gcv(pooled), rel=GCV_CHOICE)
+    assert rule.score == pytest.approx(gcv_score(rule.amount, pooled), rel=GCV_CHOICE)
+
+
+def test_the_balls_of_a_lattice_are_appraised_like_any_others():
+    values = data((14, 13, 12))
+    field = PUInterpolant.fit_lattice(values, spacing=SPACING, origin=ORIGIN, smoothing=0.3)
+    twin = general_path(field, positions(values.shape), values.ravel())
+    for found, expected in zip(field.appraise().summary().values(), twin.appraise().summary().values(), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=SHARED_APPRAISAL)
+
+
 def test_balls_share_their_points():
     values = data((40, 40, 40))
     field = PUInterpolant.fit_lattice(values, spacing=1.0, smoothing=0.1)
@@ -225,6 +255,8 @@ def test_what_cannot_be_meant_is_refused():
         fit(values, spacing=1.0, transform=2 * np.eye(4), bounds=[[0, 0, 0], [1, 1, 1]])
     with pytest.raises(IllPosedError, match="at least 1"):
         fit(values, spacing=1.0, degree=0)
+    with pytest.raises(InputError, match="give 'gcv' or a number"):
+        fit(values, spacing=1.0, rho="gcv-per-ball")
     with pytest.raises(InputError, match="points_per_ball"):
         fit(values, spacing=1.0, points_per_ball=0)
 
