@@ -11,7 +11,9 @@ import reference
 from o3dleaf.errors import IllPosedError, InputError
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import NAMES, as_kernel
-from tolerances import EXTREME_DOMAIN, LEAST_SQUARES_LIMIT, OUTLIER, ROUNDING, SCIPY_PARITY
+from o3dleaf.rbf.smoothing import Spectrum, choose_by_gcv
+from o3dleaf.rbf.spectrum import spectra
+from tolerances import EXTREME_DOMAIN, GCV_CHOICE, LEAST_SQUARES_LIMIT, OUTLIER, ROUNDING, SCIPY_PARITY
 
 KERNELS = list(NAMES)
 
@@ -69,11 +71,16 @@ def test_vector_values_at_coinciding_points_go_through_their_means():
 
 
 def test_one_smoothing_is_chosen_for_all_columns():
-    points, values, _ = waves(2)
+    """That of the pooled score of the columns, each judged by its own spectrum."""
+    points, values, queries = waves(2)
     noisy = values[:, None] + 0.1 * np.random.default_rng(1).normal(size=(len(values), 2))
-    both = RBFInterpolant.fit(points, noisy, smoothing="gcv").smoothing.amount
-    alone = [RBFInterpolant.fit(points, column, smoothing="gcv").smoothing.amount for column in noisy.T]
-    assert min(alone) <= both <= max(alone)
+    both = RBFInterpolant.fit(points, noisy, smoothing="gcv")
+    local, one = both.points, np.ones(len(points))
+    parts = [spectra(local, column[np.newaxis].copy(), one, both.exponents, 3) for column in noisy.T]
+    pooled = Spectrum.pooled(Spectrum(e * both.radius**3, c[0], len(points)) for e, c in parts)
+    assert both.smoothing.amount == pytest.approx(choose_by_gcv(pooled), rel=GCV_CHOICE)
+    given = RBFInterpolant.fit(points, noisy, smoothing=both.smoothing.amount)
+    np.testing.assert_array_equal(both(queries), given(queries))
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
