@@ -283,9 +283,10 @@ def fit_splines(
 
 
 def _batches(classes: IntArray) -> Iterator[IntArray]:
-    """Yield the balls of each class, `COLUMNS` at a time."""
+    """Yield the balls of each class, `COLUMNS` at a time, those of the largest classes first."""
     order = np.argsort(classes, kind="stable")
-    for balls in np.split(order, np.flatnonzero(np.diff(classes[order])) + 1):
+    groups = np.split(order, np.flatnonzero(np.diff(classes[order])) + 1)
+    for balls in sorted(groups, key=len, reverse=True):
         for start in range(0, len(balls), COLUMNS):
             yield balls[start : start + COLUMNS]
 

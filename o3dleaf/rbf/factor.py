@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import IllPosedError
-from o3dleaf.rbf import solve
+from o3dleaf.rbf import columns, solve
 from o3dleaf.rbf.tail import IntArray
 
 
@@ -48,25 +47,17 @@ class LocalFactor:
         """
         matrix, vectors, betas, right, basis = solve.project(points, exponents, power, diagonal)
         rank = len(right)
-        cholesky, failed = lapack.dpotrf(matrix[rank:, rank:], lower=1, clean=0) if rank < len(matrix) else (matrix, 0)
-        if failed:
+        lower, fit = solve.cholesky(matrix[rank:, rank:].copy())
+        if not fit:
             raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
         triangle = np.zeros((len(betas), len(betas)))
         for k, beta in enumerate(betas):
             triangle[:k, k] = -beta * (triangle[:k, :k] @ (vectors[:k] @ vectors[k]))
             triangle[k, k] = beta
-        return cls(vectors, triangle, right, basis, matrix[:rank, rank:].copy(), cholesky)
+        return cls(vectors, triangle, right, basis, matrix[:rank, rank:].copy(), lower)
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the (m, n) λ and the (m, q) a of (m, n) values."""
-        rank = len(self.right)
-        rotated = values - values @ self.reflectors.T @ self.triangle @ self.reflectors
-        weights = np.zeros_like(values)
-        if rank < values.shape[1]:
-            inner, _ = lapack.dpotrs(self.cholesky, rotated[:, rank:].T, lower=1)
-            weights[:, rank:] = inner.T
-        reduced = rotated[:, :rank].T - self.above @ weights[:, rank:].T
-        if rank:
-            reduced = solve_triangular(self.right, reduced)
-        weights -= weights @ self.reflectors.T @ self.triangle.T @ self.reflectors
-        return weights, (self.basis @ reduced).T
+        parts = self.reflectors, self.triangle, self.right, self.basis, self.above, self.cholesky
+        weights, tail = columns.solve_columns(*parts, values.T.copy())
+        return weights.T, tail.T

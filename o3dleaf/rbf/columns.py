@@ -1,0 +1,56 @@
+"""The compiled solution of a factored local system for many columns of values, without the interpreter's lock.
+
+SciPy's triangular solvers keep that lock, so that threads would wait for each other.
+"""
+
+import numpy as np
+from numba import njit
+
+BLOCK = 48
+"""Rows of L that are solved for at once: all but the blocks on its diagonal are matrix products."""
+
+
+@njit(nogil=True, cache=True)
+def solve_lower(lower, right):
+    """Solve L X = B in place of B, (n, m)."""
+    for start in range(0, len(lower), BLOCK):
+        stop = min(start + BLOCK, len(lower))
+        if start > 0:
+            right[start:stop] -= np.ascontiguousarray(lower[start:stop, :start]) @ right[:start]
+        for i in range(start, stop):
+            row = right[i]
+            for k in range(start, i):
+                row -= lower[i, k] * right[k]
+            row /= lower[i, i]
+
+
+@njit(nogil=True, cache=True)
+def solve_upper(lower, right):
+    """Solve Lᵀ X = B in place of B, (n, m)."""
+    for start in range((len(lower) - 1) // BLOCK * BLOCK, -1, -BLOCK):
+        stop = min(start + BLOCK, len(lower))
+        if stop < len(lower):
+            right[start:stop] -= np.ascontiguousarray(lower[stop:, start:stop].T) @ right[stop:]
+        for i in range(stop - 1, start - 1, -1):
+            row = right[i]
+            for k in range(i + 1, stop):
+                row -= lower[k, i] * right[k]
+            row /= lower[i, i]
+
+
+@njit(nogil=True, cache=True)
+def solve_columns(reflectors, triangle, right, basis, above, cholesky, values):
+    """Return the (n, m) λ and the (q, m) a of (n, m) values, which are overwritten."""
+    rank = len(right)
+    values -= reflectors.T @ (triangle.T @ (reflectors @ values))
+    weights = np.zeros_like(values)
+    weights[rank:] = values[rank:]
+    solve_lower(cholesky, weights[rank:])
+    solve_upper(cholesky, weights[rank:])
+    reduced = values[:rank] - above @ weights[rank:]
+    for i in range(rank - 1, -1, -1):
+        for k in range(i + 1, rank):
+            reduced[i] -= right[i, k] * reduced[k]
+        reduced[i] /= right[i, i]
+    weights -= reflectors.T @ (triangle @ (reflectors @ weights))
+    return weights, basis @ reduced
