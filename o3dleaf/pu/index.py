@@ -7,6 +7,7 @@ import numpy as np
 from o3dleaf.checks import FloatArray
 from o3dleaf.parallel import run_blocks
 from o3dleaf.pu import loops
+from o3dleaf.pu.tree import Tree, build_tree
 from o3dleaf.rbf.tail import IntArray
 
 FOLD_BLOCK = 1 << 15
@@ -43,13 +44,13 @@ class BallIndex:
     shifts: FloatArray
     centres: FloatArray
     radii: FloatArray
-    tree: tuple[IntArray, FloatArray, IntArray, IntArray, IntArray, IntArray]
+    tree: Tree
 
     @classmethod
     def build(cls, centres: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":
         """Index the balls (M, d), (M,) over `bounds`, one image each."""
         shifts = np.zeros_like(centres)
-        tree = loops.build_tree(centres, radii, bounds[0], bounds[1])
+        tree = build_tree(centres, radii, bounds)
         return cls(bounds, np.zeros(centres.shape[1]), np.arange(len(centres)), shifts, centres, radii, tree)
 
     @classmethod
@@ -67,7 +68,7 @@ class BallIndex:
         step, balls = np.nonzero(np.linalg.norm(gap, axis=2) < radii)
         balls = balls.astype(np.int64)
         images = np.ascontiguousarray(moved[step, balls])
-        tree = loops.build_tree(images, radii[balls], bounds[0], bounds[1])
+        tree = build_tree(images, radii[balls], bounds)
         return cls(bounds, period, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
 
     @property

@@ -22,8 +22,6 @@ LEAF_IMAGES = 8
 LEAF_SIDE = 0.5
 """Nor is one whose longest side is below this share of its smallest ball's radius."""
 
-MOST_DEPTH = 60
-
 ABREAST = 8
 
 STRIP = 256
@@ -53,12 +51,12 @@ def within(items, centres, radii, low, high):
 
 
 @njit(nogil=True, cache=True)
-def build_tree(centres, radii, low, high):
+def build_tree(centres, radii, low, high, candidates, most_depth):
     """Halve the box until few balls reach into each part; return (axis, split, child, start, stop, items)."""
     axes, splits, children, starts, stops = [-1], [0.0], [-1], [0], [0]
     items = [np.int64(0)]
     items.pop()
-    whole = within(np.arange(len(radii)), centres, radii, low, high)
+    whole = within(candidates, centres, radii, low, high)
     stack = [(0, low.copy(), high.copy(), whole, 0)]
     while len(stack) > 0:
         node, box_low, box_high, inside, depth = stack.pop()
@@ -67,7 +65,7 @@ def build_tree(centres, radii, low, high):
         smallest = np.inf
         for item in inside:
             smallest = min(smallest, radii[item])
-        if inside.size <= LEAF_IMAGES or side <= LEAF_SIDE * smallest or depth == MOST_DEPTH:
+        if inside.size <= LEAF_IMAGES or side <= LEAF_SIDE * smallest or depth == most_depth:
             starts[node] = len(items)
             for item in inside:
                 items.append(item)
