@@ -80,7 +80,7 @@ def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArr
 
 def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
     """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
-    step = np.asarray(spacing, dtype=np.float64)
+    step = _as_floats(spacing, "spacing")
     if step.shape not in {(), (dimension,)}:
         raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
     for each in step.ravel():
@@ -143,12 +143,28 @@ def require_finite(array: FloatArray, name: str) -> FloatArray:
     return array
 
 
+def as_number(value: float, name: str) -> float:
+    """Return `value` as a finite float, or raise `InputError`."""
+    number = _as_float(value)
+    if not np.isfinite(number):
+        raise InputError(f"{name}: is {value}; give a finite number")
+    return number
+
+
 def require_positive(value: float, name: str) -> float:
     """Return `value` as a float if it is finite and above zero, else raise `InputError`."""
-    number = float(value)
+    number = _as_float(value)
     if not (np.isfinite(number) and number > 0):
         raise InputError(f"{name}: is {value}; give a number above zero")
     return number
+
+
+def _as_float(value: float) -> float:
+    """Return `value` as a float, NaN where it is no number at all."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return np.nan
 
 
 def require_choice(value: str, choices: Iterable[str], name: str) -> str:

@@ -94,9 +94,13 @@ def test_bounds_are_a_lower_and_an_upper_corner():
 
 def test_numbers_choices_and_files(tmp_path):
     assert checks.require_positive(2, "spacing") == 2.0
-    for bad in (0, -1, np.nan, np.inf):
+    for bad in (0, -1, np.nan, np.inf, "a", None):
         with pytest.raises(InputError, match="above zero"):
             checks.require_positive(bad, "spacing")
+    assert checks.as_number("-2", "isovalue") == -2.0
+    for bad in (np.nan, -np.inf, "a", None, [1, 2]):
+        with pytest.raises(InputError, match=r"isovalue: is .*; give a finite number"):
+            checks.as_number(bad, "isovalue")
     assert checks.require_choice("b", "abc", "letter") == "b"
     with pytest.raises(InputError, match="letter: unknown 'd'; choose one of a, b, c"):
         checks.require_choice("d", iter("abc"), "letter")

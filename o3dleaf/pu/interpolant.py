@@ -14,6 +14,7 @@ from o3dleaf.checks import (
     FloatArray,
     as_bounds,
     as_mask,
+    as_number,
     as_points,
     as_rigid_motion,
     as_step,
@@ -21,7 +22,7 @@ from o3dleaf.checks import (
     as_voxels,
     as_weights,
 )
-from o3dleaf.errors import IllPosedError, InputError
+from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.parallel import Progress
 from o3dleaf.pu.appraisal import Appraisal, appraise_balls
@@ -30,7 +31,7 @@ from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
 from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
-from o3dleaf.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
 from o3dleaf.store import write_model
 from o3dleaf.units import check_unit
@@ -219,7 +220,7 @@ class PUInterpolant(Blended):
         cover = VoxelCover.fit(data.shape, steps, most, overlap, marked).reaching(box[0], box[1], moved)
         phi, degree = _spline(kernel, degree, dimension)
         rule = as_smoothing(phi, smoothing, rho)
-        splines = fit_splines(cover, VoxelValues(data, isovalue), phi, degree, rule, progress)
+        splines = fit_splines(cover, VoxelValues(data, as_number(isovalue, "isovalue")), phi, degree, rule, progress)
         centres, radii = cover.centres(moved), cover.radii
         balls = Cover(centres, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
         data_hash = _hash(data, step, start, turn, moved)
@@ -251,12 +252,10 @@ class PUInterpolant(Blended):
         if not isinstance(self.local, LocalSplines):
             raise InputError("appraise: the balls do not hold splines; judge your own local fits yourself")
         count = len(self.cover.radii)
-        asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls)).astype(np.int64)
-        if np.any((asked < 0) | (asked >= count)):
-            raise InputError(
-                f"balls: there are {count}, numbered from 0; {asked.min()} to {asked.max()} were asked for"
-            )
-        return appraise_balls(self.cover, self.local, asked, progress)
+        asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls))
+        if asked.dtype.kind not in "iu" or np.any((asked < 0) | (asked >= count)):
+            raise InputError(f"balls: are {asked}; give whole numbers from 0 to {count - 1}")
+        return appraise_balls(self.cover, self.local, asked.astype(np.int64), progress)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
@@ -264,12 +263,9 @@ class PUInterpolant(Blended):
 
 
 def _spline(kernel: str | Polyharmonic, degree: int | None, dimension: int) -> tuple[Polyharmonic, int]:
-    """Return the kernel and the degree of its tail, or raise `IllPosedError`."""
+    """Return the kernel and the degree of its tail."""
     phi = as_kernel(kernel, dimension)
-    chosen = phi.degree if degree is None else degree
-    if chosen < phi.least_degree:
-        raise IllPosedError(f"degree: is {chosen}; this kernel needs at least {phi.least_degree}")
-    return phi, chosen
+    return phi, as_degree(degree, phi)
 
 
 def _voxel_box(

@@ -11,7 +11,7 @@ from o3dleaf.errors import IllPosedError
 from o3dleaf.parallel import run_blocks, single_threaded_blas
 from o3dleaf.rbf import loops, solve
 from o3dleaf.rbf.factor import LocalFactor
-from o3dleaf.rbf.kernels import Polyharmonic, as_kernel, require_twice_differentiable
+from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
 from o3dleaf.rbf.smoothing import Amount, Smoothing, Spectrum, as_smoothing
 from o3dleaf.rbf.spectrum import spectra
 from o3dleaf.rbf.tail import IntArray, tail_exponents
@@ -106,9 +106,7 @@ class RBFInterpolant:
         data = as_values(values, len(sites), columns=True)
         trust = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
         phi = as_kernel(kernel, sites.shape[1])
-        asked = phi.degree if degree is None else degree
-        if asked < phi.least_degree:
-            raise IllPosedError(f"degree: is {asked}; this kernel needs at least {phi.least_degree}")
+        asked = as_degree(degree, phi)
         exponents = tail_exponents(sites.shape[1], asked)
         bounds = np.array([sites.min(axis=0), sites.max(axis=0)])
         centre, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2 or 1.0

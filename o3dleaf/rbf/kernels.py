@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, require_choice
-from o3dleaf.errors import InputError
+from o3dleaf.errors import IllPosedError, InputError
 
 NAMES = {"linear": 1, "thin_plate_spline": 2, "cubic": 3, "quintic": 5}
 """SciPy's names of the scale-free kernels, with the power of r; an even power carries a logarithm."""
@@ -29,6 +29,10 @@ class Polyharmonic:
 
     power: int
     dimension: int
+
+    def __str__(self) -> str:
+        """Return the radial part without its sign."""
+        return f"r^{self.power}" + (" log r" if self.logarithmic else "")
 
     @property
     def logarithmic(self) -> bool:
@@ -152,9 +156,18 @@ def as_kernel(kernel: str | Polyharmonic, dimension: int) -> Polyharmonic:
     return kernel
 
 
+def as_degree(degree: int | None, kernel: Polyharmonic) -> int:
+    """Return the degree of the tail, by default the kernel's own, or raise `InputError` or `IllPosedError`."""
+    if degree is None:
+        return kernel.degree
+    if not isinstance(degree, int | np.integer):
+        raise InputError(f"degree: is {degree!r}; give a whole number")
+    if degree < kernel.least_degree:
+        raise IllPosedError(f"degree: is {degree}; this kernel needs at least {kernel.least_degree}")
+    return int(degree)
+
+
 def require_twice_differentiable(kernel: Polyharmonic) -> None:
     """Raise `InputError` for φ = −r and r² log r, which have no second derivatives at their data."""
     if kernel.power < 3:
-        raise InputError(
-            f"hessian: r^{kernel.power} has no second derivatives at its data; use 'cubic' or a smoother kernel"
-        )
+        raise InputError(f"hessian: {kernel} has no second derivatives at its data; use 'cubic' or a smoother kernel")

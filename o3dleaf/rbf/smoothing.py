@@ -81,8 +81,7 @@ def as_smoothing(kernel: Polyharmonic, smoothing: Amount | None, rho: Amount | N
         return Smoothing(amount)
     if kernel.theta is None:
         raise InputError(
-            f"rho: r^{kernel.power} in {kernel.dimension}-D minimises no thin-plate energy, so it has no theta; "
-            "give smoothing"
+            f"rho: {kernel} in {kernel.dimension}-D minimises no thin-plate energy, so it has no theta; give smoothing"
         )
     return Smoothing(amount, 1 / kernel.theta)
 

@@ -140,8 +140,8 @@ def test_leave_one_out_and_gcv_agree_about_the_error():
 def test_what_cannot_be_judged_is_refused():
     points, _, values, _ = noisy(3)
     field = PUInterpolant.fit(points, values)
-    for bad in (-1, len(field.cover.radii)):
-        with pytest.raises(InputError, match="numbered from 0"):
+    for bad in (-1, len(field.cover.radii), 0.5, "a"):
+        with pytest.raises(InputError, match=f"give whole numbers from 0 to {len(field.cover.radii) - 1}"):
             field.appraise([bad])
     other = PUInterpolant.fit(points, values, local=o3l.RBFInterpolant.fit)
     with pytest.raises(InputError, match="do not hold splines"):

@@ -241,6 +241,12 @@ def test_what_cannot_be_meant_is_refused():
     fit = PUInterpolant.fit_lattice
     with pytest.raises(InputError, match="spacing"):
         fit(values, spacing=[1.0, 2.0])
+    with pytest.raises(InputError, match="spacing: not an array of numbers"):
+        fit(values, spacing="a")
+    with pytest.raises(InputError, match="isovalue: is nan"):
+        fit(values, spacing=1.0, isovalue=np.nan)
+    with pytest.raises(InputError, match=r"degree: is 1.5; give a whole number"):
+        fit(values, spacing=1.0, degree=1.5)
     with pytest.raises(InputError, match="one bool a voxel"):
         fit(values, spacing=1.0, mask=np.ones((8, 9, 6), dtype=bool))
     with pytest.raises(InputError, match="NaN"):
