@@ -22,8 +22,8 @@ SLICES = 40
 LEAST_ASPECT = 3.0
 """Length over width below which a cloud has no midrib to follow: a broad leaf, not a blade."""
 FEWEST_POINTS = 50
-THINNEST = 1e-6
-"""Width over length below which a cloud is a line: no leaf, and rounding would decide everything."""
+THINNEST = 1e-3
+"""Width over length below which a cloud is a line, not a leaf: the midrib would need thousands of stations."""
 EDGES = (0.02, 0.98)
 """Quantiles of `across` in a slice that stand for the blade's edges."""
 SETTLED = 0.02

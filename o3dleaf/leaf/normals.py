@@ -1,6 +1,7 @@
 """Normals of the blade along its midrib, by principal component analysis with a consistent sign."""
 
 import numpy as np
+import numpy.typing as npt
 import open3d as o3d
 from scipy.spatial import cKDTree
 
@@ -13,7 +14,7 @@ WIDTH_QUANTILE = 0.95
 """Share of the scan within the half width: nearly all of the blade's points, but no stray ones."""
 
 POLYLINE_SAMPLES = 4096
-"""Samples of the midrib's polyline at equal steps, for distances to it."""
+"""Samples of the midrib's polyline at equal steps, which find the nearest of its segments."""
 
 
 def half_width(scan: FloatArray, control: FloatArray) -> float:
@@ -27,8 +28,19 @@ def half_width(scan: FloatArray, control: FloatArray) -> float:
     reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(control, axis=0), axis=1))])
     at = np.linspace(0, reached[-1], POLYLINE_SAMPLES)
     polyline = np.stack([np.interp(at, reached, column) for column in control.T], axis=1)
-    distance, _ = cKDTree(polyline).query(scan, workers=-1)
-    return float(np.quantile(distance, WIDTH_QUANTILE))
+    _, nearest = cKDTree(polyline).query(scan, workers=-1)
+    last = len(polyline) - 1
+    before, after = (_to_segments(scan, polyline, np.clip(nearest + step, 0, last - 1)) for step in (-1, 0))
+    return float(np.quantile(np.minimum(before, after), WIDTH_QUANTILE))
+
+
+def _to_segments(points: FloatArray, polyline: FloatArray, first: npt.NDArray[np.int64]) -> FloatArray:
+    """Return the distances of points (n, 3) from one segment each, which begins at vertex `first` (n,) of the polyline."""
+    start, along = polyline[first], polyline[first + 1] - polyline[first]
+    square = np.sum(along**2, axis=1)
+    share = np.sum((points - start) * along, axis=1) / np.where(square > 0, square, 1.0)
+    distance: FloatArray = np.linalg.norm(points - start - np.clip(share, 0, 1)[:, np.newaxis] * along, axis=1)
+    return distance
 
 
 def consistent_normals(scan: FloatArray, control: FloatArray, radius: float, facing: FloatArray) -> FloatArray:

@@ -141,6 +141,15 @@ def test_neighbouring_normals_agree(wheat):
     assert np.all(np.einsum("ij,ij->i", up[1:], up[:-1]) > 0)
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-6, 3.0])
+def test_half_width_is_measured_to_the_polyline_itself(gap):
+    """Between its samples too: of points at one distance from a bent polyline it is that distance."""
+    control = np.array([[0, 0, 0], [60, 0, 0], [60, 40, 0.0]])
+    t = np.random.default_rng(0).uniform(0, 100, 400)
+    on = np.column_stack([np.minimum(t, 60), np.maximum(t - 60, 0), np.full(400, gap)])
+    assert half_width(on, control) == pytest.approx(gap, rel=1e-12, abs=1e-12)
+
+
 def test_half_width_of_a_strip():
     rng = np.random.default_rng(7)
     scan = np.column_stack([rng.uniform(0, 100, 5000), rng.uniform(-4, 4, 5000), np.zeros(5000)])

@@ -60,3 +60,11 @@ def test_the_soybean_leaf_is_refused(real_scan):
 def test_a_handful_of_points_is_refused():
     with pytest.raises(InputError, match="at least"):
         find_midrib(np.random.default_rng(2).uniform(0, 1, (10, 3)))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-9, 0.02])
+def test_a_line_is_refused(jitter):
+    """Also one that is thin rather than straight: a midrib with a station for each of its widths would never end."""
+    points = np.linspace([0, 0, 0], [100, 20, 5], 500) + np.random.default_rng(0).uniform(-jitter, jitter, (500, 3))
+    with pytest.raises(InputError, match="one line or in one place"):
+        find_midrib(points)
