@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import RBFInterpolator
 
 import reference
-from tolerances import BASELINE
+from tolerances import BASELINE, EFFICIENCY_TWIN
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 KEYS = {
@@ -29,15 +30,20 @@ KEYS = {
 
 
 @pytest.fixture
-def baselines(monkeypatch):
+def script(monkeypatch):
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    return importlib.import_module("baselines")
+    return importlib.import_module
 
 
-@pytest.mark.parametrize("script", ["bench_paper.py", "bench_engine.py"])
-def test_a_quick_run_writes_rows_of_numbers(script, tmp_path):
+@pytest.fixture
+def baselines(script):
+    return script("baselines")
+
+
+@pytest.mark.parametrize("file", ["bench_paper.py", "bench_engine.py"])
+def test_a_quick_run_writes_rows_of_numbers(file, tmp_path):
     found = tmp_path / "rows.json"
-    command = [sys.executable, str(SCRIPTS / script), "--quick", "--json", str(found)]
+    command = [sys.executable, str(SCRIPTS / file), "--quick", "--json", str(found)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=400, check=False)
     assert run.returncode == 0, run.stderr[-2000:]
     rows = json.loads(found.read_text())
@@ -91,3 +97,20 @@ def test_the_baselines_tetrahedra_close_a_sphere(baselines):
     pairs = np.sort(sides.reshape(-1, 2, 3).view([("", int)] * 3).reshape(-1, 2), axis=1)
     _, counts = np.unique(pairs, axis=0, return_counts=True)
     assert np.all(counts % 2 == 0)
+
+
+def test_the_errors_of_every_smoothing_are_those_of_refits(script):
+    measuring, rng = script("measure_smoothing"), np.random.default_rng(0)
+    balls = [
+        (points, measuring.wavy(points, rng), rng.standard_normal(len(points))) for points in rng.random((2, 60, 3))
+    ]
+    case = measuring.Case.of(balls, 3, 2)
+    amounts = np.array([1e-6, 1e-3, 1.0])
+    squares = np.zeros(3)
+    for points, clean, noise in balls:
+        for at, amount in enumerate(amounts):
+            # The script's balls are unit balls: no change of coordinates between its amounts and s.
+            fit = RBFInterpolator(points, clean + 0.1 * noise, kernel="cubic", degree=2, smoothing=amount * len(points))
+            squares[at] += np.sum((fit(points) - clean) ** 2)
+    np.testing.assert_allclose(case.errors(amounts, 0.1), np.sqrt(squares), rtol=EFFICIENCY_TWIN)
+    assert all(ratio >= 1 for rule, ratio in measuring.efficiencies(case, 0.1).items() if rule != "this rule")

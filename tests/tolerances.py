@@ -205,3 +205,6 @@ EXTREME_DOMAIN = 1e-4
 
 BASELINE = 1e-9
 """Dense solves of 150 to 600 points on values of order 1, and Newton steps on a leaf of 100 mm."""
+
+EFFICIENCY_TWIN = 1e-12
+"""An eigen-decomposition and SciPy's dense solve, 60 points a ball; found 3e-15; a tail forgotten leaves 1e-3."""

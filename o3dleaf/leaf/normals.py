@@ -35,7 +35,7 @@ def half_width(scan: FloatArray, control: FloatArray) -> float:
 
 
 def _to_segments(points: FloatArray, polyline: FloatArray, first: npt.NDArray[np.int64]) -> FloatArray:
-    """Return the distances of points (n, 3) from one segment each, which begins at vertex `first` (n,) of the polyline."""
+    """Return the distances of points (n, 3) from one segment each, that from vertex `first` (n,) on."""
     start, along = polyline[first], polyline[first + 1] - polyline[first]
     square = np.sum(along**2, axis=1)
     share = np.sum((points - start) * along, axis=1) / np.where(square > 0, square, 1.0)

@@ -172,7 +172,7 @@ class PUInterpolant(Blended):
     ) -> "PUInterpolant":
         r"""Fit the voxels of a volume, by balls that sit alike on its lattice and share one factorisation.
 
-        As exact as `fit` to the same voxels with the same balls, and tens of times as fast: the cost is that
+        As exact as `fit` to the same voxels with the same balls, and about ten times as fast: the cost is that
         of reading each ball's values. The balls lie as the lattice does, not as the box of the data.
 
         Parameters
