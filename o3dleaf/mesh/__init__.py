@@ -3,7 +3,7 @@
 The road through the chapter, one module a step:
 
 `lattice`     where the field is asked: a regular lattice over a box, sampled in bounded memory
-`polygonise`  samples to triangles: scikit-image's marching cubes or our marching tetrahedra
+`polygonise`  samples to triangles: marching cubes or marching tetrahedra, plane by plane
 `isosurface`  the two together, for any Field
 `clip`        triangles outside an outline are discarded, the rim is left manifold
 `components`  edge-connected pieces; the largest are kept, voids and specks are counted

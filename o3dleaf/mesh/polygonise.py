@@ -1,25 +1,25 @@
-"""Samples on a lattice to triangles: marching cubes (scikit-image) or marching tetrahedra (ours).
+"""Samples on a lattice to triangles: marching cubes or marching tetrahedra.
 
 Both give the same kind of mesh: vertices on the lattice's edges where the linear interpolant takes
 the level, one vertex an edge, counter-clockwise seen from outside, edge- and vertex-manifold, closed
 but where the surface leaves the lattice. A sample above the level is inside; one on the level is
 outside, and the vertex beside it keeps a millionth of its edge from it.
 
-Cubes give half as many triangles; the choice in an ambiguous cell is the asymptotic decider's
-(Lewiner et al. 2003, J. Graphics Tools 8(2)). Tetrahedra never intersect themselves, whatever the
-samples, because each triangle lies in a tetrahedron of its own.
+Cubes give half as many triangles. Tetrahedra never intersect themselves, whatever the samples,
+because each triangle lies in a tetrahedron of its own.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from skimage.measure import marching_cubes
 
 from o3dleaf.checks import FloatArray, require_choice, require_finite
 from o3dleaf.errors import InputError
 from o3dleaf.lattice import check_keep
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.clip import discard_triangles
-from o3dleaf.mesh.loops import LEAST_FRACTION, count_planes, march_planes
+from o3dleaf.mesh.loops import count_planes, march_planes, place_vertices
 from o3dleaf.parallel import run_blocks
 
 METHODS = ("cubes", "tetrahedra")
@@ -58,63 +58,64 @@ def polygonise(
     if values.ndim != 3 or min(values.shape) < 2:
         raise InputError(f"samples: have shape {values.shape}; give (nx, ny, nz), two or more along each axis")
     require_finite(values, "samples")
-    march = _march_cubes if require_choice(method, METHODS, "method") == "cubes" else _march_tetrahedra
-    inside = values > level
-    if inside.all() or not inside.any():
-        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    vertices, triangles = march(values, inside, float(level))
+    kind = METHODS.index(require_choice(method, METHODS, "method"))
+    crossings = march(values - level, values > level, kind)
+    vertices, triangles = crossings.positions(), crossings.triangles
     if keep is None:
         return vertices, triangles
     return discard_triangles(vertices, triangles, _lean_on(vertices, check_keep(keep, values.shape[:2])))
 
 
-def _march_tetrahedra(samples: FloatArray, inside: BoolArray, level: float) -> tuple[FloatArray, IntArray]:
-    """March Kuhn's tetrahedra in two passes over the x-planes: count, then fill."""
-    planes = len(samples)
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """A surface on a lattice, its vertices named by the edges that they lie on.
+
+    Attributes
+    ----------
+    shape : (3,) tuple of int
+        Points of the lattice along each axis.
+    edges : (n,) ndarray of int64
+        8 · (number of the lower point) + direction, three bits; rising.
+    fractions : (n,) ndarray of float64
+        How far along its edge each vertex lies.
+    triangles : (m, 3) ndarray of int64
+        By cells, in the order of their lower points.
+    """
+
+    shape: tuple[int, int, int]
+    edges: IntArray
+    fractions: FloatArray
+    triangles: IntArray
+
+    def positions(self) -> FloatArray:
+        """Return the (n, 3) positions of the vertices in lattice coordinates."""
+        vertices = np.empty((len(self.edges), 3))
+        place_vertices(self.edges, self.fractions, self.shape, vertices)
+        return vertices
+
+
+def march(values: FloatArray, inside: BoolArray, method: int) -> Crossings:
+    """March a lattice in two passes over its x-planes: count, then fill.
+
+    Parameters
+    ----------
+    values : (nx, ny, nz) ndarray
+        Samples less the level.
+    inside : (nx, ny, nz) ndarray of bool
+        Which samples count as inside; where it contradicts the sign, the size of the value decides.
+    method : int
+        Place in `METHODS`.
+    """
+    planes = len(values)
     counts = np.zeros((2, planes), dtype=np.int64)
     block = max(1, planes // 64)
-    run_blocks(lambda start, stop: count_planes(inside, start, stop, counts[0], counts[1]), planes, block)
+    run_blocks(lambda a, b: count_planes(method, values, inside, a, b, counts[0], counts[1]), planes, block)
     offsets = np.zeros((2, planes + 1), dtype=np.int64)
     offsets[:, 1:] = np.cumsum(counts, axis=1)
-    mesh = np.empty((offsets[0, -1], 3)), np.empty((offsets[1, -1], 3), dtype=np.int64)
-
-    def march(start: int, stop: int) -> None:
-        march_planes(samples, inside, level, (start, stop), (offsets[0], offsets[1]), mesh)
-
-    run_blocks(march, planes, block)
-    return mesh
-
-
-def _march_cubes(samples: FloatArray, inside: BoolArray, level: float) -> tuple[FloatArray, IntArray]:
-    """March cubes by scikit-image for the connectivity, and place the vertices in float64 ourselves."""
-    compressed = _compress(samples - level, inside)
-    rough, triangles, _, _ = marching_cubes(compressed, 0.0, gradient_direction="ascent")  # type: ignore[no-untyped-call]
-    vertices = rough.astype(np.float64)
-    lower = np.floor(vertices).astype(np.int64)
-    upper = np.ceil(vertices).astype(np.int64)
-    on_edge = (upper - lower).sum(axis=1) == 1
-    low, high = lower[on_edge], upper[on_edge]
-    here, there = samples[tuple(low.T)], samples[tuple(high.T)]
-    fraction = np.clip((level - here) / (there - here), LEAST_FRACTION, 1 - LEAST_FRACTION)
-    vertices[on_edge] = low + (high - low) * fraction[:, np.newaxis]
-    return vertices, triangles.astype(np.int64)
-
-
-def _compress(shifted: FloatArray, inside: BoolArray) -> npt.NDArray[np.float32]:
-    """Return float32 values that scikit-image joins as it would join `shifted`, without its accidents.
-
-    A power keeps every sign and the order of the products of opposite corners, which decide the
-    ambiguous faces, while it brings all sizes to within a factor of 10 of one another: each vertex
-    comes back well inside its edge, so that float32 still tells which edge it is. Where the two
-    products are equal the neighbours of a face could decide differently (non-manifold edges on
-    integer data); the parity of the lattice point tips every such balance by one part in 10^5.
-    """
-    size = np.abs(shifted)
-    size /= np.median(size[size > 0]) if size.any() else 1.0
-    size = np.clip(size, 1e-16, 1e16) ** (1 / 32)
-    i, j, k = np.ix_(*(np.arange(n) & 1 for n in shifted.shape))
-    size *= 1 + 1e-5 * (i * j + j * k + k * i)
-    return np.where(inside, size, -size).astype(np.float32)
+    crossed, drawn = offsets[:, -1]
+    mesh = np.empty(crossed, dtype=np.int64), np.empty(crossed), np.empty((drawn, 3), dtype=np.int64)
+    run_blocks(lambda a, b: march_planes(method, values, inside, (a, b), (offsets[0], offsets[1]), mesh), planes, block)
+    return Crossings(values.shape, *mesh)
 
 
 def _lean_on(vertices: FloatArray, keep: BoolArray) -> BoolArray:
