@@ -6,11 +6,11 @@ along the axes. Tetrahedra are those of Kuhn's subdivision, one for each order o
 lower corner along the first axis, the second, the third; all six share the main diagonal, all cells
 are split alike, so that the faces of neighbours agree.
 
-A cube's surface is traced, not looked up: on each face the crossed edges are joined in pairs; where there
-are four, so that the inside corners stay apart, which both cells of a face see alike: what is inside
-hangs together exactly where samples hang together along the axes. The pairs chain into loops, and each
-loop is cut into triangles by its shortest diagonals. No diagonal lies in a face, where the neighbour
-could draw the same one: every edge has its two triangles.
+A cube's surface is traced, once for each of its 256 cases: on each face the crossed edges are joined in
+pairs; where there are four, so that the inside corners stay apart, which both cells of a face see
+alike: what is inside hangs together exactly where samples hang together along the axes. The pairs
+chain into loops, and each loop is cut into triangles by its shortest diagonals. No diagonal lies in a
+face, where the neighbour could draw the same one: every edge has its two triangles.
 """
 
 from itertools import permutations
@@ -87,99 +87,100 @@ def _cases() -> npt.NDArray[np.int64]:
     return table
 
 
+def _loops(code: int) -> list[list[int]]:
+    """Return the loops of crossed edges around the surface in a cube whose inside corners are the bits of `code`."""
+    following: dict[int, int] = {}
+    for corners, edges in zip(FACES, FACE_EDGES, strict=True):
+        inside = [code >> int(corner) & 1 for corner in corners]
+        entries = [k for k in range(4) if inside[(k + 1) % 4] and not inside[k]]
+        for k in entries:
+            # The surface cuts off the inside corners from k + 1 on, up to the first edge that leaves them.
+            leave = next(n for n in range(k + 1, k + 5) if inside[n % 4] and not inside[(n + 1) % 4])
+            following[int(edges[k])] = int(edges[leave % 4])
+    loops = []
+    while following:
+        edge = min(following)
+        loops.append([edge])
+        while (edge := following.pop(edge)) in following:
+            loops[-1].append(edge)
+    return loops
+
+
+def _loop_table() -> npt.NDArray[np.int64]:
+    """Return (256, 17) loops of every code, each as its length and its edges; length 0 ends a row."""
+    table = np.zeros((256, 17), dtype=np.int64)
+    for code in range(256):
+        row = [number for loop in _loops(code) for number in (len(loop), *loop)]
+        table[code, : len(row)] = row
+    return table
+
+
+def _tetrahedra_table() -> npt.NDArray[np.int64]:
+    """Return (256, 12, 3) names of edges of the triangles in the six tetrahedra of every code; -1 is none."""
+    table = np.full((256, MOST_TRIANGLES, 3), -1)
+    for code in range(256):
+        found = []
+        for path in _kuhn():
+            part = sum((code >> int(corner) & 1) << n for n, corner in enumerate(path))
+            for triangle in CASES[part]:
+                ends = [path[TETRAHEDRON_EDGES[edge]] for edge in triangle if edge >= 0]
+                found += [[8 * (one & other) + (one ^ other) for one, other in ends]] if ends else []
+        table[code, : len(found)] = np.array(found).reshape(-1, 3)
+    return table
+
+
 FACE_EDGES, FACES_OF_EDGE = _face_edges()
-KUHN = _kuhn()
 CASES = _cases()
-TRIANGLES = (CASES[:, :, 0] >= 0).sum(axis=1)
+LOOPS = _loop_table()
+IN_TETRAHEDRA = _tetrahedra_table()
+COUNTS = np.stack(
+    [
+        [sum(len(loop) - 2 for loop in _loops(code)) for code in range(256)],
+        (IN_TETRAHEDRA[:, :, 0] >= 0).sum(axis=1),
+    ]
+)
+"""(2, 256) triangles in a cell, by method and by which corners are inside."""
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def crossing(here, there):
     """Return where a line from `here` to `there`, of opposite signs, is zero: a fraction of the edge, never an end."""
     return min(max(here / (here - there), LEAST_FRACTION), 1.0 - LEAST_FRACTION)
 
 
 @njit(nogil=True, cache=True)
-def cell_triangles(method, values, code, work, triangles):
+def cell_triangles(method, code, fractions, places, triangles):
     """Write the triangles of one cell as names of edges and return how many there are.
 
     Parameters
     ----------
     method : int
         `CUBES` or `TETRAHEDRA`.
-    values : (8,) ndarray
-        Samples at the corners less the level.
     code : int
-        Which corners are inside, as eight bits; not 0 and not 255.
-    work : (following, loop, places)
-        (12,), (12,) int64 and (12, 3) float64 to work in.
+        Which corners are inside, as eight bits.
+    fractions : (12,) ndarray
+        How far along each crossed edge of `CUBE_EDGES` its vertex lies; cubes choose their diagonals by it.
+    places : (12, 3) ndarray
+        To work in.
     triangles : (12, 3) ndarray of int64
         Filled; counter-clockwise seen from outside.
     """
+    count = COUNTS[method, code]
     if method == TETRAHEDRA:
-        return _cut_tetrahedra(code, triangles)
-    following, loop, places = work
-    _join_faces(code, following)
-    count = 0
-    for first in range(12):
-        length, edge = 0, first
-        while following[edge] >= 0:
-            loop[length] = edge
-            _place(edge, values, places[length])
-            edge_after, following[edge] = following[edge], -1
-            edge = edge_after
-            length += 1
-        if length:
-            count = _cut_loop(loop, places, length, triangles, count)
+        triangles[:count] = IN_TETRAHEDRA[code, :count]
+        return count
+    loop = np.empty(12, dtype=np.int64)
+    at = written = 0
+    while LOOPS[code, at]:
+        length = LOOPS[code, at]
+        for n in range(length):
+            loop[n] = LOOPS[code, at + 1 + n]
+            low, direction = CUBE_EDGES[loop[n]] >> 3, CUBE_EDGES[loop[n]] & 7
+            for axis in range(3):
+                places[n, axis] = (low >> axis & 1) + (direction >> axis & 1) * fractions[loop[n]]
+        written = _cut_loop(loop, places, length, triangles, written)
+        at += 1 + length
     return count
-
-
-@njit(nogil=True, cache=True)
-def _cut_tetrahedra(code, triangles):
-    """Write the triangles of the six tetrahedra of a cell; return how many."""
-    count = 0
-    for tetrahedron in range(6):
-        part = 0
-        for corner in range(4):
-            part |= (code >> KUHN[tetrahedron, corner] & 1) << corner
-        for n in range(TRIANGLES[part]):
-            for corner in range(3):
-                ends = TETRAHEDRON_EDGES[CASES[part, n, corner]]
-                one, other = KUHN[tetrahedron, ends[0]], KUHN[tetrahedron, ends[1]]
-                triangles[count, corner] = 8 * (one & other) + (one ^ other)
-            count += 1
-    return count
-
-
-@njit(nogil=True, cache=True)
-def _join_faces(code, following):
-    """Write for each crossed edge the one that follows it around the surface, −1 for the others."""
-    following[:] = -1
-    for face in range(6):
-        corners, edges = FACES[face], FACE_EDGES[face]
-        entries, entry, leave = 0, 0, 0
-        for k in range(4):
-            here, there = code >> corners[k] & 1, code >> corners[(k + 1) % 4] & 1
-            if there and not here:
-                entries, entry = entries + 1, k
-            elif here and not there:
-                leave = k
-        if entries == 1:
-            following[edges[entry]] = edges[leave]
-        elif entries == 2:
-            # Corners alternate: the inside ones are held apart.
-            for k in range(4):
-                if code >> corners[k] & 1:
-                    following[edges[k - 1]] = edges[k]
-
-
-@njit(nogil=True, cache=True)
-def _place(edge, values, place):
-    """Write where a crossed edge of the unit cell carries its vertex."""
-    low, direction = CUBE_EDGES[edge] >> 3, CUBE_EDGES[edge] & 7
-    fraction = crossing(values[low], values[low | direction])
-    for axis in range(3):
-        place[axis] = (low >> axis & 1) + (direction >> axis & 1) * fraction
 
 
 @njit(nogil=True, cache=True)

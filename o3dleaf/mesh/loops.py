@@ -8,7 +8,7 @@ a plane's vertices can be numbered without its neighbours.
 import numpy as np
 from numba import njit
 
-from o3dleaf.mesh.cells import DIRECTIONS, MOST_TRIANGLES, cell_triangles, crossing
+from o3dleaf.mesh.cells import COUNTS, CUBE_EDGES, DIRECTIONS, MOST_TRIANGLES, cell_triangles, crossing
 
 
 @njit(nogil=True, cache=True)
@@ -22,20 +22,6 @@ def corner_code(inside, i, j, k):
 
 
 @njit(nogil=True, cache=True)
-def gather_cell(values, i, j, k, corners):
-    """Write the samples at the corners of cell (i, j, k)."""
-    for corner in range(8):
-        corners[corner] = values[i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)]
-
-
-@njit(nogil=True, cache=True)
-def working_cell():
-    """Return what `cell_triangles` works in, and the arrays of corners and of triangles."""
-    work = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64), np.empty((12, 3))
-    return work, np.empty(8), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
-
-
-@njit(nogil=True, cache=True)
 def is_crossed(inside, i, j, k, direction):
     """Say whether the edge from point (i, j, k) stays on the lattice and changes sides."""
     u, v, w = i + (direction & 1), j + (direction >> 1 & 1), k + (direction >> 2)
@@ -45,22 +31,20 @@ def is_crossed(inside, i, j, k, direction):
 
 
 @njit(nogil=True, cache=True)
-def count_planes(method, values, inside, start, stop, vertices, triangles):
+def count_planes(method, inside, start, stop, vertices, triangles):
     """Count the crossed edges that start in each x-plane, and the triangles of the cells that start there.
 
     Parameters
     ----------
     method : int
         `CUBES` or `TETRAHEDRA` of `o3dleaf.mesh.cells`.
-    values, inside : (nx, ny, nz) ndarrays
-        Samples less the level, and which of them count as inside.
+    inside : (nx, ny, nz) ndarray of bool
     start, stop : int
         The planes to count.
     vertices, triangles : (nx,) ndarrays of int64
         Filled at start:stop.
     """
     nx, ny, nz = inside.shape
-    work, corners, drawn = working_cell()
     for i in range(start, stop):
         vertices[i], triangles[i] = 0, 0
         for j in range(ny):
@@ -69,10 +53,7 @@ def count_planes(method, values, inside, start, stop, vertices, triangles):
                     vertices[i] += direction > 0 and is_crossed(inside, i, j, k, direction)
                 if i + 1 == nx or j + 1 == ny or k + 1 == nz:
                     continue
-                code = corner_code(inside, i, j, k)
-                if 0 < code < 255:
-                    gather_cell(values, i, j, k, corners)
-                    triangles[i] += cell_triangles(method, corners, code, work, drawn)
+                triangles[i] += COUNTS[method, corner_code(inside, i, j, k)]
 
 
 @njit(nogil=True, cache=True)
@@ -97,8 +78,10 @@ def march_planes(method, values, inside, planes, offsets, mesh):
 
     Parameters
     ----------
-    method, values, inside
+    method, inside
         As in `count_planes`.
+    values : (nx, ny, nz) ndarray
+        Samples less the level.
     planes : (start, stop)
         The planes to march.
     offsets : two (nx + 1,) ndarrays of int64
@@ -109,7 +92,7 @@ def march_planes(method, values, inside, planes, offsets, mesh):
     nx, ny, nz = inside.shape
     start, stop = planes
     edges, fractions, triangles = mesh
-    work, corners, drawn = working_cell()
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
     numbers = np.empty((2, ny, nz, 8), dtype=np.int64)
     _number_plane(method, values, inside, start, offsets[0][start], numbers[0], edges, fractions)
     for i in range(start, stop):
@@ -123,8 +106,12 @@ def march_planes(method, values, inside, planes, offsets, mesh):
                 code = corner_code(inside, i, j, k)
                 if not 0 < code < 255:
                     continue
-                gather_cell(values, i, j, k, corners)
-                for n in range(cell_triangles(method, corners, code, work, drawn)):
+                for n in range(12):
+                    low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+                    if (code >> low & 1) != (code >> (low | direction) & 1):
+                        vertex = numbers[low & 1, j + (low >> 1 & 1), k + (low >> 2), direction]
+                        along[n] = fractions[vertex]
+                for n in range(cell_triangles(method, code, along, places, drawn)):
                     for corner in range(3):
                         low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
                         triangles[row, corner] = numbers[low & 1, j + (low >> 1 & 1), k + (low >> 2), direction]

@@ -109,7 +109,7 @@ def march(values: FloatArray, inside: BoolArray, method: int) -> Crossings:
     planes = len(values)
     counts = np.zeros((2, planes), dtype=np.int64)
     block = max(1, planes // 64)
-    run_blocks(lambda a, b: count_planes(method, values, inside, a, b, counts[0], counts[1]), planes, block)
+    run_blocks(lambda a, b: count_planes(method, inside, a, b, counts[0], counts[1]), planes, block)
     offsets = np.zeros((2, planes + 1), dtype=np.int64)
     offsets[:, 1:] = np.cumsum(counts, axis=1)
     crossed, drawn = offsets[:, -1]
