@@ -82,6 +82,15 @@ def leaf(
         tuple[float, float, float, float] | None,
         typer.Option(help="Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1, in scan-unit."),
     ] = None,
+    around: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Mesh a window around this point of the world, X Y Z in scan-unit, instead."),
+    ] = None,
+    window: Annotated[float, typer.Option(help="Width of that window, in scan-unit.")] = 3.0,
+    closed: Annotated[bool, typer.Option(help="One solid with a rim, instead of two open sheets.")] = False,
+    tile_solid: Annotated[
+        Path | None, typer.Option(help="Write one flat period as a closed block too; opposite sides match.")
+    ] = None,
     level: Level = "valley",
     rho: Rho = "gcv",
     alpha: Annotated[
@@ -111,6 +120,10 @@ def leaf(
         voxel_spacing=voxel_spacing,
         spacing=spacing,
         region=None if region is None else (region[:2], region[2:]),
+        around=around,
+        window=window,
+        closed=closed,
+        tile_solid=tile_solid,
         level=number_or_word(level),
         rho=number_or_word(rho),
         alpha=alpha,
@@ -253,6 +266,10 @@ class BarJournal(Journal):
     def __init__(self, bars: Any) -> None:
         super().__init__()
         self.bars = bars
+
+    def note(self, text: str) -> None:
+        """Print a line above the bars."""
+        self.bars.console.print(text, highlight=False)
 
     @contextmanager
     def show(self, name: str) -> Iterator[Progress]:

@@ -1,6 +1,7 @@
 """Files appear whole or not at all: written under another name and renamed, or refused where they were cut off."""
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -52,6 +53,16 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Pa
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
     return target
+
+
+def require_free(path: str | PathLike[str], size: int) -> None:
+    """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
+    free = shutil.disk_usage(Path(path).absolute().parent).free
+    if free < size:
+        raise O3DLeafError(
+            f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
+            "free some, choose another disk, or coarsen the spacing"
+        )
 
 
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:

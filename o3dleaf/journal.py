@@ -33,6 +33,10 @@ class Journal:
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
+    def note(self, text: str) -> None:
+        """Say something between two stages; here, nothing. A subclass overrides it."""
+        del text
+
     @contextmanager
     def show(self, name: str) -> Iterator[Progress]:
         """Show one stage while it runs; here, nothing. A subclass overrides it."""

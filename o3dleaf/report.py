@@ -2,6 +2,7 @@
 
 import json
 import platform
+from dataclasses import asdict
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
@@ -16,7 +17,8 @@ from o3dleaf.errors import InputError
 from o3dleaf.files import whole_file
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.blade import Blade
-from o3dleaf.leaf.multiscale import MultiscaleLeaf, Sheets
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.realisation import Realisation
 from o3dleaf.mesh.files import read_triangle_mesh
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads
@@ -33,7 +35,7 @@ def summarise(
     settings: dict[str, Any],
     *,
     leaf: MultiscaleLeaf | None = None,
-    sheets: Sheets | None = None,
+    surface: Realisation | None = None,
 ) -> dict[str, Any]:
     """Return the summary of a run as plain values.
 
@@ -41,12 +43,12 @@ def summarise(
     ----------
     blade : Blade
     mesh : open3d.geometry.TriangleMesh
-        The mesh that was written, in the blade's unit.
+        The mesh that was written, in the blade's unit, or one to look at if that was too large to hold.
     journal : Journal
     settings : dict
         What was asked for, as given.
-    leaf, sheets : optional
-        The multi-scale leaf and its two sheets, where there is a micro-structure.
+    leaf, surface : optional
+        The multi-scale leaf and its realised surface, where there is a micro-structure.
     """
     frame, outline, height = blade.frame, blade.outline, blade.height_map
     summary: dict[str, Any] = {
@@ -72,14 +74,18 @@ def summarise(
             "period": texture.period.tolist(),
             "fit": _fit_summary(texture.field.local),
         }
-    if sheets is not None:
-        removed = sheets.removed
-        summary["removed"] = {
-            "closed": removed.closed,
-            "closed_area": removed.closed_area,
-            "open": removed.open,
-            "open_area": removed.open_area,
+    if surface is not None:
+        summary["surface"] = {
+            "spacing": list(surface.spacing),
+            "closed": surface.closed,
+            "vertices": surface.vertices,
+            "triangles": surface.triangles,
+            "voids_filled_in_a_tile": surface.voids,
+            "specks_removed_from_a_tile": surface.specks,
+            "scraps_at_the_rim": asdict(surface.scraps),
         }
+        if surface.triangles != summary["mesh"]["triangles"]:
+            summary["mesh"]["note"] = "of a coarser mesh; the one that was written is too large to hold"
     return summary
 
 

@@ -15,6 +15,7 @@ from o3dleaf.files import require_apart, require_writable
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.realisation import Realisation
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
 from o3dleaf.mesh.polygonise import METHODS
@@ -26,6 +27,10 @@ from o3dleaf.store import write_model
 from o3dleaf.units import unit_scale
 from o3dleaf.view.render import Inset, render
 
+MOST_TO_CHECK = 3_000_000
+"""Triangles up to which a mesh is held to be drawn and checked; of a larger one, a coarser mesh is drawn."""
+PICTURE_STEP_MM = 0.1
+"""The step of that one."""
 WINDOW_MM = 2.4
 """Side of the inset's window on the leaf."""
 WINDOW_STEP_MM = 0.012
@@ -46,6 +51,13 @@ class LeafRun:
         In ct_unit, scan_unit and scan_unit.
     region : (2, 2) nested sequence, optional
         Lower and upper (along, across), in scan_unit.
+    around : (3,) sequence, optional
+        Mesh a `window` wide region around this point of the world instead, both in scan_unit.
+    window : float
+    closed : bool
+        One solid with a rim instead of two sheets.
+    tile_solid : Path, optional
+        Where to write one flat period of the micro-structure as a closed block.
     level, rho : float or str
         As in `PatchOptions`.
     method : str
@@ -62,6 +74,10 @@ class LeafRun:
     voxel_spacing: float | None = None
     spacing: float = 0.1
     region: Any = None
+    around: Any = None
+    window: float = 3.0
+    closed: bool = False
+    tile_solid: Path | None = None
     level: float | str = "valley"
     rho: Any = "gcv"
     alpha: float | None = None
@@ -72,7 +88,13 @@ class LeafRun:
         """Refuse what can be refused before any work."""
         require_writable(self.output, SUFFIXES)
         beside = (self.output.with_suffix(".png"), self.output.with_suffix(".json"))
-        require_apart((self.output, self.model, *beside), (self.scan, self.ct, self.midrib))
+        require_apart((self.output, self.model, self.tile_solid, *beside), (self.scan, self.ct, self.midrib))
+        if self.tile_solid is not None:
+            require_writable(self.tile_solid, SUFFIXES)
+        if self.ct is None and (self.closed or self.tile_solid is not None):
+            raise InputError("closed, tile-solid: need a micro-structure, which gives the blade its thickness; give ct")
+        if self.region is not None and self.around is not None:
+            raise InputError("region, around: name the same window in two ways; give one of them")
         if self.model is not None:
             require_writable(self.model, (MODEL,))
         require_positive(self.spacing, "spacing")
@@ -85,28 +107,57 @@ class LeafRun:
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else read_patch(self.ct, self.voxel_spacing, self.ct_unit)
         blade = create_blade(scan, midrib, unit=self.scan_unit, options=BladeOptions(alpha=self.alpha), journal=journal)
-        leaf = sheets = None
-        if patch is None:
-            with journal.stage("extract mesh"):
-                mesh = blade.extract_mesh(self.spacing, self.region)
-        else:
+        leaf = None
+        if patch is not None:
             options = PatchOptions(level=self.level, rho=self.rho)
             texture = create_texture(patch, options=options, journal=journal) if isinstance(patch, Volume) else patch
             leaf = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
-            with journal.stage("extract mesh") as progress:
-                sheets = leaf.extract_sheets(self.spacing, self.region, method=self.method, progress=progress)
-            mesh = sheets.mesh
-        with journal.stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
-            if self.model is not None:
+        surface = None
+        if leaf is None:
+            mesh = self.write_sheet(blade, journal)
+        else:
+            mesh, surface = self.write_leaf(leaf, journal)
+        if self.model is not None:
+            with journal.stage("write model"):
                 write_model(self.model, leaf or blade)
         if self.picture:
             with journal.stage("draw picture"):
                 draw(self.output.with_suffix(".png"), mesh, blade, leaf)
         with journal.stage("check mesh"):
-            summary = summarise(blade, mesh, journal, asdict(self), leaf=leaf, sheets=sheets)
+            summary = summarise(blade, mesh, journal, asdict(self), leaf=leaf, surface=surface)
         write_json(self.output.with_suffix(".json"), summary)
         return summary
+
+    def write_sheet(self, blade: Blade, journal: Journal) -> o3d.geometry.TriangleMesh:
+        """Write the blade alone, an open sheet, and return it."""
+        with journal.stage("extract mesh"):
+            region = self.region if self.around is None else blade.window(self.around, self.window)
+            mesh = blade.extract_mesh(self.spacing, region)
+        with journal.stage("write mesh"):
+            write_triangle_mesh(self.output, mesh)
+        return mesh
+
+    def write_leaf(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, Realisation]:
+        """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
+        region = self.region if self.around is None else leaf.blade.window(self.around, self.window)
+        parts: dict[str, Any] = {"region": region, "closed": self.closed, "method": self.method}
+        with journal.stage("polygonise one tile") as progress:
+            surface = leaf.realise(self.spacing, progress=progress, **parts)
+        steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
+        journal.note(
+            f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
+            f"about {surface.seconds:.1f} s and what the disk takes"
+        )
+        with journal.stage("write mesh") as progress:
+            surface.write(self.output, progress)
+        if self.tile_solid is not None:
+            with journal.stage("write tile"):
+                write_triangle_mesh(self.tile_solid, leaf.extract_tile(self.spacing).mesh)
+        with journal.stage("extract mesh"):
+            if surface.triangles <= MOST_TO_CHECK:
+                return surface.extract().mesh, surface
+            coarse = max(self.spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
+            return leaf.realise(coarse, **parts).extract().mesh, surface
 
 
 def read_patch(path: Path, voxel_spacing: float | None = None, unit: str | None = None) -> Volume | TiledField:

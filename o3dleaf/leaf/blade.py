@@ -7,7 +7,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.checks import FloatArray, as_bounds, as_points, require_positive
-from o3dleaf.errors import ReconstructionError, UnitError
+from o3dleaf.errors import InputError, ReconstructionError, UnitError
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import CRUMBS, AlphaShape
@@ -70,6 +70,28 @@ class Blade:
         inner[:, :2] -= gradient[:, 2:] * self.height_map.gradient(flat[:, :2])
         turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
         return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
+
+    def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
+        """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.
+
+        Parameters
+        ----------
+        x : (3,) array_like
+            A point of the world near the leaf, in the scan's unit.
+        size : float
+
+        Raises
+        ------
+        InputError
+            If the point does not lie over the blade.
+        """
+        middle = self.flatten(as_points(x, "x", dim=3)[:1])[0, :2]
+        if not self.outline.contains(middle)[0]:
+            raise InputError(
+                f"x: lies at along {middle[0]:.4g}, across {middle[1]:.4g}, beside the blade; give a point over it"
+            )
+        half = require_positive(size, "size") / 2
+        return np.array([middle - half, middle + half])
 
     def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.

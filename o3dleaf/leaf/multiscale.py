@@ -1,6 +1,5 @@
 """The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
 
-from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
@@ -8,45 +7,18 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import FloatArray, as_bounds, require_positive
-from o3dleaf.errors import ReconstructionError
+from o3dleaf.checks import FloatArray
 from o3dleaf.files import require_writable
-from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile
 from o3dleaf.leaf.tiling import TiledField
-from o3dleaf.mesh.arrays import build_mesh
-from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
-from o3dleaf.mesh.components import RemovedComponents, connected_components, largest_components
-from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
-from o3dleaf.mesh.polygonise import polygonise
+from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import Progress
 from o3dleaf.store import write_model
 from o3dleaf.units import unit_scale
-
-LAYERS = 16
-"""Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
-
-SHEET_SHARE = 0.25
-"""A connected piece of this share of the largest one's area is a face of the blade; voids and specks are smaller."""
-
-
-@dataclass(frozen=True, eq=False)
-class Sheets:
-    """The two faces of an open multi-scale blade, and what was left out of them.
-
-    Attributes
-    ----------
-    mesh : open3d.geometry.TriangleMesh
-        Two sheets, adaxial and abaxial, in world coordinates.
-    removed : RemovedComponents
-        Voids and specks (closed), scraps at the rim (open).
-    """
-
-    mesh: o3d.geometry.TriangleMesh
-    removed: RemovedComponents
 
 
 class MultiscaleLeaf:
@@ -113,16 +85,52 @@ class MultiscaleLeaf:
         flat = self.blade.flatten(x)
         return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale)
 
+    def realise(
+        self,
+        spacing: float,
+        region: npt.ArrayLike | None = None,
+        *,
+        closed: bool = False,
+        method: str = "cubes",
+        progress: Progress | None = None,
+    ) -> Realisation:
+        """Polygonise one tile of the texture and count what the outline holds of it; nothing else is made yet.
+
+        Parameters
+        ----------
+        spacing : float
+            Step along and across, in the scan's unit, rounded to a whole fraction of the texture's period;
+            the step through the blade is a whole fraction of it, at least `LAYERS` for the patch.
+        region : (2, 2) array_like, optional
+            Lower and upper (along, across) of the part wanted, in the scan's unit; see `Blade.window`.
+        closed : bool
+            False: two sheets, adaxial and abaxial, over the cells that lie in the outline, whole (the paper
+            discards triangles outside it). True: one solid, cut along the outline, whose corners are rounded,
+            or the region; its rim is the third face.
+        method : {"cubes", "tetrahedra"}
+            Marching cubes, or marching tetrahedra as in the paper.
+        progress : callable, optional
+            ``progress(done, total)`` in samples of one tile.
+
+        Raises
+        ------
+        ReconstructionError
+            If the result is not exactly two sheets, or one solid.
+        """
+        parts = self.texture, self.blade, self.scale
+        return Realisation(*parts, spacing, region, closed=closed, method=method, progress=progress)
+
     def extract_mesh(
         self,
         spacing: float,
         region: npt.ArrayLike | None = None,
         *,
+        closed: bool = False,
         method: str = "cubes",
         progress: Progress | None = None,
     ) -> o3d.geometry.TriangleMesh:
-        """Return both faces of the leaf as a triangle mesh in world coordinates; see `extract_sheets`."""
-        return self.extract_sheets(spacing, region, method=method, progress=progress).mesh
+        """Return the surface of the leaf as a triangle mesh in world coordinates; see `realise`."""
+        return self.realise(spacing, region, closed=closed, method=method).extract(progress).mesh
 
     def write_mesh(
         self,
@@ -130,90 +138,27 @@ class MultiscaleLeaf:
         spacing: float,
         region: npt.ArrayLike | None = None,
         *,
+        closed: bool = False,
         method: str = "cubes",
         progress: Progress | None = None,
     ) -> None:
-        """Write both faces of the leaf to a PLY, OBJ or STL file, whole or not at all; see `extract_sheets`.
+        """Write the surface of the leaf to a PLY, STL or OBJ file, whole or not at all; see `realise`.
+
+        Only a few tiles are held, whatever the leaf's size. Faces carry labels: 0 adaxial, 1 abaxial, 2 rim.
 
         Raises
         ------
         InputError
             If the suffix is unknown or the folder cannot be written to; said before the work.
+        O3DLeafError
+            If the disk has no room for the file.
         """
         require_writable(path, SUFFIXES)
-        write_triangle_mesh(path, self.extract_mesh(spacing, region, method=method, progress=progress))
+        self.realise(spacing, region, closed=closed, method=method).write(path, progress)
 
-    def extract_sheets(
-        self,
-        spacing: float,
-        region: npt.ArrayLike | None = None,
-        *,
-        method: str = "cubes",
-        progress: Progress | None = None,
-    ) -> Sheets:
-        """Polygonise F in flat coordinates, discard what lies outside the outline, and map it to the world.
+    def extract_tile(self, spacing: float) -> LeafMesh:
+        """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.
 
-        Parameters
-        ----------
-        spacing : float
-            Step along and across, in the scan's unit; the step through the blade is a whole fraction
-            of it, at least `LAYERS` for the patch.
-        region : (2, 2) array_like, optional
-            Lower and upper (along, across) of the part wanted, in the scan's unit.
-        method : {"cubes", "tetrahedra"}
-            Marching cubes, or marching tetrahedra as in the paper.
-        progress : callable, optional
-            ``progress(done, total)`` in field evaluations.
-
-        Raises
-        ------
-        ReconstructionError
-            If the result is not exactly two sheets.
+        Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
         """
-        step = require_positive(spacing, "spacing")
-        outline = self.blade.outline
-        box = outline.bounds if region is None else as_bounds(region, 2, "region")
-        lattice = self._lattice(box, step)
-        columns = lattice.columns()
-        keep = outline.contains(columns) & np.all((columns >= box[0]) & (columns <= box[1]), axis=1)
-        mask = keep.reshape(lattice.shape[:2])
-        flat_field = _Scaled(self.texture, self.scale, self.unit)
-        samples = sample_lattice(flat_field, lattice, keep=mask, progress=progress)
-        indices, triangles = polygonise(samples, 0.0, method, keep=mask)
-        flat = lattice.positions(indices)
-        flat, triangles = discard_triangles(flat, triangles, outline.contains(flat[:, :2]))
-        flat, triangles = trim_to_manifold(flat, triangles)
-        _, areas = connected_components((flat, triangles))
-        count = int(np.sum(areas > SHEET_SHARE * areas.max(initial=0.0)))
-        if count != 2:
-            raise ReconstructionError(
-                f"the surface at {step:.4g} {self.unit or ''} is in {count} sheets, not two (adaxial, abaxial); "
-                "use a finer spacing or another threshold"
-            )
-        return Sheets(*largest_components(build_mesh(self.blade.lift(flat), triangles), 2))
-
-    def _lattice(self, box: FloatArray, step: float) -> Lattice:
-        """Return the lattice over a box of the plane, one layer beyond the patch's extent above and below."""
-        low, high = self.texture.cell[:, 2] / self.scale
-        layer = step / np.ceil(step * LAYERS / (high - low))
-        bounds = np.array([[*box[0], low - layer], [*box[1], high + layer]])
-        return Lattice.covering(bounds, (step, step, layer))
-
-
-@dataclass(frozen=True, eq=False)
-class _Scaled:
-    """A field seen in another unit of length: x ↦ F(scale · x)."""
-
-    field: TiledField
-    scale: float
-    unit: str | None
-
-    @property
-    def bounds(self) -> FloatArray:
-        return self.field.bounds / self.scale
-
-    def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        return self.field(np.asarray(points) * self.scale)
-
-    def gradient(self, points: npt.ArrayLike) -> FloatArray:
-        return self.field.gradient(np.asarray(points) * self.scale) * self.scale
+        return extract_flat_tile(self.texture, self.scale, spacing)

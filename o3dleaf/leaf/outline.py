@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import shapely
+from scipy.ndimage import gaussian_filter1d
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
@@ -17,6 +18,8 @@ from o3dleaf.parallel import run_blocks
 from o3dleaf.rbf.tail import IntArray
 
 BLOCK = 65536
+BLUR = 2.0
+"""Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: what the scan knows of it."""
 CRUMBS = 0.01
 """Share of the shrunk outline's area that may lie in other pieces than the largest."""
 
@@ -73,6 +76,18 @@ class AlphaShape:
         polygon = _filled_union(self.points[self.triangles])
         shapely.prepare(polygon)
         return polygon
+
+    @cached_property
+    def rounded(self) -> shapely.Polygon:
+        """The outline as a smooth curve: blurred by a Gaussian along it, less where the curve would cross itself."""
+        spacing = float(np.median(cKDTree(self.points).query(self.points, k=2)[0][:, 1]))
+        ring = self.polygon.exterior
+        step = ring.length / max(3, round(ring.length / (spacing / 4)))
+        points = shapely.get_coordinates(ring.interpolate(np.arange(0, ring.length - step / 2, step)))
+        width = BLUR * spacing / step
+        while not (rounded := shapely.Polygon(gaussian_filter1d(points, width, axis=0, mode="wrap"))).is_valid:
+            width /= 2
+        return rounded
 
     @property
     def bounds(self) -> FloatArray:

@@ -81,9 +81,10 @@ def test_the_field_at_the_vertices_falls_with_the_square_of_the_spacing(leaf):
 
 @pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
 def test_the_mesh_is_two_manifold_sheets_inside_the_outline(leaf, method):
-    sheets = leaf.extract_sheets(0.15, method=method)
+    sheets = leaf.realise(0.15, method=method).extract()
     report = mesh_report(sheets.mesh)
     assert report.components == 2
+    assert report.boundary_loops == 2
     assert report.manifold
     assert report.oriented
     assert count_self_intersections(sheets.mesh) == 0

@@ -1,0 +1,203 @@
+"""The realised surface: one tile polygonised, set down all over the blade, in memory or in a file."""
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+import shapely
+
+from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positive
+from o3dleaf.files import require_writable
+from o3dleaf.leaf.blade import Blade
+from o3dleaf.mesh.arrays import build_mesh
+from o3dleaf.mesh.files import SUFFIXES
+from o3dleaf.mesh.polygonise import METHODS
+from o3dleaf.parallel import Progress, run_blocks
+from o3dleaf.tiles.assembly import VERTICES, Assembly, Scraps
+from o3dleaf.tiles.block import extract_block
+from o3dleaf.tiles.footprint import footprint
+from o3dleaf.tiles.stream import Arrays, file_bytes, mesh_file
+from o3dleaf.tiles.tile import Tile, TileLattice, extract_tile
+
+LAYERS = 16
+"""Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
+
+TRIAL = 1 << 16
+"""Vertices that are taken to the world to see how long all of them will take."""
+
+
+class Texture(Protocol):
+    """A field over the plane that repeats, in its own unit of length."""
+
+    @property
+    def period(self) -> FloatArray:
+        """(2,) size of a tile along and across."""
+        ...
+
+    @property
+    def cell(self) -> FloatArray:
+        """(2, 3) box of one tile."""
+        ...
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the values at (n, 3) points."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LeafMesh:
+    """A realised surface in memory.
+
+    Attributes
+    ----------
+    mesh : open3d.geometry.TriangleMesh
+        In world coordinates; faces counter-clockwise seen from outside.
+    labels : (m,) ndarray of uint8
+        Of each triangle: 0 adaxial, 1 abaxial, 2 rim.
+    """
+
+    mesh: o3d.geometry.TriangleMesh
+    labels: npt.NDArray[np.uint8]
+
+
+class Realisation:
+    """The surface of a multi-scale leaf at one spacing: counted, not yet made.
+
+    Attributes
+    ----------
+    spacing : (3,) tuple of float
+        The steps along, across and through the blade, in the scan's unit. Those in the plane divide the
+        texture's period, so that they may differ a little from what was asked for.
+    closed : bool
+    vertices, triangles : int
+        What there will be.
+    voids, specks : int
+        Pockets of air filled and pieces of solid removed, in every tile.
+    scraps : Scraps
+        Pieces that the outline cut off, and that are left out.
+    """
+
+    def __init__(
+        self,
+        texture: Texture,
+        blade: Blade,
+        scale: float,
+        spacing: float,
+        region: npt.ArrayLike | None = None,
+        *,
+        closed: bool = False,
+        method: str = "cubes",
+        progress: Progress | None = None,
+    ) -> None:
+        """Polygonise one tile and count what the outline holds of it; see `MultiscaleLeaf.realise`."""
+        kind = METHODS.index(require_choice(method, METHODS, "method"))
+        box = None if region is None else as_bounds(region, 2, "region")
+        self.blade, self.closed = blade, closed
+        self._started = time.perf_counter()
+        lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+        self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
+        plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+        if closed:
+            area = blade.outline.rounded if box is None else shapely.box(*box.ravel()) & blade.outline.rounded
+            self.assembly = Assembly(self.tile, footprint(_sides(area), *plane, None), closed=True)
+        else:
+            self.assembly = Assembly(self.tile, footprint(_sides(blade.outline.polygon), *plane, box), closed=False)
+
+    @property
+    def spacing(self) -> tuple[float, float, float]:
+        """Steps along, across and through the blade."""
+        return self.tile.lattice.spacing
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices that there will be."""
+        return self.assembly.vertices
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles that there will be."""
+        return self.assembly.triangles
+
+    @property
+    def voids(self) -> int:
+        """Pockets of air filled in every tile."""
+        return self.tile.runs.voids
+
+    @property
+    def specks(self) -> int:
+        """Pieces of solid removed beside every tile."""
+        return self.tile.runs.specks
+
+    @property
+    def scraps(self) -> Scraps:
+        """Pieces that the outline cut off."""
+        return self.assembly.scraps
+
+    def bytes(self, path: str | PathLike[str]) -> int:
+        """Return the size that a file of the path's suffix will have."""
+        return file_bytes(require_writable(path, SUFFIXES).suffix.lower(), self.assembly)[0]
+
+    @cached_property
+    def seconds(self) -> float:
+        """What making all the vertices will take about, from a trial; a file adds what the disk takes."""
+        places = np.resize(self.tile.places, (TRIAL, 3))
+        flat = self.tile.lattice.positions(places + np.array([*self.assembly.middle, 0]))
+        start = time.perf_counter()
+        run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
+        return (time.perf_counter() - start) * self.vertices / TRIAL
+
+    def extract(self, progress: Progress | None = None) -> LeafMesh:
+        """Return the surface as a mesh in memory."""
+        arrays = Arrays(self.assembly)
+        self.assembly.emit(arrays, self.blade.lift, progress)
+        return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels)
+
+    def write(self, path: str | PathLike[str], progress: Progress | None = None) -> None:
+        """Write the surface to a PLY, STL or OBJ file, whole or not at all; only a few tiles are held.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown or the folder cannot be written to.
+        O3DLeafError
+            If the disk has no room for it, or writing fails.
+        """
+        target = require_writable(path, SUFFIXES)
+        comments = (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
+        with mesh_file(target, self.assembly, comments) as sink:
+            self.assembly.emit(sink, self.blade.lift, progress)
+
+
+def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMesh:
+    """Return one flat period of a texture as a closed block, in lengths of `scale` of the texture's unit each.
+
+    Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
+    """
+    lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+    vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice))
+    return LeafMesh(build_mesh(vertices, triangles), labels)
+
+
+def tile_lattice(texture: Texture, scale: float, step: float) -> TileLattice:
+    """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
+
+    The texture lies within the layers but for the first and the last one.
+    """
+    low, high = texture.cell[:, 2] / scale
+    layer = step / np.ceil(step * LAYERS / (high - low))
+    first, last = np.floor(low / layer + 1e-9) - 1, np.ceil(high / layer - 1e-9) + 1
+    period = texture.period / scale
+    count = np.maximum(np.round(period / step), 1).astype(int)
+    origin = *(texture.cell[0, :2] / scale).tolist(), float(first * layer)
+    return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
+
+
+def _sides(area: shapely.Geometry) -> FloatArray:
+    """Return the sides (s, 4) of all rings of an area."""
+    rings = [ring.coords for part in shapely.get_parts(area) for ring in (part.exterior, *part.interiors)]
+    return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

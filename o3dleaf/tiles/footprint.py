@@ -1,0 +1,113 @@
+"""Which part of the plane is meshed: the cells of a lattice inside an outline, and the distance of its columns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import ReconstructionError
+from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.tiles.plane import mark_inside, mark_touched, splat_distances
+
+HALO = 8
+"""Cells beyond a window that are looked at: one less is the number of rounds that corners are thinned out in."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """An outline over a lattice of the plane.
+
+    Attributes
+    ----------
+    rings : (s, 4) ndarray
+        Sides of the outline, (x0, y0, x1, y1) in lattice coordinates; a point is inside if an odd number of them
+        lies beyond it.
+    spacing : (2,) ndarray
+        Steps of the lattice, in the unit of length of `distances`.
+    box : (2, 2) ndarray of int64
+        First and last column that is looked at.
+    """
+
+    rings: FloatArray
+    spacing: FloatArray
+    box: IntArray
+
+    def cells(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
+        """Return which cells low <= (i, j) < high lie in the outline, whole, and touch one another along sides only.
+
+        Where two cells would meet in a corner alone both go, so that a surface over the cells is manifold.
+
+        Raises
+        ------
+        ReconstructionError
+            If cells still meet in corners after `HALO` − 1 rounds.
+        """
+        first = np.asarray(low, dtype=np.int64) - HALO
+        shape = tuple((np.asarray(high) + HALO - first).tolist())
+        inside, touched = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        near = self._near(first[0], first[0] + shape[0])
+        mark_inside(near, first + 0.5, inside)
+        mark_touched(near, first, touched)
+        kept = inside & ~touched
+        for axis in range(2):
+            number = first[axis] + np.arange(shape[axis])
+            out = (number < self.box[0, axis]) | (number >= self.box[1, axis])
+            kept[(out, slice(None)) if axis == 0 else (slice(None), out)] = False
+        for _ in range(HALO - 1):
+            lonely = _corners(kept)
+            if not lonely.any():
+                break
+            at = np.argwhere(lonely)
+            for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                kept[tuple((at + step).T)] = False
+        inner = kept[HALO:-HALO, HALO:-HALO]
+        if _corners(inner).any():
+            raise ReconstructionError(
+                "the outline is too ragged for this spacing; use a finer spacing or a larger alpha"
+            )
+        return inner
+
+    def distances(self, low: npt.ArrayLike, high: npt.ArrayLike) -> FloatArray:
+        """Return the signed distances of columns low <= (i, j) < high to the outline, > 0 inside, up to two steps."""
+        first = np.asarray(low, dtype=np.int64)
+        shape = tuple((np.asarray(high) - first).tolist())
+        inside, reach = np.zeros(shape, dtype=bool), 2 * float(self.spacing.max())
+        near = self._near(first[0] - 3, first[0] + shape[0] + 3)
+        mark_inside(near, first.astype(np.float64), inside)
+        distance = np.full(shape, reach)
+        splat_distances(near, first, self.spacing, distance)
+        return np.where(inside, distance, -distance)
+
+    def _near(self, first: int, last: int) -> FloatArray:
+        """Return the sides that reach between two rows."""
+        x = self.rings[:, [0, 2]]
+        near: FloatArray = self.rings[(x.min(axis=1) <= last) & (x.max(axis=1) >= first)]
+        return near
+
+
+def _corners(kept: BoolArray) -> BoolArray:
+    """Return at which inner corners two cells meet that have no side in common."""
+    a, b, c, d = kept[:-1, :-1], kept[:-1, 1:], kept[1:, :-1], kept[1:, 1:]
+    return np.asarray((a == d) & (b == c) & (a != b))
+
+
+def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region: FloatArray | None) -> Footprint:
+    """Return the footprint of an outline's sides (s, 4), in the plane's unit, over a lattice of the plane.
+
+    Parameters
+    ----------
+    sides : (s, 4) ndarray
+    origin, spacing : (2,) ndarrays
+        Of the lattice.
+    region : (2, 2) ndarray, optional
+        Only cells inside this box are kept.
+    """
+    lattice = (sides.reshape(-1, 2, 2) - origin) / spacing
+    low, high = lattice.min(axis=(0, 1)), lattice.max(axis=(0, 1))
+    box = np.stack([np.floor(low) - 1, np.ceil(high) + 2])
+    if region is not None:
+        # A corner on the lattice but for rounding must not cost a cell.
+        inner = (region - origin) / spacing
+        box = np.stack([np.maximum(box[0], np.ceil(inner[0] - 1e-9)), np.minimum(box[1], np.floor(inner[1] + 1e-9))])
+    return Footprint(lattice.reshape(-1, 4), np.asarray(spacing), box.astype(np.int64))

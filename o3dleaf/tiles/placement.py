@@ -1,0 +1,224 @@
+"""What of a tile is used in one place: all of it, the cells that an outline holds, or a solid that it cuts."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.loops import place_vertices
+from o3dleaf.tiles.footprint import Footprint
+from o3dleaf.tiles.rim import cut_cells, gather_cells, label_nodes, rim_edges, use_by_cells, use_by_distance
+from o3dleaf.tiles.tile import Tile
+
+Nodes = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A tile in one place.
+
+    The nodes of its triangles are, one after the other: the tile's vertices, those of neighbours
+    (`Tile.beyond`), the rim's own vertices, and those of neighbours on the rim.
+
+    Attributes
+    ----------
+    tile : Tile
+    at : (2,) tuple of int
+        Number of the tile along and across.
+    used : (n,) ndarray of bool or None
+        Which of the tile's vertices are there; None: all.
+    nodes : (m, 3) ndarray of int32
+        The triangles.
+    rim_names, rim_fractions : (e,) ndarrays
+        Edges of the window that the rim's vertices lie on, this tile's first, and how far along.
+    rim_own : int
+        How many of them are this tile's.
+    on_rim : (m,) ndarray of bool or None
+        Which triangles belong to the rim; None: none.
+    """
+
+    tile: Tile
+    at: tuple[int, int]
+    used: BoolArray | None
+    nodes: Nodes
+    rim_names: IntArray
+    rim_fractions: FloatArray
+    rim_own: int = 0
+    on_rim: BoolArray | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of the tile is there."""
+        return self.used is None
+
+    @property
+    def own(self) -> BoolArray:
+        """(n + e,) which of the tile's vertices and the rim's own ones are there."""
+        used = np.ones(len(self.tile.edges), dtype=bool) if self.used is None else self.used
+        return np.concatenate([used, np.ones(self.rim_own, dtype=bool)])
+
+    def positions(self, rows: IntArray) -> FloatArray:
+        """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
+        tile, count = self.tile, len(self.tile.edges)
+        nx, ny, nz = tile.lattice.shape
+        places = np.empty((len(rows), 3))
+        own = rows < count
+        places[own] = tile.places[rows[own]]
+        rim = rows[~own] - count
+        on_rim = np.empty((len(rim), 3))
+        place_vertices(self.rim_names[rim], self.rim_fractions[rim], (nx + 1, ny + 1, nz), on_rim)
+        places[~own] = on_rim
+        return tile.lattice.positions(places + np.array([self.at[0] * nx, self.at[1] * ny, 0]))
+
+    def node_numbers(self, own: IntArray, neighbours: dict[int, tuple["Placement", IntArray]]) -> IntArray:
+        """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
+
+        Parameters
+        ----------
+        own : (n + e,) ndarray
+        neighbours : dict
+            By shift (bits: along, across) the placement there and its numbers; a missing one has none.
+        """
+        vertices, beyond = len(self.tile.edges), self.tile.beyond
+        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int64)
+        numbers[:vertices] = own[:vertices]
+        numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
+        names, shifts = self._rim_beyond
+        for shift, (other, given) in neighbours.items():
+            rows = np.flatnonzero(beyond[:, 1] == shift)
+            numbers[vertices + rows] = given[beyond[rows, 0]]
+            rows = np.flatnonzero(shifts == shift)
+            if len(rows):
+                there = np.searchsorted(other.own_rim, names[rows])
+                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + there]
+        return numbers
+
+    @cached_property
+    def own_rim(self) -> IntArray:
+        """(e,) names in the tile, rising, of the rim's vertices that are this tile's."""
+        return in_tile(self.rim_names[: self.rim_own], self.tile.lattice.shape)[0]
+
+    @cached_property
+    def _rim_beyond(self) -> tuple[IntArray, IntArray]:
+        return in_tile(self.rim_names[self.rim_own :], self.tile.lattice.shape)
+
+    def pieces(self) -> IntArray:
+        """Return for every node the first node of the piece that it hangs together with in this tile."""
+        count = len(self.tile.edges) + len(self.tile.beyond) + len(self.rim_names)
+        return np.asarray(label_nodes(self.nodes, count))
+
+
+def place_sheets(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+    """Return the tile over the whole cells inside the outline, open at their edge; None where there are none."""
+    shape = np.array(tile.lattice.shape[:2])
+    low = np.array(at) * shape
+    return sheets_over(tile, footprint.cells(low - 1, low + shape), at)
+
+
+def sheets_over(tile: Tile, kept: BoolArray, at: tuple[int, int]) -> Placement | None:
+    """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    if kept.all():
+        return Placement(tile, at, None, tile.nodes, *none)
+    used = np.empty(len(tile.edges), dtype=bool)
+    use_by_cells(tile.edges, tile.lattice.shape, kept, used)
+    if not used.any():
+        return None
+    return Placement(tile, at, used, _kept_triangles(tile, np.ascontiguousarray(kept[1:, 1:])), *none)
+
+
+def place_solid(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+    """Return the solid of a tile cut by the outline, with its part of the rim; None where there is none."""
+    shape = np.array(tile.lattice.shape[:2])
+    low = np.array(at) * shape
+    return solid_within(tile, footprint.distances(low, low + shape + 1), at)
+
+
+def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Placement | None:
+    """Return the solid of a tile where the `distance` of columns (nx + 1, ny + 1) is positive, and its rim."""
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    inside = distance > 0
+    if inside.all():
+        return Placement(tile, at, None, tile.nodes, *none)
+    if not inside.any():
+        return None
+    used = np.empty(len(tile.edges), dtype=bool)
+    use_by_distance(tile.edges, tile.fractions, tile.upward, tile.lattice.shape, distance, used)
+    row_of, labels = _cut_columns(tile, inside)
+    names, fractions = _rim(tile, distance, row_of, labels)
+    beyond = tile.beyond[:, 0] * 4 + tile.beyond[:, 1]
+    outline = (tile.lattice.shape, tile.edges, tile.fractions, beyond), (names, fractions), distance, row_of, labels
+    count = cut_cells(tile.method, *outline, np.empty((0, 3), dtype=np.int32), np.empty(0, dtype=bool))
+    cut, on_rim = np.empty((count, 3), dtype=np.int32), np.empty(count, dtype=bool)
+    cut_cells(tile.method, *outline, cut, on_rim)
+    kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+    plain = _kept_triangles(tile, kept)
+    _, shifts = in_tile(names, tile.lattice.shape)
+    return _own_first(
+        tile, at, used, np.concatenate([plain, cut]), names, fractions, shifts == 0,
+        np.concatenate([np.zeros(len(plain), dtype=bool), on_rim]),
+    )  # fmt: skip
+
+
+def _own_first(  # noqa: PLR0917 - the parts of a placement
+    tile: Tile,
+    at: tuple[int, int],
+    used: BoolArray,
+    nodes: Nodes,
+    names: IntArray,
+    fractions: FloatArray,
+    own: BoolArray,
+    on_rim: BoolArray,
+) -> Placement:
+    """Return the placement with the rim's vertices in the order of `Placement`: this tile's first."""
+    order = np.concatenate([np.flatnonzero(own), np.flatnonzero(~own)])
+    rank = np.empty(len(order), dtype=np.int32)
+    rank[order] = np.arange(len(order))
+    start = len(tile.edges) + len(tile.beyond)
+    late = nodes >= start
+    nodes[late] = start + rank[nodes[late] - start]
+    return Placement(tile, at, used, nodes, names[order], fractions[order], int(own.sum()), on_rim)
+
+
+def _kept_triangles(tile: Tile, kept: BoolArray) -> Nodes:
+    """Return the triangles over the kept cells (nx, ny)."""
+    count = int(np.diff(tile.cells)[kept.ravel()].sum())
+    found = np.empty((count, 3), dtype=np.int32)
+    gather_cells(kept, tile.cells, tile.nodes, found)
+    return found
+
+
+def _cut_columns(tile: Tile, inside: BoolArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
+    """Return the row (nx + 1, ny + 1) of each column of a cut cell, −1 for others, and the labels of these columns."""
+    nx, ny, _ = tile.lattice.shape
+    corners = np.stack([inside[:-1, :-1], inside[1:, :-1], inside[:-1, 1:], inside[1:, 1:]])
+    cut = corners.any(axis=0) & ~corners.all(axis=0)
+    near = np.zeros(inside.shape, dtype=bool)
+    for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        near[i : nx + i, j : ny + j] |= cut
+    row_of = np.full(inside.shape, -1)
+    row_of[near] = np.arange(near.sum())
+    at = np.argwhere(near)
+    return row_of, tile.runs.expand(at[:, 0] % nx * ny + at[:, 1] % ny)
+
+
+def _rim(
+    tile: Tile, distance: FloatArray, row_of: IntArray, labels: npt.NDArray[np.uint8]
+) -> tuple[IntArray, FloatArray]:
+    """Return the names in the window, rising, and the fractions of the rim's vertices."""
+    parts = (tile.lattice.shape, tile.edges, tile.fractions), distance, row_of, labels
+    count = rim_edges(tile.method, *parts, np.empty(0, dtype=np.int64), np.empty(0))
+    names, fractions = np.empty(count, dtype=np.int64), np.empty(count)
+    rim_edges(tile.method, *parts, names, fractions)
+    return names, fractions
+
+
+def in_tile(names: IntArray, shape: tuple[int, int, int]) -> tuple[IntArray, IntArray]:
+    """Return the names in the tile of edges named in its window, and how many periods on they lie."""
+    nx, ny, nz = shape
+    column, rest = names // (8 * nz), names % (8 * nz)
+    i, j = column // (ny + 1), column % (ny + 1)
+    return ((i % nx) * ny + j % ny) * 8 * nz + rest, (i >= nx) + 2 * (j >= ny)

@@ -1,0 +1,210 @@
+"""One period of a periodic surface, polygonised once: what is set down everywhere."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray, require_finite
+from o3dleaf.errors import ReconstructionError
+from o3dleaf.lattice import BLOCK
+from o3dleaf.mesh.arrays import IntArray
+from o3dleaf.mesh.loops import place_vertices
+from o3dleaf.mesh.polygonise import march
+from o3dleaf.parallel import Progress, blocks
+from o3dleaf.tiles.loops import INSIDE, count_cells, mark_crossed, name_in_tile
+from o3dleaf.tiles.runs import Runs, find_runs, solidify
+
+SLAB = 1 << 21
+"""Samples held at once while a tile is made: 16 MiB, whatever the spacing."""
+
+TINY = 1e-300
+"""Size of a sample that is zero: its sign is what says where it belongs."""
+
+
+@dataclass(frozen=True)
+class TileLattice:
+    """The lattice that one period is sampled on; it divides the period.
+
+    Attributes
+    ----------
+    origin : (3,) tuple of float
+        Position of point (0, 0, 0) of tile (0, 0).
+    spacing : (3,) tuple of float
+    shape : (3,) tuple of int
+        Steps in a period along the first two axes, points along the third.
+    """
+
+    origin: tuple[float, float, float]
+    spacing: tuple[float, float, float]
+    shape: tuple[int, int, int]
+
+    @property
+    def period(self) -> FloatArray:
+        """(2,) lengths of a tile."""
+        return np.asarray(np.array(self.spacing[:2]) * self.shape[:2], dtype=np.float64)
+
+    def positions(self, lattice: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) positions of (n, 3) lattice coordinates, counted from tile (0, 0) on.
+
+        The one function that makes positions: equal lattice coordinates give equal bits.
+        """
+        return np.asarray(np.asarray(self.origin) + np.asarray(lattice) * np.asarray(self.spacing), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """The surface over one period, without the copies of its sides.
+
+    Attributes
+    ----------
+    lattice : TileLattice
+    method : int
+        Place in `o3dleaf.mesh.polygonise.METHODS`.
+    runs : Runs
+        What is inside, voids filled.
+    edges : (n,) ndarray of int64
+        The edges that vertices lie on, 8 · (number of the lower point) + direction, rising.
+    fractions : (n,) ndarray of float64
+        How far along its edge each vertex lies.
+    sides : (n,) ndarray of uint8
+        `ABOVE` or `BELOW`: the air that each vertex looks at.
+    upward : (n,) ndarray of bool
+        Whether the lower end of the vertex's edge is the one inside.
+    nodes : (m, 3) ndarray of int32
+        Corners of the triangles, by cells: a vertex of this tile, or n + a row of `beyond`.
+    cells : (nx ny + 1,) ndarray of int64
+        First triangle over each cell of the plane.
+    beyond : (h, 2) ndarray of int64
+        Vertices of neighbours that triangles of this tile use: the vertex, and the neighbour (bits: along, across).
+    """
+
+    lattice: TileLattice
+    method: int
+    runs: Runs
+    edges: IntArray
+    fractions: FloatArray
+    sides: npt.NDArray[np.uint8]
+    upward: npt.NDArray[np.bool_]
+    nodes: npt.NDArray[np.int32]
+    cells: IntArray
+    beyond: IntArray
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """(n, 3) lattice coordinates of the vertices in tile (0, 0)."""
+        places = np.empty((len(self.edges), 3))
+        place_vertices(self.edges, self.fractions, self.lattice.shape, places)
+        return places
+
+
+def extract_tile(
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, method: int = 0, progress: Progress | None = None
+) -> Tile:
+    """Sample one period of a field, fill its voids, and polygonise it.
+
+    Memory grows with the surface, not with the samples: a first pass over slabs notes what is inside, a
+    second one asks again for the samples beside the surface, and marches.
+
+    Parameters
+    ----------
+    field : callable
+        Values at (n, 3) points, > 0 inside, with the period of the lattice along the first two axes.
+    lattice : TileLattice
+    method : int
+        Place in `o3dleaf.mesh.polygonise.METHODS`.
+    progress : callable, optional
+        ``progress(done, total)`` in samples of the first pass.
+
+    Raises
+    ------
+    ReconstructionError
+        If the surface is not two sheets, one above the other.
+    """
+    nx, ny, nz = lattice.shape
+    slab = max(1, min(nx, SLAB // (ny * nz)))
+    found, flooded = [], np.zeros(2, dtype=np.int64)
+    for start, stop in blocks(nx, slab):
+        inside = _sample(field, lattice, start, stop) > 0
+        flooded += inside[:, [0, -1]].sum(axis=0)
+        found.append(find_runs(inside))
+        if progress:
+            progress(stop * ny * nz, nx * ny * nz)
+    # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
+    if flooded.max() > nx * ny / 2:
+        raise ReconstructionError(
+            "the surface is not two sheets (adaxial, abaxial): the texture has no air above or below; "
+            "use another threshold or a taller patch"
+        )
+    counts, begin = (np.concatenate(part) for part in zip(*found, strict=True))
+    runs = solidify(lattice.shape, counts, begin)
+    pieces = [_march_slab(field, lattice, runs, method, start, stop) for start, stop in blocks(nx, slab)]
+    edges, fractions, sides, upward, corners, shifts, cells = (
+        np.concatenate(part) for part in zip(*pieces, strict=True)
+    )
+    nodes, beyond = _nodes(np.searchsorted(edges, corners), shifts, len(edges))
+    return Tile(
+        lattice,
+        method,
+        runs,
+        edges,
+        fractions,
+        sides,
+        upward,
+        nodes,
+        np.concatenate([[0], np.cumsum(cells)]),
+        beyond,
+    )
+
+
+def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int) -> FloatArray:
+    """Return the samples ((stop − start) ny, nz) of some planes of the period."""
+    _, ny, nz = lattice.shape
+    values = np.empty((stop - start) * ny * nz)
+    for first, last in blocks(len(values), BLOCK):
+        point = np.arange(first, last)
+        indices = np.stack([start + point // (ny * nz), point // nz % ny, point % nz], axis=1)
+        values[first:last] = field(lattice.positions(indices))
+    return require_finite(values, "field values").reshape(-1, nz)
+
+
+def _march_slab(
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, runs: Runs, method: int, start: int, stop: int
+) -> tuple[npt.NDArray[np.generic], ...]:
+    """Return what a slab adds to the tile: its vertices, its triangles' corners by name, their number by cells."""
+    nx, ny, nz = lattice.shape
+    i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
+    labels = runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
+    inside = labels == INSIDE
+    needed = np.zeros(labels.shape, dtype=bool)
+    mark_crossed(method, inside, needed)
+    at = np.argwhere(needed)
+    samples = field(lattice.positions(np.stack([i[at[:, 0]], j[at[:, 1]], at[:, 2]], axis=1)))
+    values = np.ones(labels.shape)
+    # What was filled or removed has the other sign: its size is what places the vertices beside it.
+    values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)
+    surface = march(np.where(inside, values, -values), inside, method)
+    names, shifts = np.empty_like(surface.edges), np.empty_like(surface.edges)
+    name_in_tile(surface.edges, surface.shape, start, lattice.shape, names, shifts)
+    point = surface.edges >> 3
+    own = (point // ((ny + 1) * nz) < stop - start) & (point // nz % (ny + 1) < ny)
+    step = [surface.edges & 1, surface.edges >> 1 & 1, surface.edges >> 2 & 1]
+    low = np.stack([point // ((ny + 1) * nz), point // nz % (ny + 1), point % nz])
+    upward = inside[tuple(low)]
+    outer = np.where(upward, low + step, low)
+    sides = labels[tuple(outer[:, own])]
+    cells = np.zeros((stop - start, ny), dtype=np.int64)
+    count_cells(method, inside, cells)
+    corners, across = names[surface.triangles], shifts[surface.triangles]
+    return names[own], surface.fractions[own], sides, upward[own], corners, across.astype(np.uint8), cells.ravel()
+
+
+def _nodes(corners: IntArray, shifts: npt.NDArray[np.uint8], vertices: int) -> tuple[npt.NDArray[np.int32], IntArray]:
+    """Return the corners as nodes of the tile, and the vertices of neighbours among them."""
+    outside = shifts > 0
+    keys, row = np.unique(corners[outside] * 4 + shifts[outside], return_inverse=True)
+    nodes = corners.astype(np.int32)
+    nodes[outside] = vertices + row
+    return nodes, np.stack([keys >> 2, keys & 3], axis=1)
