@@ -16,7 +16,7 @@ from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.files import SUFFIXES
-from o3dleaf.mesh.polygonise import METHODS
+from o3dleaf.mesh.polygonise import METHODS, lattice_positions
 from o3dleaf.parallel import Progress, run_blocks
 from o3dleaf.tiles.assembly import VERTICES, Assembly, Scraps
 from o3dleaf.tiles.block import extract_block
@@ -145,8 +145,10 @@ class Realisation:
     @cached_property
     def seconds(self) -> float:
         """What making all the vertices will take about, from a trial; a file adds what the disk takes."""
-        places = np.resize(self.tile.places, (TRIAL, 3))
-        flat = self.tile.lattice.positions(places + np.array([*self.assembly.middle, 0]))
+        edges, fractions = np.resize(self.tile.edges, TRIAL), np.resize(self.tile.fractions, TRIAL)
+        along, across = self.assembly.middle.tolist()
+        places = lattice_positions(edges, fractions, self.tile.lattice.shape, (along, across, 0))
+        flat = self.tile.lattice.positions(places)
         start = time.perf_counter()
         run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
         return (time.perf_counter() - start) * self.vertices / TRIAL

@@ -120,11 +120,15 @@ def march_planes(method, values, inside, planes, offsets, mesh):
 
 
 @njit(nogil=True, cache=True)
-def place_vertices(edges, fractions, shape, vertices):
-    """Write the (n, 3) positions, in lattice coordinates, of vertices on edges of a lattice of `shape`."""
+def place_vertices(edges, fractions, shape, start, vertices):
+    """Write the (n, 3) lattice coordinates of vertices on edges of a lattice of `shape` that begins at `start`.
+
+    Whole numbers are added first: where a vertex lies does not depend, to the last bit, on the lattice that it was
+    named in.
+    """
     _, ny, nz = shape
     for n in range(len(edges)):
         point, direction = edges[n] >> 3, edges[n] & 7
-        vertices[n, 0] = point // (ny * nz) + (direction & 1) * fractions[n]
-        vertices[n, 1] = point // nz % ny + (direction >> 1 & 1) * fractions[n]
-        vertices[n, 2] = point % nz + (direction >> 2) * fractions[n]
+        vertices[n, 0] = (start[0] + point // (ny * nz)) + (direction & 1) * fractions[n]
+        vertices[n, 1] = (start[1] + point // nz % ny) + (direction >> 1 & 1) * fractions[n]
+        vertices[n, 2] = (start[2] + point % nz) + (direction >> 2) * fractions[n]

@@ -87,11 +87,18 @@ class Crossings:
     fractions: FloatArray
     triangles: IntArray
 
-    def positions(self) -> FloatArray:
-        """Return the (n, 3) positions of the vertices in lattice coordinates."""
-        vertices = np.empty((len(self.edges), 3))
-        place_vertices(self.edges, self.fractions, self.shape, vertices)
-        return vertices
+    def positions(self, start: tuple[int, int, int] = (0, 0, 0)) -> FloatArray:
+        """Return the (n, 3) positions of the vertices in lattice coordinates, point (0, 0, 0) at `start`."""
+        return lattice_positions(self.edges, self.fractions, self.shape, start)
+
+
+def lattice_positions(
+    edges: IntArray, fractions: FloatArray, shape: tuple[int, int, int], start: tuple[int, int, int] = (0, 0, 0)
+) -> FloatArray:
+    """Return the (n, 3) lattice coordinates of vertices on edges of a lattice of `shape` that begins at `start`."""
+    vertices = np.empty((len(edges), 3))
+    place_vertices(edges, fractions, shape, start, vertices)
+    return vertices
 
 
 def march(values: FloatArray, inside: BoolArray, method: int) -> Crossings:

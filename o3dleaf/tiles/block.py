@@ -10,8 +10,7 @@ import numpy.typing as npt
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import IntArray
-from o3dleaf.mesh.loops import place_vertices
-from o3dleaf.mesh.polygonise import METHODS
+from o3dleaf.mesh.polygonise import METHODS, lattice_positions
 from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.loops import ABOVE, INSIDE
 from o3dleaf.tiles.placement import in_tile
@@ -45,7 +44,6 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     if METHODS[tile.method] != "cubes":
         raise InputError("method: walls are drawn for marching cubes; use cubes")
     nx, ny, nz = tile.lattice.shape
-    window = (nx + 1, ny + 1, nz)
     nodes = np.concatenate([tile.edges, tile.edges[tile.beyond[:, 0]]])
     shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
     nodes = _rename(nodes, tile.lattice.shape, shifts)
@@ -54,8 +52,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     fractions = np.zeros(len(names))
     crossed = names & 7 > 0
     fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], tile.lattice.shape)[0])]
-    places = np.empty((len(names), 3))
-    place_vertices(names, fractions, window, places)
+    places = lattice_positions(names, fractions, (nx + 1, ny + 1, nz))
     sides = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]]])[tile.nodes[:, 0]]
     labels = np.where(sides == ABOVE, ADAXIAL, ABAXIAL)
     labels = np.concatenate([labels, np.full(sum(map(len, walls)), RIM)]).astype(np.uint8)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.mesh.arrays import BoolArray, IntArray
-from o3dleaf.mesh.loops import place_vertices
+from o3dleaf.mesh.polygonise import lattice_positions
 from o3dleaf.tiles.footprint import Footprint
 from o3dleaf.tiles.rim import cut_cells, gather_cells, label_nodes, rim_edges, use_by_cells, use_by_distance
 from o3dleaf.tiles.tile import Tile
@@ -64,14 +64,13 @@ class Placement:
         """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
         tile, count = self.tile, len(self.tile.edges)
         nx, ny, nz = tile.lattice.shape
-        places = np.empty((len(rows), 3))
-        own = rows < count
-        places[own] = tile.places[rows[own]]
-        rim = rows[~own] - count
-        on_rim = np.empty((len(rim), 3))
-        place_vertices(self.rim_names[rim], self.rim_fractions[rim], (nx + 1, ny + 1, nz), on_rim)
-        places[~own] = on_rim
-        return tile.lattice.positions(places + np.array([self.at[0] * nx, self.at[1] * ny, 0]))
+        start = self.at[0] * nx, self.at[1] * ny, 0
+        places, own = np.empty((len(rows), 3)), rows < count
+        inner, rim = rows[own], rows[~own] - count
+        places[own] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
+        window = (nx + 1, ny + 1, nz)
+        places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
+        return tile.lattice.positions(places)
 
     def node_numbers(self, own: IntArray, neighbours: dict[int, tuple["Placement", IntArray]]) -> IntArray:
         """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +10,6 @@ from o3dleaf.checks import FloatArray, require_finite
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.lattice import BLOCK
 from o3dleaf.mesh.arrays import IntArray
-from o3dleaf.mesh.loops import place_vertices
 from o3dleaf.mesh.polygonise import march
 from o3dleaf.parallel import Progress, blocks
 from o3dleaf.tiles.loops import INSIDE, count_cells, mark_crossed, name_in_tile
@@ -91,13 +89,6 @@ class Tile:
     nodes: npt.NDArray[np.int32]
     cells: IntArray
     beyond: IntArray
-
-    @cached_property
-    def places(self) -> FloatArray:
-        """(n, 3) lattice coordinates of the vertices in tile (0, 0)."""
-        places = np.empty((len(self.edges), 3))
-        place_vertices(self.edges, self.fractions, self.lattice.shape, places)
-        return places
 
 
 def extract_tile(
