@@ -92,6 +92,8 @@ class MultiscaleLeaf:
         *,
         closed: bool = False,
         method: str = "cubes",
+        simplify: float | None = None,
+        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> Realisation:
         """Polygonise one tile of the texture and count what the outline holds of it; nothing else is made yet.
@@ -109,6 +111,11 @@ class MultiscaleLeaf:
             or the region; its rim is the third face.
         method : {"cubes", "tetrahedra"}
             Marching cubes, or marching tetrahedra as in the paper.
+        simplify : float, optional
+            Share of its triangles that a tile is simplified to by quadric edge collapse, once, its border locked.
+        remesh : float, optional
+            Or the edge length, in the scan's unit, that it is remeshed to. The tiles that the outline cuts stay
+            as they were polygonised.
         progress : callable, optional
             ``progress(done, total)`` in samples of one tile.
 
@@ -118,7 +125,8 @@ class MultiscaleLeaf:
             If the result is not exactly two sheets, or one solid.
         """
         parts = self.texture, self.blade, self.scale
-        return Realisation(*parts, spacing, region, closed=closed, method=method, progress=progress)
+        how: dict[str, Any] = {"closed": closed, "method": method, "simplify": simplify, "remesh": remesh}
+        return Realisation(*parts, spacing, region, **how, progress=progress)
 
     def extract_mesh(
         self,

@@ -12,15 +12,18 @@ import open3d as o3d
 import shapely
 
 from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positive
+from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
-from o3dleaf.mesh.arrays import build_mesh
+from o3dleaf.mesh.arrays import IntArray, build_mesh, mesh_arrays
+from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.mesh.polygonise import METHODS, lattice_positions
 from o3dleaf.parallel import Progress, run_blocks
 from o3dleaf.tiles.assembly import VERTICES, Assembly, Scraps
 from o3dleaf.tiles.block import extract_block
 from o3dleaf.tiles.footprint import footprint
+from o3dleaf.tiles.reduced import Reduce, reduce_tile
 from o3dleaf.tiles.stream import Arrays, file_bytes, mesh_file
 from o3dleaf.tiles.tile import Tile, TileLattice, extract_tile
 
@@ -92,6 +95,8 @@ class Realisation:
         *,
         closed: bool = False,
         method: str = "cubes",
+        simplify: float | None = None,
+        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> None:
         """Polygonise one tile and count what the outline holds of it; see `MultiscaleLeaf.realise`."""
@@ -102,11 +107,13 @@ class Realisation:
         lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+        reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
         if closed:
             area = blade.outline.rounded if box is None else shapely.box(*box.ravel()) & blade.outline.rounded
-            self.assembly = Assembly(self.tile, footprint(_sides(area), *plane, None), closed=True)
+            self.assembly = Assembly(self.tile, footprint(_sides(area), *plane, None), closed=True, reduced=reduced)
         else:
-            self.assembly = Assembly(self.tile, footprint(_sides(blade.outline.polygon), *plane, box), closed=False)
+            area = footprint(_sides(blade.outline.polygon), *plane, box)
+            self.assembly = Assembly(self.tile, area, closed=False, reduced=reduced)
 
     @property
     def spacing(self) -> tuple[float, float, float]:
@@ -173,6 +180,22 @@ class Realisation:
         comments = (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
         with mesh_file(target, self.assembly, comments) as sink:
             self.assembly.emit(sink, self.blade.lift, progress)
+
+
+def _reducing(simplify: float | None, remesh: float | None) -> Reduce:
+    """Return the function that simplifies a mesh to a share of its triangles, or remeshes it to an edge length."""
+    if simplify is not None and remesh is not None:
+        raise InputError("simplify, remesh: both would reshape the tile; give one of them")
+    if simplify is not None and not 0 < simplify < 1:
+        raise InputError(f"simplify: is {simplify:g}; give the share of triangles to keep, between 0 and 1")
+
+    def reduce(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+        if remesh is not None:
+            return mesh_arrays(remesh_mesh((vertices, triangles), target_edge=remesh))
+        target = round((simplify or 1.0) * len(triangles))
+        return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=target))
+
+    return reduce
 
 
 def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMesh:

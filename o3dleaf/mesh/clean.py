@@ -7,10 +7,13 @@ import numpy as np
 import open3d as o3d
 import pymeshlab
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.checks import FloatArray, require_positive
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import IntArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.mesh.topology import EdgeTable, find_holes, label_triangles
+
+REMESHING_ROUNDS = 5
+"""Rounds of splitting, collapsing, flipping and moving; more change little."""
 
 PASSES = 10
 """Rounds of cleaning at most: a repair can uncover a defect, in practice two rounds reach rest."""
@@ -108,6 +111,43 @@ def simplify_mesh(
         preservenormal=True,
         preservetopology=True,
         planarquadric=True,
+    )
+    return build_mesh(*_result(session))
+
+
+def remesh_mesh(mesh: MeshLike, *, target_edge: float, deviation: float | None = None) -> o3d.geometry.TriangleMesh:
+    """Return a mesh of nearly equilateral triangles; triangles with a vertex on the border stay as they are.
+
+    MeshLab's isotropic explicit remeshing: edges split, collapsed and flipped, vertices moved along the surface.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Edge-manifold; not modified.
+    target_edge : float
+        Edge length to reach, in the mesh's unit.
+    deviation : float, optional
+        How far the new surface may lie from the old one; a tenth of the edge by default.
+
+    Raises
+    ------
+    InputError
+        If a length is not above zero or the mesh has no triangle.
+    """
+    vertices, triangles = _require_triangles(mesh)
+    edge = require_positive(target_edge, "target_edge")
+    most = edge / 10 if deviation is None else require_positive(deviation, "deviation")
+    edges = EdgeTable.of(triangles)
+    on_border = np.zeros(len(vertices), dtype=bool)
+    on_border[edges.ends[edges.count == 1]] = True
+    session = _session(vertices, triangles, np.where(on_border[triangles].any(axis=1), 1.0, 0.0))
+    session.compute_selection_by_condition_per_face(condselect="fq < 0.5")
+    session.meshing_isotropic_explicit_remeshing(
+        iterations=REMESHING_ROUNDS,
+        selectedonly=True,
+        targetlen=pymeshlab.PureValue(edge),
+        checksurfdist=True,
+        maxsurfdist=pymeshlab.PureValue(most),
     )
     return build_mesh(*_result(session))
 

@@ -16,6 +16,7 @@ from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.tiles.footprint import Footprint
 from o3dleaf.tiles.loops import ABOVE
 from o3dleaf.tiles.placement import Placement, place_sheets, place_solid
+from o3dleaf.tiles.reduced import Reduced
 from o3dleaf.tiles.tile import Tile
 
 STRIPS = 2
@@ -105,21 +106,21 @@ class Assembly:
     scraps : Scraps
     """
 
-    def __init__(self, tile: Tile, footprint: Footprint, *, closed: bool, progress: Progress | None = None) -> None:
-        """Count what there will be.
+    def __init__(self, tile: Tile, footprint: Footprint, *, closed: bool, reduced: Reduced | None = None) -> None:
+        """Count what there will be; `reduced` stands for the tiles that the outline does not cut.
 
         Raises
         ------
         ReconstructionError
             If it is not two sheets, or not one solid.
         """
-        self.tile, self.footprint, self.closed = tile, footprint, closed
+        self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
         shape = np.array(tile.lattice.shape[:2])
         self._low, self._high = footprint.box[0] // shape, -(-footprint.box[1] // shape)
         self._whole: _Part | None = None
         self._shares: dict[At, Share] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-        for parts, rows in self._windows(progress):
+        for parts, rows in self._windows():
             for at in rows:
                 here, there = self._links(parts, at)
                 first.append(here)
@@ -143,7 +144,7 @@ class Assembly:
             ``progress(done, total)`` in vertices.
         """
         done = 0
-        for parts, rows in self._windows(None):
+        for parts, rows in self._windows():
             numbers = {at: self._numbers(parts[at], at) for at in parts}
             pieces = [(at, start) for at in rows for start in range(0, len(numbers[at]), VERTICES)]
             _side_by_side(partial(self._emit_vertices, sink, to_world, parts, numbers), pieces)
@@ -152,7 +153,7 @@ class Assembly:
             if progress:
                 progress(done, self.vertices)
 
-    def _windows(self, progress: Progress | None) -> Iterator[tuple[dict[At, _Part], list[At]]]:
+    def _windows(self) -> Iterator[tuple[dict[At, _Part], list[At]]]:
         """Yield the parts of a few rows of tiles and of the row after them, and which of them are to be done."""
         parts: dict[At, _Part] = {}
         low, high = self._low, self._high
@@ -166,8 +167,6 @@ class Assembly:
                 if at not in self._shares:
                     self._shares[at] = self._share(parts[at])
             yield parts, [at for at in sorted(parts) if at[0] < rows[-1]]
-            if progress:
-                progress(stop, int(high[0] - low[0]))
 
     def _part(self, at: At) -> _Part | None:
         """Return what of the tile is in one place, and its pieces; the whole tile's are found once."""
@@ -176,6 +175,8 @@ class Assembly:
             return None
         if not placement.is_whole:
             return _label(placement)
+        if self.reduced is not None:
+            placement = _stand_in(placement, self.reduced)
         if self._whole is None:
             self._whole = _label(placement)
         return _Part(placement, self._whole.labels, self._whole.count)
@@ -297,6 +298,14 @@ def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
     return cast("list[R]", found)
 
 
+def _stand_in(placement: Placement, reduced: Reduced) -> Placement:
+    """Return a whole placement of the tile that was reduced."""
+    count = len(reduced.inner)
+    names = np.zeros(count, dtype=np.int64), np.zeros(count)
+    tile, at = placement.tile, placement.at
+    return Placement(tile, at, reduced.used, reduced.nodes, *names, count, inner=reduced.inner, is_whole=True)
+
+
 def _label(placement: Placement) -> _Part:
     """Return a placement with its pieces numbered from 0."""
     root = placement.pieces()
@@ -316,7 +325,11 @@ def _label(placement: Placement) -> _Part:
 def _sides(placement: Placement) -> npt.NDArray[np.uint8]:
     """Return the labels of a placement's triangles."""
     tile = placement.tile
-    of_node = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]], np.full(len(placement.rim_names), ABOVE)])
+    rim = np.full(len(placement.rim_names), ABOVE)
+    of_node = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]], rim])
+    if placement.inner is not None:
+        # Inside a reduced tile a piece looks where its border looks.
+        of_node = of_node[placement.pieces()]
     labels = np.where(of_node[placement.nodes[:, 0]] == ABOVE, ADAXIAL, ABAXIAL).astype(np.uint8)
     if placement.on_rim is not None:
         labels[placement.on_rim] = RIM

@@ -38,6 +38,10 @@ class Placement:
         How many of them are this tile's.
     on_rim : (m,) ndarray of bool or None
         Which triangles belong to the rim; None: none.
+    inner : (e, 3) ndarray or None
+        Instead of a rim: flat positions, in tile (0, 0), of vertices inside a whole tile that was reduced.
+    is_whole : bool
+        Whether it stands for all of the tile.
     """
 
     tile: Tile
@@ -48,11 +52,8 @@ class Placement:
     rim_fractions: FloatArray
     rim_own: int = 0
     on_rim: BoolArray | None = None
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether all of the tile is there."""
-        return self.used is None
+    inner: FloatArray | None = None
+    is_whole: bool = False
 
     @property
     def own(self) -> BoolArray:
@@ -65,9 +66,14 @@ class Placement:
         tile, count = self.tile, len(self.tile.edges)
         nx, ny, nz = tile.lattice.shape
         start = self.at[0] * nx, self.at[1] * ny, 0
-        places, own = np.empty((len(rows), 3)), rows < count
+        places, own = np.zeros((len(rows), 3)), rows < count
         inner, rim = rows[own], rows[~own] - count
         places[own] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
+        if self.inner is not None:
+            shift = np.array(self.at) * tile.lattice.period
+            positions = tile.lattice.positions(places)
+            positions[~own] = self.inner[rim] + [shift[0], shift[1], 0.0]
+            return positions
         window = (nx + 1, ny + 1, nz)
         places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
         return tile.lattice.positions(places)
@@ -121,7 +127,7 @@ def sheets_over(tile: Tile, kept: BoolArray, at: tuple[int, int]) -> Placement |
     """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
     none = np.empty(0, dtype=np.int64), np.empty(0)
     if kept.all():
-        return Placement(tile, at, None, tile.nodes, *none)
+        return Placement(tile, at, None, tile.nodes, *none, is_whole=True)
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_cells(tile.edges, tile.lattice.shape, kept, used)
     if not used.any():
@@ -141,7 +147,7 @@ def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Place
     none = np.empty(0, dtype=np.int64), np.empty(0)
     inside = distance > 0
     if inside.all():
-        return Placement(tile, at, None, tile.nodes, *none)
+        return Placement(tile, at, None, tile.nodes, *none, is_whole=True)
     if not inside.any():
         return None
     used = np.empty(len(tile.edges), dtype=bool)

@@ -5,6 +5,8 @@ import pytest
 from scipy import ndimage
 
 from o3dleaf.errors import ReconstructionError
+from o3dleaf.mesh.arrays import mesh_arrays
+from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
 from o3dleaf.mesh.polygonise import METHODS, march
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
@@ -13,6 +15,7 @@ from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM, Assembly
 from o3dleaf.tiles.block import extract_block
 from o3dleaf.tiles.footprint import footprint
 from o3dleaf.tiles.loops import INSIDE
+from o3dleaf.tiles.reduced import reduce_tile
 from o3dleaf.tiles.stream import Arrays
 from o3dleaf.tiles.tile import TileLattice, extract_tile
 
@@ -248,3 +251,33 @@ def test_an_outline_of_two_parts_and_one_without_a_cell_are_refused():
         assemble(tile, np.concatenate([sides, far]), closed=True)
     with pytest.raises(ReconstructionError, match="no cell"):
         assemble(tile, 0.001 * sides)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("kind", ["simplified", "remeshed"])
+def test_a_reduced_tile_fits_its_copies_and_the_tiles_that_are_cut(kind, closed):
+    tile = extract_tile(layer, LATTICE)
+
+    def reduce(vertices, triangles):
+        if kind == "simplified":
+            return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=len(triangles) // 3))
+        return mesh_arrays(remesh_mesh((vertices, triangles), target_edge=0.07))
+
+    sides = outline()
+    plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
+    assembly = Assembly(tile, plane, closed=closed, reduced=reduce_tile(tile, reduce))
+    found = Arrays(assembly)
+    assembly.emit(found, lambda flat: flat)
+    report, full = (mesh_report((m.vertices, m.triangles)) for m in (found, assemble(tile, sides, closed=closed)[1]))
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_edges) == (full.components, full.boundary_edges)
+    assert report.triangles < 0.9 * full.triangles
+    assert report.area == pytest.approx(full.area, rel=0.01)
+    height = found.vertices[found.triangles].mean(axis=1)[:, 2]
+    assert height[found.labels == ADAXIAL].min() > height[found.labels == ABAXIAL].max()
+
+
+def test_a_reduced_tile_whose_border_moved_is_refused():
+    with pytest.raises(ReconstructionError, match="border"):
+        reduce_tile(extract_tile(layer, LATTICE), lambda vertices, triangles: (vertices + 1e-12, triangles))
