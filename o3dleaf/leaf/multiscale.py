@@ -1,5 +1,6 @@
 """The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any
 
@@ -13,7 +14,7 @@ from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile
+from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import Progress
@@ -170,3 +171,25 @@ class MultiscaleLeaf:
         Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
         """
         return extract_flat_tile(self.texture, self.scale, spacing)
+
+    def extract_levels(
+        self, spacing: float, levels: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
+    ) -> LeafMesh:
+        """Return one mesh of the whole leaf, without a crack, coarse but for windows: fine where a droplet lands.
+
+        Parameters
+        ----------
+        spacing : float
+            Step outside the windows, in the scan's unit.
+        levels : sequence of (region, spacing)
+            Windows, each a (2, 2) box in leaf coordinates and its step; steps are rounded to halves, quarters, ...
+            of the level around. A window within another one is named after it.
+        closed : bool
+            As in `realise`.
+
+        Raises
+        ------
+        InputError
+            If a window reaches the rim or the edge of the one around, or two cross.
+        """
+        return extract_windows(self.texture, self.blade, self.scale, spacing, levels, closed=closed)

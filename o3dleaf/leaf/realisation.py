@@ -1,6 +1,7 @@
 """The realised surface: one tile polygonised, set down all over the blade, in memory or in a file."""
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -23,6 +24,8 @@ from o3dleaf.parallel import Progress, run_blocks
 from o3dleaf.tiles.assembly import VERTICES, Assembly, Scraps
 from o3dleaf.tiles.block import extract_block
 from o3dleaf.tiles.footprint import footprint
+from o3dleaf.tiles.levels import Level
+from o3dleaf.tiles.levels import extract_levels as _extract_levels
 from o3dleaf.tiles.reduced import Reduce, reduce_tile
 from o3dleaf.tiles.stream import Arrays, file_bytes, mesh_file
 from o3dleaf.tiles.tile import Tile, TileLattice, extract_tile
@@ -180,6 +183,56 @@ class Realisation:
         comments = (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
         with mesh_file(target, self.assembly, comments) as sink:
             self.assembly.emit(sink, self.blade.lift, progress)
+
+
+def extract_windows(
+    texture: Texture,
+    blade: Blade,
+    scale: float,
+    spacing: float,
+    levels: Sequence[tuple[npt.ArrayLike, float]],
+    *,
+    closed: bool = False,
+) -> LeafMesh:
+    """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
+    lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+
+    def values(flat: FloatArray) -> FloatArray:
+        return texture(flat * scale)
+
+    plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+    area = footprint(_sides(blade.outline.rounded if closed else blade.outline.polygon), *plane, None)
+    root = Level(extract_tile(values, lattice), area, area.box, closed)
+    for region, step in levels:
+        _set_in(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), values)
+    vertices, triangles, labels = _extract_levels(root, values)
+    return LeafMesh(build_mesh(blade.lift(vertices), triangles), labels)
+
+
+def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[FloatArray], FloatArray]) -> None:
+    """Set a window into the finest level that holds it; its box grows to whole columns of that level."""
+
+    def columns(level: Level) -> FloatArray:
+        lattice = level.tile.lattice
+        return np.asarray((region - lattice.origin[:2]) / lattice.spacing[:2])
+
+    parent, holds = root, True
+    while holds:
+        holds = False
+        for child in parent.children:
+            low, high = columns(child)
+            if (low >= child.box[0] + child.ratio).all() and (high <= child.box[1] - child.ratio).all():
+                parent, holds = child, True
+                break
+            if (low < child.box[1]).all() and (high > child.box[0]).all():
+                raise InputError("levels: two windows cross; set the finer one into the other, and name it later")
+    lattice = parent.tile.lattice
+    ratio = 2 ** max(1, round(np.log2(max(lattice.spacing[:2]) / step)))
+    low, high = columns(parent)
+    box = np.stack([np.floor(low + 1e-9), np.ceil(high - 1e-9)]).astype(np.int64) * ratio
+    (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
+    fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
+    parent.children.append(Level(extract_tile(values, fine), parent.footprint, box, ratio=ratio))
 
 
 def _reducing(simplify: float | None, remesh: float | None) -> Reduce:

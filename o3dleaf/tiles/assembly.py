@@ -106,7 +106,15 @@ class Assembly:
     scraps : Scraps
     """
 
-    def __init__(self, tile: Tile, footprint: Footprint, *, closed: bool, reduced: Reduced | None = None) -> None:
+    def __init__(
+        self,
+        tile: Tile,
+        footprint: Footprint,
+        *,
+        closed: bool,
+        reduced: Reduced | None = None,
+        keep_scraps: bool = False,
+    ) -> None:
         """Count what there will be; `reduced` stands for the tiles that the outline does not cut.
 
         Raises
@@ -125,7 +133,7 @@ class Assembly:
                 here, there = self._links(parts, at)
                 first.append(here)
                 second.append(there)
-        self._keep(np.concatenate(first), np.concatenate(second))
+        self._keep(np.concatenate(first), np.concatenate(second), keep_scraps=keep_scraps)
 
     @property
     def middle(self) -> IntArray:
@@ -152,6 +160,22 @@ class Assembly:
             done += sum(int(self._kept_counts(at)[0]) for at in rows)
             if progress:
                 progress(done, self.vertices)
+
+    def names(self) -> IntArray:
+        """Return the edges, (i, j, k, direction), of the lattice that the vertices lie on, in their order.
+
+        Those on the rim and inside reduced tiles have none: −1.
+        """
+        nx, ny, nz = self.tile.lattice.shape
+        found = np.full((self.vertices, 4), -1)
+        for parts, rows in self._windows():
+            for at in rows:
+                numbers = self._numbers(parts[at], at)[: len(self.tile.edges)]
+                point, direction = self.tile.edges >> 3, self.tile.edges & 7
+                i, j = at[0] * nx + point // (ny * nz), at[1] * ny + point // nz % ny
+                names = np.stack([i, j, point % nz, direction], axis=1)
+                found[numbers[numbers >= 0]] = names[numbers >= 0]
+        return found
 
     def _windows(self) -> Iterator[tuple[dict[At, _Part], list[At]]]:
         """Yield the parts of a few rows of tiles and of the row after them, and which of them are to be done."""
@@ -212,7 +236,7 @@ class Assembly:
         places = {shift: (at[0] + (shift & 1), at[1] + (shift >> 1)) for shift in (1, 2, 3)}
         return {shift: there for shift, there in places.items() if there in parts}
 
-    def _keep(self, first: IntArray, second: IntArray) -> None:
+    def _keep(self, first: IntArray, second: IntArray, *, keep_scraps: bool) -> None:
         """Decide which pieces of the whole are kept, and give every tile its numbers."""
         shares = list(self._shares.values())
         if not shares:
@@ -226,13 +250,13 @@ class Assembly:
             looks_up = np.bincount(piece, triangles * above) > size / 2
             groups = [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
         large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
-        if large != [1] * len(groups):
+        if large != [1] * len(groups) and not keep_scraps:
             what = "pieces, not one solid" if self.closed else "sheets, not two (adaxial, abaxial)"
             raise ReconstructionError(
                 f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
             )
-        kept = np.zeros(len(size), dtype=bool)
-        kept[[group[np.argmax(size[group])] for group in groups]] = True
+        kept = np.full(len(size), keep_scraps)
+        kept[[group[np.argmax(size[group])] for group in groups if len(group)]] = True
         self._kept = kept[piece]
         gone = ~kept & (size > 0)
         self.scraps = Scraps(int(gone.sum()), int(size[gone].sum()))

@@ -1,6 +1,6 @@
 """Which part of the plane is meshed: the cells of a lattice inside an outline, and the distance of its columns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -27,11 +27,30 @@ class Footprint:
         Steps of the lattice, in the unit of length of `distances`.
     box : (2, 2) ndarray of int64
         First and last column that is looked at.
+    holes : tuple of (2, 2) ndarrays of int64
+        First and last columns of boxes that are left out.
     """
 
     rings: FloatArray
     spacing: FloatArray
     box: IntArray
+    holes: tuple[IntArray, ...] = ()
+
+    def without(self, hole: IntArray) -> "Footprint":
+        """Return the footprint less the cells of a box of columns (2, 2)."""
+        return replace(self, holes=(*self.holes, hole))
+
+    def holds(self, box: IntArray) -> bool:
+        """Return whether all cells of a box of columns lie in it, whole."""
+        return bool(self.cells(*box).all())
+
+    def in_holes(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
+        """Return which cells low <= (i, j) < high lie in a hole."""
+        i, j = (np.arange(a, b) for a, b in zip(np.asarray(low), np.asarray(high), strict=True))
+        found = np.zeros((len(i), len(j)), dtype=bool)
+        for first, last in self.holes:
+            found |= ((i >= first[0]) & (i < last[0]))[:, np.newaxis] & ((j >= first[1]) & (j < last[1]))
+        return found
 
     def cells(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
         """Return which cells low <= (i, j) < high lie in the outline, whole, and touch one another along sides only.
@@ -66,7 +85,7 @@ class Footprint:
             raise ReconstructionError(
                 "the outline is too ragged for this spacing; use a finer spacing or a larger alpha"
             )
-        return inner
+        return np.asarray(inner & ~self.in_holes(low, high))
 
     def distances(self, low: npt.ArrayLike, high: npt.ArrayLike) -> FloatArray:
         """Return the signed distances of columns low <= (i, j) < high to the outline, > 0 inside, up to two steps."""
@@ -90,6 +109,13 @@ def _corners(kept: BoolArray) -> BoolArray:
     """Return at which inner corners two cells meet that have no side in common."""
     a, b, c, d = kept[:-1, :-1], kept[:-1, 1:], kept[1:, :-1], kept[1:, 1:]
     return np.asarray((a == d) & (b == c) & (a != b))
+
+
+def box_footprint(box: IntArray) -> Footprint:
+    """Return the footprint of all cells of a box of columns (2, 2)."""
+    (x0, y0), (x1, y1) = (box + np.array([[-1, -1], [1, 1]])).astype(np.float64)
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return Footprint(np.hstack([corners, np.roll(corners, -1, axis=0)]), np.ones(2), box)
 
 
 def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region: FloatArray | None) -> Footprint:

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.polygonise import lattice_positions
 from o3dleaf.tiles.footprint import Footprint
@@ -139,7 +140,13 @@ def place_solid(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placem
     """Return the solid of a tile cut by the outline, with its part of the rim; None where there is none."""
     shape = np.array(tile.lattice.shape[:2])
     low = np.array(at) * shape
-    return solid_within(tile, footprint.distances(low, low + shape + 1), at)
+    distance = footprint.distances(low - 1, low + shape + 1)
+    gone = footprint.in_holes(low - 1, low + shape)
+    if not gone.any():
+        return solid_within(tile, distance[1:, 1:], at)
+    if (distance > 0).all():
+        return sheets_over(tile, ~gone, at)
+    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward, by a tile, or leave it open")
 
 
 def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Placement | None:

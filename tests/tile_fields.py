@@ -1,0 +1,55 @@
+"""A periodic layer, an outline over it, and the two put together."""
+
+import numpy as np
+
+from o3dleaf.tiles.assembly import Assembly
+from o3dleaf.tiles.footprint import footprint
+from o3dleaf.tiles.stream import Arrays
+from o3dleaf.tiles.tile import TileLattice
+
+PERIOD = 1.2
+LATTICE = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (24, 20, 31))
+
+
+def ball(points, centre, radius):
+    """Radius less the distance to the nearest copy of a ball."""
+    gap = points - centre
+    gap[:, :2] -= PERIOD * np.round(gap[:, :2] / PERIOD)
+    return radius - np.linalg.norm(gap, axis=1)
+
+
+def layer(points):
+    """A wavy layer 0.2 thick with a void in its middle, one across the sides of the period, and a speck over it."""
+    x, y, z = points.T
+    wave = 2 * np.pi / PERIOD
+    blade = 0.1037 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(2 * wave * x) - np.abs(z - 0.01 * np.cos(wave * x))
+    for centre in ([0.5, 0.6, 0.0], [0.1, -0.2, 0.003]):
+        blade = np.minimum(blade, -ball(points, centre, 0.052))
+    return np.maximum(blade, ball(points, [0.5, 0.6, 0.25], 0.06))
+
+
+def solid_layer(points):
+    """The wavy layer alone."""
+    x, y, z = points.T
+    wave = 2 * np.pi / PERIOD
+    return 0.1037 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(2 * wave * x) - np.abs(z - 0.01 * np.cos(wave * x))
+
+
+def outline(points=90):
+    """An outline with notches, some nine tiles by five."""
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False) + 0.01
+    x, y = 5.1 * np.cos(angle) + 2, 2.5 * np.sin(angle) * (1 + 0.2 * np.sin(5 * angle))
+    ring = np.column_stack([x, y])
+    return np.hstack([ring, np.roll(ring, -1, axis=0)])
+
+
+def area(sides):
+    return abs(np.sum(sides[:, 0] * sides[:, 3] - sides[:, 2] * sides[:, 1])) / 2
+
+
+def assemble(tile, sides, region=None, *, closed=False):
+    plane = np.array(tile.lattice.origin[:2]), np.array(tile.lattice.spacing[:2])
+    assembly = Assembly(tile, footprint(sides, *plane, region), closed=closed)
+    arrays = Arrays(assembly)
+    assembly.emit(arrays, lambda flat: flat)
+    return assembly, arrays
