@@ -1,0 +1,144 @@
+"""The crop of a patch whose faces match best: offset and period by search, on real data alone."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
+from o3dleaf.leaf.seams import Crop, Patch
+from o3dleaf.parallel import single_threaded_blas
+from o3dleaf.pu.interpolant import PUInterpolant
+
+LEAST_SHARE = 0.5
+"""A tile found by search has at least this share of the patch's extent, so that repetition shows less."""
+
+FADE_RADII, FADE_SHARE = 0.5, 1 / 16
+"""Reach of the cross-fade on either side of a seam: half the radius of a ball, but at most this share of the patch."""
+
+CANDIDATES = 4
+"""Coarse minima that are refined: the true one may lie between sections."""
+
+STEPS = 4
+"""Steps of Gauss and Newton, which double the digits from a quarter of a section on."""
+
+
+def reach_of_fade(field: PUInterpolant) -> FloatArray:
+    """Return the (2,) reach of a cross-fade on either side of a seam, where nobody asks for another."""
+    extent = (field.bounds[1] - field.bounds[0])[:2]
+    return np.minimum(FADE_RADII * float(np.median(field.cover.radii)), FADE_SHARE * extent)
+
+
+def best_crop(field: PUInterpolant, period: tuple[float | None, float | None], fade: FloatArray) -> Crop:
+    r"""Search offset and period of the tile whose faces match best, on the data of the patch alone.
+
+    Sections of the patch are compared in pairs (i, j), all at once, since
+    :math:`|X_i - X_j|^2 = |X_i|^2 + |X_j|^2 - 2 X_i \cdot X_j` is one matrix product. A pair's mismatch is the mean
+    over the band of the cross-fade, on either side of which the patch has data; what is made least is
+    mismatch over period, the mismatch a length of leaf. Periods then leave the sections by steps of
+    Gauss and Newton. Across comes first, for the ridges; along on what that leaves; then across again.
+
+    Parameters
+    ----------
+    field : PUInterpolant
+    period : pair of float or None
+        Period along each axis; None is searched for.
+    fade : (2,) ndarray
+        Reach of the cross-fade on either side of a seam.
+    """
+    patch = Patch.of(field)
+    low, high = field.bounds[:, :2]
+    whole = [wish is not None and wish >= (high - low)[axis] * (1 - 1e-12) for axis, wish in enumerate(period)]
+    fade = np.where(whole, 0.0, fade)
+    crop = Crop(low.copy(), high - low, fade, np.zeros(2, dtype=bool), 0.0)
+    for axis in (1, 0, 1):
+        if whole[axis]:
+            continue
+        offset, tile = crop.offset.copy(), crop.tile.copy()
+        offset[axis], tile[axis] = _Search(patch, axis, period[axis], float(fade[axis])).run(crop)
+        crop = replace(crop, offset=offset, tile=tile)
+    return crop
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The search along one axis, for a period of its own (None) or for the offset of a given one."""
+
+    patch: Patch
+    axis: int
+    period: float | None
+    reach: float
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        low, high = self.patch.field.bounds[:, self.axis]
+        return float(low), float(high)
+
+    def run(self, crop: Crop) -> tuple[float, float]:
+        """Return offset and period, the other axis being cropped as in `crop`."""
+        low, high = self.limits
+        step, other = float(self.patch.step[self.axis]), 1 - self.axis
+        if self.period is not None:
+            # Sections that a given period takes onto sections.
+            step = self.period / round(self.period / step)
+        sections = low + step * np.arange(int((high - low) / step + 1e-9) + 1)
+        count = max(int(np.ceil(crop.tile[other] / self.patch.step[other])), 1)
+        beside = crop.offset[other] + (np.arange(count) + 0.5) * crop.tile[other] / count
+        found = []
+        for i, j in self._coarse(sections, beside, step):
+            offset, period = float(sections[i]), float(sections[j] - sections[i])
+            found.append((*self._refined(offset, period, step, beside), offset))
+        _, period, offset = min(found)
+        return offset, period if self.period is None else self.period
+
+    def _coarse(self, sections: FloatArray, beside: FloatArray, step: float) -> list[tuple[int, int]]:
+        """Return the best pairs of sections, each the best of those around it."""
+        n, band = len(sections), int(np.ceil(self.reach / step - 1e-9))
+        flat = self.patch.sections(sections, beside, self.axis).reshape(n, -1)
+        with single_threaded_blas():
+            product = flat @ flat.T
+        square = np.diag(product)
+        mismatch = np.maximum(square[:, np.newaxis] + square - 2 * product, 0.0)
+        i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+        wanted = round(self.period / step) if self.period is not None else 0
+        allowed = (j - i == wanted) if wanted else (j - i >= np.ceil(LEAST_SHARE * (n - 1)))
+        allowed &= (i >= band) & (j <= n - 1 - band)
+        rows, columns = np.nonzero(allowed)
+        if not len(rows):
+            raise InputError(
+                f"period: a tile of {self.period:g} leaves no {self.reach:.4g} of patch on either side for its seams; "
+                "give a smaller period or fade"
+            )
+        stations = np.arange(-band, band + 1)
+        means = mismatch[rows[:, np.newaxis] + stations, columns[:, np.newaxis] + stations].mean(axis=1)
+        score = np.full((n, n), np.inf)
+        score[rows, columns] = means / (columns - rows)
+        return _least(score, CANDIDATES if self.period is None else 1)
+
+    def _refined(self, offset: float, period: float, step: float, beside: FloatArray) -> tuple[float, float]:
+        """Return the mismatch over the period, and the period, after steps of Gauss and Newton within one section."""
+        low, high = self.limits
+        at = offset + self.patch.stations(self.reach, self.axis)
+        least = max(period - step, LEAST_SHARE * (high - low))
+        most = min(period + step, high - self.reach - offset)
+        start = self.patch.sections(at, beside, self.axis)
+        best = (np.inf, period)
+        for _ in range(STEPS if self.period is None else 1):
+            off = self.patch.sections(at + period, beside, self.axis) - start
+            best = min(best, (float(np.mean(off**2)) / period, period))
+            slope = self.patch.slopes(at + period, beside, self.axis)
+            stiffness = float(np.sum(slope**2))
+            if stiffness == 0:
+                break
+            period = float(np.clip(period - np.sum(off * slope) / stiffness, least, most))
+        return best
+
+
+def _least(score: FloatArray, count: int) -> list[tuple[int, int]]:
+    """Return the places of the `count` least entries that are least among their eight neighbours."""
+    padded = np.pad(score, 1, constant_values=np.inf)
+    n, m = score.shape
+    around = [padded[a : a + n, b : b + m] for a in range(3) for b in range(3)]
+    rows, columns = np.nonzero(np.isfinite(score) & (score <= np.min(around, axis=0)))
+    order = np.argsort(score[rows, columns], kind="stable")[:count]
+    return [(int(rows[k]), int(columns[k])) for k in order]
