@@ -208,3 +208,20 @@ BASELINE = 1e-9
 
 EFFICIENCY_TWIN = 1e-12
 """An eigen-decomposition and SciPy's dense solve, 60 points a ball; found 3e-15; a tail forgotten leaves 1e-3."""
+
+# --- leaf: seams ---
+
+PERIODIC = 1e-9
+"""Issue 4's own number, for values of order 1: a fold by many periods costs digits of z − s; found 1e-13."""
+
+FADE_TWIN = 1e-12
+"""Windows and copies summed in another order; found 1e-15, a window of another half width leaves 1e-2."""
+
+QUADRATURE = 0.03
+"""Midpoint sums of fields cut off at ±c, on sections a quarter of a ball apart, against finer ones."""
+
+RIDGE_PITCH = 1e-3
+"""Ridges: Gauss and Newton end far below; a period left on the sections is off by 1e-1."""
+
+ONE_LEAF_OF_RIDGES = 0.05
+"""Ridges in a scanned patch wander by a twelfth of a radian and differ in height: 0.04 at most on ten patches."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.seams import Crop, Patch
+from o3dleaf.leaf.seams import MOST, Crop, Patch
 from o3dleaf.parallel import single_threaded_blas
 from o3dleaf.pu.interpolant import PUInterpolant
 
@@ -16,6 +16,9 @@ LEAST_SHARE = 0.5
 FADE_RADII, FADE_SHARE = 0.5, 1 / 16
 """Reach of the cross-fade on either side of a seam: half the radius of a ball, but at most this share of the patch."""
 
+SMALLEST = 1 / 8
+"""Sections of a given period with little room to be moved in lie closer, but no closer than this share of the usual."""
+
 CANDIDATES = 4
 """Coarse minima that are refined: the true one may lie between sections."""
 
@@ -23,10 +26,15 @@ STEPS = 4
 """Steps of Gauss and Newton, which double the digits from a quarter of a section on."""
 
 
+CONVERGED = 1e-3
+"""Share of a section; a voxel is about one, and the scanner's noise moves the period by more than that."""
+
+
 def reach_of_fade(field: PUInterpolant) -> FloatArray:
     """Return the (2,) reach of a cross-fade on either side of a seam, where nobody asks for another."""
     extent = (field.bounds[1] - field.bounds[0])[:2]
-    return np.minimum(FADE_RADII * float(np.median(field.cover.radii)), FADE_SHARE * extent)
+    reach: FloatArray = np.minimum(FADE_RADII * float(np.median(field.cover.radii)), FADE_SHARE * extent)
+    return reach
 
 
 def best_crop(field: PUInterpolant, period: tuple[float | None, float | None], fade: FloatArray) -> Crop:
@@ -49,7 +57,9 @@ def best_crop(field: PUInterpolant, period: tuple[float | None, float | None], f
     patch = Patch.of(field)
     low, high = field.bounds[:, :2]
     whole = [wish is not None and wish >= (high - low)[axis] * (1 - 1e-12) for axis, wish in enumerate(period)]
-    fade = np.where(whole, 0.0, fade)
+    # A given period leaves what it leaves: half of it to fade over, half to move the tile in.
+    room = [np.inf if wish is None else ((high - low)[axis] - wish) / 4 for axis, wish in enumerate(period)]
+    fade = np.where(whole, 0.0, np.minimum(fade, room))
     crop = Crop(low.copy(), high - low, fade, np.zeros(2, dtype=bool), 0.0)
     for axis in (1, 0, 1):
         if whole[axis]:
@@ -77,60 +87,71 @@ class _Search:
     def run(self, crop: Crop) -> tuple[float, float]:
         """Return offset and period, the other axis being cropped as in `crop`."""
         low, high = self.limits
-        step, other = float(self.patch.step[self.axis]), 1 - self.axis
-        if self.period is not None:
-            # Sections that a given period takes onto sections.
-            step = self.period / round(self.period / step)
-        sections = low + step * np.arange(int((high - low) / step + 1e-9) + 1)
+        step, other = self._step(), 1 - self.axis
+        sections = np.asarray(low + step * np.arange(int((high - low) / step + 1e-9) + 1), dtype=np.float64)
         count = max(int(np.ceil(crop.tile[other] / self.patch.step[other])), 1)
         beside = crop.offset[other] + (np.arange(count) + 0.5) * crop.tile[other] / count
         found = []
         for i, j in self._coarse(sections, beside, step):
-            offset, period = float(sections[i]), float(sections[j] - sections[i])
-            found.append((*self._refined(offset, period, step, beside), offset))
-        _, period, offset = min(found)
-        return offset, period if self.period is None else self.period
+            found.append(self._refined(float(sections[i]), float(sections[j] - sections[i]), step, beside))
+        if self.period is not None:
+            return min(found)[1] if found else (low + high - self.period) / 2, self.period
+        if not found:
+            raise InputError(
+                f"fade: {self.reach:.4g} on either side of a tile leaves less than half the patch; fade less"
+            )
+        return min(found)[1:]
+
+    def _step(self) -> float:
+        """Return the distance between sections, which divides a period that is given."""
+        step, (low, high) = float(self.patch.step[self.axis]), self.limits
+        if self.period is None:
+            return step
+        slack = max(high - low - self.period - 2 * self.reach, 0.0)
+        return self.period / int(
+            np.clip(np.ceil(self.period / max(min(step, slack / 2), SMALLEST * step)), 1, 4 * MOST)
+        )
 
     def _coarse(self, sections: FloatArray, beside: FloatArray, step: float) -> list[tuple[int, int]]:
         """Return the best pairs of sections, each the best of those around it."""
-        n, band = len(sections), int(np.ceil(self.reach / step - 1e-9))
-        flat = self.patch.sections(sections, beside, self.axis).reshape(n, -1)
+        n, band, (low, high) = len(sections), int(self.reach / step + 1e-9), self.limits
+        flat = self.patch.sections(sections, beside, self.axis, np.float32).reshape(n, -1).astype(np.float64)
         with single_threaded_blas():
             product = flat @ flat.T
         square = np.diag(product)
         mismatch = np.maximum(square[:, np.newaxis] + square - 2 * product, 0.0)
         i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-        wanted = round(self.period / step) if self.period is not None else 0
-        allowed = (j - i == wanted) if wanted else (j - i >= np.ceil(LEAST_SHARE * (n - 1)))
-        allowed &= (i >= band) & (j <= n - 1 - band)
+        least, most = (LEAST_SHARE * (n - 1), n) if self.period is None else [round(self.period / step)] * 2
+        allowed = (j - i >= least) & (j - i <= most) & (i >= band) & (j <= n - 1 - band)
+        # What lies a section too far out is moved in by the refinement.
+        allowed &= (sections[i] - low > self.reach - step) & (high - sections[j] > self.reach - step)
         rows, columns = np.nonzero(allowed)
-        if not len(rows):
-            raise InputError(
-                f"period: a tile of {self.period:g} leaves no {self.reach:.4g} of patch on either side for its seams; "
-                "give a smaller period or fade"
-            )
         stations = np.arange(-band, band + 1)
         means = mismatch[rows[:, np.newaxis] + stations, columns[:, np.newaxis] + stations].mean(axis=1)
         score = np.full((n, n), np.inf)
         score[rows, columns] = means / (columns - rows)
         return _least(score, CANDIDATES if self.period is None else 1)
 
-    def _refined(self, offset: float, period: float, step: float, beside: FloatArray) -> tuple[float, float]:
-        """Return the mismatch over the period, and the period, after steps of Gauss and Newton within one section."""
+    def _refined(self, offset: float, period: float, step: float, beside: FloatArray) -> tuple[float, float, float]:
+        """Return mismatch over period, offset and period after steps of Gauss and Newton within one section."""
         low, high = self.limits
-        at = offset + self.patch.stations(self.reach, self.axis)
         least = max(period - step, LEAST_SHARE * (high - low))
-        most = min(period + step, high - self.reach - offset)
-        start = self.patch.sections(at, beside, self.axis)
-        best = (np.inf, period)
+        most = min(period + step, high - low - 2 * self.reach)
+        best = (np.inf, offset, period)
         for _ in range(STEPS if self.period is None else 1):
-            off = self.patch.sections(at + period, beside, self.axis) - start
-            best = min(best, (float(np.mean(off**2)) / period, period))
+            period = float(np.clip(period, min(least, most), most)) if self.period is None else self.period
+            offset = float(np.clip(offset, low + self.reach, high - self.reach - period))
+            at = offset + self.patch.stations(self.reach, self.axis)
+            beyond = self.patch.sections(at + period, beside, self.axis)
+            off = beyond - self.patch.sections(at, beside, self.axis)
+            best = min(best, (float(np.mean(off**2)) / period, offset, period))
             slope = self.patch.slopes(at + period, beside, self.axis)
+            slope[np.abs(beyond) == self.patch.cut_off] = 0.0
             stiffness = float(np.sum(slope**2))
-            if stiffness == 0:
+            change = float(np.sum(off * slope)) / stiffness if stiffness else 0.0
+            if abs(change) <= CONVERGED * step:
                 break
-            period = float(np.clip(period - np.sum(off * slope) / stiffness, least, most))
+            period -= change
         return best
 
 

@@ -23,7 +23,7 @@ from o3dleaf.rbf.loops import jet_size
 from o3dleaf.rbf.tail import IntArray
 
 Piece = tuple[npt.NDArray[np.intp], IntArray, FloatArray, FloatArray]
-"""Rows of the queries that one copy along an axis reaches, its number, its coordinate and its window's jets (3, m)."""
+"""Rows of the queries that a copy reaches, its number, where in it they lie, and its window's derivatives (3, m)."""
 
 
 def smooth_step(u: FloatArray) -> FloatArray:
@@ -82,27 +82,27 @@ class CrossFade:
                 chosen = np.searchsorted(across, along)
                 points = np.ascontiguousarray(folded[along])
                 signs = np.ones((2, len(along)))
-                for axis, number, t in ((0, column, u), (1, row[chosen], v[chosen])):
+                for axis, number, z in ((0, column, u), (1, row[chosen], v[chosen])):
                     odd = self.flip[axis] & (number % 2 != 0)
-                    points[:, axis] = self.corner[axis] + np.where(odd, self.tile[axis] - t, t)
+                    points[:, axis] = np.where(odd, 2 * self.corner[axis] + self.tile[axis] - z, z)
                     signs[axis, odd] = -1.0
                 yield along, points, _window_jets(window_u, window_v[:, chosen], folded.shape[1], level), signs
 
     def _along(self, x: FloatArray, rows: npt.NDArray[np.intp], axis: int) -> Iterator[Piece]:
-        """Yield the pieces of one axis: the tile that each of the coordinates x (m,) lies in, and its two neighbours."""
+        """Yield the pieces of one axis: the tile that each coordinate of x (m,) lies in, and its two neighbours."""
         reach, size = self.fade[axis], self.tile[axis]
-        from_corner = x - self.corner[axis]
         if reach == 0:
             whole = np.stack([np.ones(len(x)), np.zeros(len(x)), np.zeros(len(x))])
-            yield rows, np.zeros(len(x), dtype=np.int64), from_corner, whole
+            yield rows, np.zeros(len(x), dtype=np.int64), x, whole
             return
-        home = np.floor(from_corner / size).astype(np.int64)
+        home = np.floor((x - self.corner[axis]) / size).astype(np.int64)
         for step in (0, -1, 1):
             number = home + step
-            t = from_corner - number * size
+            z = x - number * size
+            t = z - self.corner[axis]
             kept = np.flatnonzero((t > -reach) & (t < size + reach))
             if len(kept):
-                yield rows[kept], number[kept], t[kept], _window(t[kept], size, reach)
+                yield rows[kept], number[kept], z[kept], _window(t[kept], size, reach)
 
 
 def _window(t: FloatArray, size: float, reach: float) -> FloatArray:

@@ -10,6 +10,8 @@ a pure number: 0 where the tiles agree, 1 where they have no more in common than
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -70,7 +72,7 @@ class Crop:
     shift: float
 
     def located(self, x: FloatArray, axis: int) -> FloatArray:
-        """Return where in the patch the points at distances x from the tile's corner are taken from, copies unrolled."""
+        """Return where in the patch the points at distances x from the first tile's corner are taken from."""
         number, t = np.divmod(x, self.tile[axis])
         mirrored = self.flip[axis] & (number % 2 != 0)
         found: FloatArray = self.offset[axis] + np.where(mirrored, self.tile[axis] - t, t)
@@ -111,7 +113,7 @@ class Patch:
         fine = np.median(field.cover.radii) / FINENESS
         counts = np.clip(np.round((high - low) / fine), FEWEST, [MOST, MOST, *[LAYERS] * (len(low) - 2)]).astype(int)
         middles = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(low, high, counts, strict=True)]
-        rest = np.stack(np.meshgrid(*middles[2:], indexing="ij"), axis=-1).reshape(-1, len(low) - 2)
+        rest = np.array(list(product(*middles[2:])), dtype=np.float64)
         patch = cls(field, (high - low)[:2] / counts[:2], rest, np.inf, 1.0)
         values = patch.sections(middles[0], middles[1], 0)
         cut_off = CUT_OFF * float(values.std())
@@ -120,23 +122,24 @@ class Patch:
         return replace(patch, cut_off=cut_off, variance=float(np.clip(values, -cut_off, cut_off).var()))
 
     def points(self, normal: FloatArray, beside: FloatArray, axis: int) -> FloatArray:
-        """Return the (k, n, m, d) points of sections at `normal` (k,) along an axis, at `beside` (n,) along the other."""
+        """Return the (k, n, m, d) points of sections: `normal` (k,) along an axis, `beside` (n,) along the other."""
         points = np.empty((len(normal), len(beside), len(self.rest), 2 + self.rest.shape[1]))
         points[..., axis], points[..., 1 - axis] = normal[:, np.newaxis, np.newaxis], beside[:, np.newaxis]
         points[..., 2:] = self.rest
         return points
 
-    def sections(self, normal: FloatArray, beside: FloatArray, axis: int) -> FloatArray:
+    def sections(
+        self, normal: FloatArray, beside: FloatArray, axis: int, dtype: npt.DTypeLike = np.float64
+    ) -> npt.NDArray[Any]:
         """Return F, cut off, on sections: (k, n, m)."""
         points = self.points(normal, beside, axis)
-        values = self.field(points.reshape(-1, points.shape[-1])).reshape(points.shape[:-1])
-        return np.clip(values, -self.cut_off, self.cut_off)
+        values = self.field(points.reshape(-1, points.shape[-1]), dtype=dtype).reshape(points.shape[:-1])
+        return values.clip(-self.cut_off, self.cut_off)
 
     def slopes(self, normal: FloatArray, beside: FloatArray, axis: int) -> FloatArray:
-        """Return the slope of F, cut off, across sections: (k, n, m)."""
+        """Return the slope of F across sections: (k, n, m)."""
         points = self.points(normal, beside, axis)
-        flat = points.reshape(-1, points.shape[-1])
-        slopes = np.where(np.abs(self.field(flat)) < self.cut_off, self.field.gradient(flat)[:, axis], 0.0)
+        slopes: FloatArray = self.field.gradient(points.reshape(-1, points.shape[-1]))[:, axis]
         return slopes.reshape(points.shape[:-1])
 
     def energy(self, crop: Crop, width: float) -> SeamEnergy:

@@ -239,8 +239,8 @@ def _require_room(crop: Crop, field: PUInterpolant) -> Crop:
     room = np.minimum(np.minimum(crop.offset - low, high - crop.offset - crop.tile), crop.tile / 2)
     if np.any(~whole & ((crop.fade <= 0) | (crop.fade > room + SAME * (high - low)))):
         raise InputError(
-            f"offset: a tile of {crop.tile.tolist()} at {crop.offset.tolist()} leaves {room.tolist()} of patch beyond it "
-            f"to fade over {crop.fade.tolist()}; move the tile inwards, or make it or its fade smaller"
+            f"offset: a tile of {crop.tile.tolist()} at {crop.offset.tolist()} leaves {room.tolist()} of patch beyond "
+            f"it to fade over {crop.fade.tolist()}; move the tile inwards, or make it or its fade smaller"
         )
     if np.any(whole & (crop.flip | np.array([False, crop.shift != 0]))):
         raise InputError("flip, shift: need patch beyond the tile to fade over; give a smaller period, or 'best'")
