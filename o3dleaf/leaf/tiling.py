@@ -182,6 +182,11 @@ class TiledField(Blended):
         return self.field.unit
 
     @property
+    def patches(self) -> tuple[PUInterpolant, ...]:
+        """The fitted patches that it is made of: one."""
+        return (self.field,)
+
+    @property
     def bounds(self) -> FloatArray:
         """(2, d) the domain: all of the plane, and the patch's own extent across it."""
         return self.index.domain
