@@ -245,14 +245,13 @@ def _stretch(jets: FloatArray, stretch: FloatArray, level: int) -> None:
 
 def _common_period(textures: Sequence[TiledField | PatchBlend], period: npt.ArrayLike | None) -> FloatArray:
     """Return the period (2,) that all textures are stretched to, or raise `InputError`."""
-    periods = np.stack([each.period for each in textures])
+    periods: FloatArray = np.stack([each.period for each in textures])
+    size: FloatArray = periods[0].copy() if np.all(periods == periods[0]) else periods.mean(axis=0)
     if period is not None:
         size = as_points(np.reshape(period, (1, -1)), "period", dim=2)[0]
-    else:
-        size = as_points(periods[:1] if np.all(periods == periods[0]) else periods.mean(axis=0, keepdims=True))[0]
     if np.any(size <= 0) or np.any(np.abs(periods / size - 1) > STRETCH):
         raise InputError(
             f"textures: have periods {periods.tolist()}, more than {STRETCH:.0%} from {size.tolist()}; "
             "give periods near one another"
         )
-    return size.copy()
+    return size
