@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.errors import InputError, UnitError
-from o3dleaf.leaf.crossfade import smooth_step
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.index import BallIndex
@@ -32,6 +31,12 @@ FADE_SHARE = 1 / 8
 """Reach of the cross-fade on either side of a break: this share of the period, or of the thickness of the patches."""
 
 
+def smooth_step(u: FloatArray) -> FloatArray:
+    """Return S(u) = 6u⁵ − 15u⁴ + 10u³, 0 below 0 and 1 above 1, and its first two derivatives, as (3, n)."""
+    s = np.clip(u, 0.0, 1.0)
+    return np.stack([s**3 * (10 - 15 * s + 6 * s**2), 30 * (s * (1 - s)) ** 2, 60 * s * (1 - s) * (1 - 2 * s)])
+
+
 @dataclass(frozen=True, init=False, eq=False)
 class PatchBlend(Blended):
     r"""Tiled patches that pass into one another along the leaf, or from its lower to its upper side.
@@ -39,7 +44,7 @@ class PatchBlend(Blended):
     .. math:: F(z) = \sum_k ω_k(z_a)\, F_k(A_k z), \qquad
               ω_k = S\Bigl(\frac{z_a - b_{k-1} + h}{2h}\Bigr) - S\Bigl(\frac{z_a - b_k + h}{2h}\Bigr)
 
-    with breaks b between the patches, half width h and S of `o3dleaf.leaf.crossfade`: a partition of
+    with breaks b between the patches, half width h and S of `smooth_step`: a partition of
     unity along one axis a, C² as the patches are. The A_k stretch the plane, a little, so that all
     patches have one period. Blends may be blended again: sides first, then along.
 
