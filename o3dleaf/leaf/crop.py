@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
@@ -19,8 +20,8 @@ FADE_RADII, FADE_SHARE = 0.5, 1 / 16
 SMALLEST = 1 / 8
 """Sections of a given period with little room to be moved in lie closer, but no closer than this share of the usual."""
 
-CANDIDATES = 4
-"""Coarse minima that are refined: the true one may lie between sections."""
+CANDIDATES = 6
+"""Distances that are refined, such as those of two to seven ridges: the best may lie between sections."""
 
 STEPS = 4
 """Steps of Gauss and Newton, which double the digits from a quarter of a section on."""
@@ -94,8 +95,6 @@ class _Search:
         found = []
         for i, j in self._coarse(sections, beside, step):
             found.append(self._refined(float(sections[i]), float(sections[j] - sections[i]), step, beside))
-        if self.period is not None:
-            return min(found)[1] if found else (low + high - self.period) / 2, self.period
         if not found:
             raise InputError(
                 f"fade: {self.reach:.4g} on either side of a tile leaves less than half the patch; fade less"
@@ -113,7 +112,7 @@ class _Search:
         )
 
     def _coarse(self, sections: FloatArray, beside: FloatArray, step: float) -> list[tuple[int, int]]:
-        """Return the best pairs of sections, each the best of those around it."""
+        """Return pairs of sections: for each of the best distances apart the pair that matches best."""
         n, band, (low, high) = len(sections), int(self.reach / step + 1e-9), self.limits
         flat = self.patch.sections(sections, beside, self.axis, np.float32).reshape(n, -1).astype(np.float64)
         with single_threaded_blas():
@@ -128,9 +127,12 @@ class _Search:
         rows, columns = np.nonzero(allowed)
         stations = np.arange(-band, band + 1)
         means = mismatch[rows[:, np.newaxis] + stations, columns[:, np.newaxis] + stations].mean(axis=1)
-        score = np.full((n, n), np.inf)
-        score[rows, columns] = means / (columns - rows)
-        return _least(score, CANDIDATES if self.period is None else 1)
+        score, best = np.full(n + 1, np.inf), np.zeros(n + 1, dtype=np.int64)
+        for apart in np.unique(columns - rows):
+            same = np.flatnonzero(columns - rows == apart)
+            first = same[np.argmin(means[same])]
+            score[apart], best[apart] = means[first] / apart, rows[first]
+        return [(int(best[apart]), int(best[apart] + apart)) for apart in _dips(score, CANDIDATES)]
 
     def _refined(self, offset: float, period: float, step: float, beside: FloatArray) -> tuple[float, float, float]:
         """Return mismatch over period, offset and period after steps of Gauss and Newton within one section."""
@@ -155,11 +157,8 @@ class _Search:
         return best
 
 
-def _least(score: FloatArray, count: int) -> list[tuple[int, int]]:
-    """Return the places of the `count` least entries that are least among their eight neighbours."""
+def _dips(score: FloatArray, count: int) -> npt.NDArray[np.int64]:
+    """Return where the `count` least entries lie that are finite and no larger than their neighbours."""
     padded = np.pad(score, 1, constant_values=np.inf)
-    n, m = score.shape
-    around = [padded[a : a + n, b : b + m] for a in range(3) for b in range(3)]
-    rows, columns = np.nonzero(np.isfinite(score) & (score <= np.min(around, axis=0)))
-    order = np.argsort(score[rows, columns], kind="stable")[:count]
-    return [(int(rows[k]), int(columns[k])) for k in order]
+    found = np.flatnonzero(np.isfinite(score) & (score <= padded[:-2]) & (score <= padded[2:]))
+    return found[np.argsort(score[found], kind="stable")[:count]]

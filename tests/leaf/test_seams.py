@@ -121,6 +121,13 @@ def test_the_best_period_is_a_whole_number_of_ridges(patch):
     assert best.seam_energy(best.fade.min()).total <= RIDGE_PITCH * TiledField(patch).seam_energy().total
 
 
+def test_faces_that_mirror_one_another_are_no_match():
+    """Ridges are symmetric: each face has a twin of the same values, where the next ridge runs the other way."""
+    for ridges in (3, 5, 7):
+        best = TiledField(exact(Ridges(PITCH), (2.3 * PITCH[0], ridges * PITCH[1])), "best")
+        assert abs(best.tile[1] / PITCH[1] - round(best.tile[1] / PITCH[1])) <= RIDGE_PITCH
+
+
 def test_one_axis_may_be_searched_alone(patch):
     whole = (patch.bounds[1] - patch.bounds[0])[0]
     across = TiledField(patch, (whole, "best"))
@@ -130,6 +137,19 @@ def test_one_axis_may_be_searched_alone(patch):
     given = TiledField(patch, (1.5 * PITCH[0], "best"))
     assert given.tile[0] == 1.5 * PITCH[0]
     assert across.seam_energy().along == pytest.approx(TiledField(patch).seam_energy().along, rel=0.1)
+
+
+@pytest.mark.parametrize("left", [1e-6, 1e-3, 0.1, 0.5])
+def test_a_given_period_is_kept_and_moved_as_far_as_the_patch_goes(patch, left):
+    low, high = patch.bounds[:, :2]
+    period = (high - low)[0] - left
+    tiled = TiledField(patch, (period, "best"))
+    assert tiled.tile[0] == period
+    assert 0 < tiled.fade[0] <= left / 4 * (1 + 1e-6)
+    slack = 1e-15 + 1e-9 * left
+    assert (
+        low[0] - slack <= tiled.offset[0] - tiled.fade[0] < tiled.offset[0] + period + tiled.fade[0] <= high[0] + slack
+    )
 
 
 @pytest.fixture(scope="module")
