@@ -60,8 +60,9 @@ class CrossFade:
         laid = (self.corner, self.tile, self.fade, self.flip, self.shift)
         count, dimension = queries.shape
         sums = np.empty((jet_size(dimension, level), count))
-        # Copies are held beside the sums; where each of them has slopes and bends, fewer points at once.
-        for first, last in blocks(count, CHUNK >> level):
+        # Copies are held beside the sums: fewer points at once keep to the memory that a blend promises.
+        most = 1 + int(CHUNK / (2 ** (1 + level) * np.prod(1 + 2 * self.fade / self.tile)))
+        for first, last in blocks(count, most):
             folded, _ = index.fold(queries[first:last])
             heads = np.zeros(len(folded) + 1, dtype=np.int64)
             _run(copies.count_copies, folded, laid, heads)

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from o3dleaf.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.errors import InputError, UnitError
 from o3dleaf.leaf.tiling import TiledField
-from o3dleaf.pu.blended import Blended
+from o3dleaf.parallel import blocks
+from o3dleaf.pu.blended import CHUNK, Blended
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.jets import add_product
@@ -194,20 +195,28 @@ class Parts:
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at the (n, 3) queries folded into the index's box."""
-        folded, _ = index.fold(queries)
+        count, dimension = queries.shape
+        sums = np.empty((jet_size(dimension, level), count))
+        # Patches are held beside the sums: fewer points at once keep to the memory that a blend promises.
+        for first, last in blocks(count, CHUNK >> (2 + level)):
+            folded, _ = index.fold(queries[first:last])
+            sums[:, first:last] = self._sum(folded, level, dtype)
+        return sums
+
+    def _sum(self, folded: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets of Σ ω_k F_k at (n, 3) points."""
         count, dimension = folded.shape
         sums, totals = (np.zeros((jet_size(dimension, level), count)) for _ in range(2))
         edges = np.concatenate([[-np.inf], self.breaks, [np.inf]])
         for number, (texture, stretch) in enumerate(zip(self.textures, self.stretches, strict=True)):
             first, last = edges[number] - self.fade, edges[number + 1] + self.fade
             rows = np.flatnonzero((folded[:, self.axis] > first) & (folded[:, self.axis] < last))
-            if not len(rows):
-                continue
-            points = folded[rows]
-            weight = self._weight(points[:, self.axis], edges[number : number + 2], level)
-            jets = _jets(texture, points * np.append(stretch, 1.0), level, dtype)
-            _stretch(jets, np.append(stretch, 1.0), level)
-            add_product(weight, jets, rows, len(rows), dimension, level, sums, totals)
+            if len(rows):
+                points, factors = folded[rows], np.append(stretch, 1.0)
+                jets = _jets(texture, points * factors, level, dtype)
+                _stretch(jets, factors, level)
+                weight = self._weight(points[:, self.axis], edges[number : number + 2], level)
+                add_product(weight, jets, rows, len(rows), dimension, level, sums, totals)
         return sums
 
     def _weight(self, x: FloatArray, edges: FloatArray, level: int) -> FloatArray:

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,7 @@ import o3dleaf as o3l
 from o3dleaf.errors import InputError, UnitError
 from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.tiling import TiledField
+from o3dleaf.pu.blended import CHUNK, WORKING_MEMORY
 from o3dleaf.pu.interpolant import PUInterpolant
 from tolerances import ANALYTIC_VS_DIFFERENCE, FADE_TWIN, HESSIAN_DIFFERENCE, PERIODIC
 
@@ -163,3 +166,23 @@ def test_blends_that_cannot_be_meant_are_refused(base, middle):
         PatchBlend([base, TiledField(patch(1), (2.0, 2.3))], [10.0])
     with pytest.raises(UnitError, match="one unit"):
         PatchBlend([base, TiledField(patch(1, unit="um"), (3.1, 2.3))], [10.0])
+
+
+@pytest.mark.parametrize("kind", ["cropped", "blend of blends"])
+def test_it_keeps_to_the_memory_that_a_blend_promises(kind):
+    """Beside arguments and result, Hessians at more than a chunk of points: what they need is the most."""
+    points = np.random.default_rng(0).random((200, 3))
+    small = PUInterpolant.fit(points, np.sin(5 * points).sum(axis=1), points_per_ball=(20, 40))
+    texture = TiledField(small, (0.8, 0.8), (0.1, 0.1), fade=0.05)
+    if kind != "cropped":
+        sides = PatchBlend([texture, texture], [0.5], 0.1, axis="up")
+        texture = PatchBlend([sides, sides], [0.5], 0.1)
+    queries = np.random.default_rng(1).random((CHUNK * 9 // 8, 3))
+    texture.hessian(points)
+    tracemalloc.start()
+    try:
+        result = texture.hessian(queries)
+        needed = tracemalloc.get_traced_memory()[1] - result.nbytes
+    finally:
+        tracemalloc.stop()
+    assert 0.5 * WORKING_MEMORY < needed <= WORKING_MEMORY
