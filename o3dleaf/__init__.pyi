@@ -14,6 +14,7 @@ from .leaf.height import HeightMap as HeightMap
 from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade
 from .leaf.tiling import TiledField as TiledField
+from .leaf.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
 from .models import load as load
 from .pipeline import create_blade as create_blade

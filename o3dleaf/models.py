@@ -8,6 +8,7 @@ from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.robust import RobustChoice
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.cover import Cover
@@ -30,6 +31,7 @@ CLASSES: dict[str, type[Any]] = {
         LeafFrame,
         LocalSplines,
         MultiscaleLeaf,
+        PatchBlend,
         PUInterpolant,
         Polyharmonic,
         RBFInterpolant,

@@ -69,10 +69,11 @@ def summarise(
     }
     if leaf is not None:
         texture = leaf.texture
+        fits = [_fit_summary(patch.local) for patch in texture.patches]
         summary["micro_structure"] = {
             "unit": texture.unit,
             "period": texture.period.tolist(),
-            "fit": _fit_summary(texture.field.local),
+            "fit": fits[0] if len(fits) == 1 else fits,
         }
     if surface is not None:
         summary["surface"] = {

@@ -65,6 +65,17 @@ def test_a_whole_leaf_comes_back(interpolant, tmp_path):
     assert found.unit == leaf.unit
 
 
+def test_a_leaf_of_several_patches_comes_back(interpolant, tmp_path):
+    sample = wheat_scan(count=800)
+    blade = o3l.create_blade(sample.cloud, sample.midrib, options=None)
+    textures = [o3l.TiledField(interpolant, (3.0, 2.2), (0.4, y), fade=0.2, shift=0.0) for y in (0.3, 0.5)]
+    blend = o3l.PatchBlend(textures, [30_000.0])
+    leaf = o3l.MultiscaleLeaf(blend, blade.frame, blade.height_map, blade.outline)
+    leaf.save(tmp_path / "leaf.o3l")
+    points = np.asarray(sample.cloud.points)
+    assert np.array_equal(o3l.load(tmp_path / "leaf.o3l")(points), leaf(points))
+
+
 def test_the_same_model_makes_the_same_bytes(interpolant, file, tmp_path):
     interpolant.save(tmp_path / "again.o3l")
     assert (tmp_path / "again.o3l").read_bytes() == file.read_bytes()

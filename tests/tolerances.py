@@ -208,3 +208,20 @@ BASELINE = 1e-9
 
 EFFICIENCY_TWIN = 1e-12
 """An eigen-decomposition and SciPy's dense solve, 60 points a ball; found 3e-15; a tail forgotten leaves 1e-3."""
+
+# --- leaf: seams ---
+
+PERIODIC = 1e-9
+"""Issue 4's own number, for values of order 1: a fold by many periods costs digits of z − s; found 1.3e-13."""
+
+FADE_TWIN = 1e-12
+"""Windows and copies summed in another order: found 5e-15."""
+
+QUADRATURE = 0.01
+"""Midpoint sums of fields cut off at ±c, on sections a quarter of a ball apart, against finer ones: found 0.0034."""
+
+RIDGE_PITCH = 1e-3
+"""Ridges: Gauss and Newton stop below a thousandth of a section, and end within 3e-8; on a section it is 1e-2."""
+
+ONE_LEAF_OF_RIDGES = 0.07
+"""Ridges of a scanned patch wander and differ in height: found 0.026, and 0.063 at most on ten larger patches."""
