@@ -10,6 +10,7 @@ from .rbf.interpolant import RBFInterpolant as RBFInterpolant
 from .pu.interpolant import PUInterpolant as PUInterpolant
 from .leaf.midrib import find_midrib as find_midrib
 from .leaf.frame import LeafFrame as LeafFrame
+from .leaf.quality import FrameQuality as FrameQuality
 from .leaf.height import HeightMap as HeightMap
 from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade

@@ -103,6 +103,9 @@ LEAVE_ONE_OUT = 1e-8
 ROUND_TRIP = 1e-9
 """Share of the leaf's length: Newton ends at rounding, 1e-13 mm on the wheat leaf; a step less leaves 1e-6."""
 
+ARC_OF_CIRCLE = 2e-3
+"""A cubic spline through 21 points of an arc of 1.5 rad has its curvature to 1e-3, worst at the ends."""
+
 FRAME_ORTHONORMAL = 1e-12
 """Gram-Schmidt and a cross product are right to a few roundings."""
 

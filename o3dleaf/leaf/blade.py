@@ -8,12 +8,17 @@ import open3d as o3d
 
 from o3dleaf.checks import FloatArray, as_bounds, as_points, require_positive
 from o3dleaf.errors import ReconstructionError, UnitError
+from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import CRUMBS, AlphaShape
+from o3dleaf.leaf.quality import FrameQuality, appraise_frame
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import largest_components
+
+APPRAISED = 20_000
+"""Places of the blade at which the frame is looked at, beside those of the scan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +75,26 @@ class Blade:
         inner[:, :2] -= gradient[:, 2:] * self.height_map.gradient(flat[:, :2])
         turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
         return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
+
+    def appraise(self, points: CloudLike) -> FrameQuality:
+        """Return how well the frame serves the scan and this blade, at `APPRAISED` places inside the outline.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like or Open3D point cloud
+            The scan, at least two points, in `unit`.
+        """
+        plane = self._places(APPRAISED)
+        leaf = np.column_stack([plane, self.height_map(plane)])
+        return appraise_frame(self.frame, points_of(points, "points", least=2), leaf)
+
+    def _places(self, count: int) -> FloatArray:
+        """Return about `count` (along, across) on a square grid inside the outline, and the scan's own."""
+        low, high = self.outline.bounds
+        step = float(np.sqrt(self.outline.area / count))
+        along, across = (np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))
+        grid = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.concatenate([grid[self.outline.contains(grid)], self.outline.points])
 
     def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.
