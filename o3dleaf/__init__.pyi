@@ -14,6 +14,7 @@ from .leaf.quality import FrameQuality as FrameQuality
 from .leaf.height import HeightMap as HeightMap
 from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade
+from .leaf.distortion import Distortion as Distortion
 from .leaf.tiling import TiledField as TiledField
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
 from .models import load as load
@@ -27,7 +28,9 @@ from .mesh.quality import mesh_report as mesh_report
 from .mesh.quality import MeshReport as MeshReport
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .view.render import render as render
+from .view.maps import render_distortion as render_distortion
 from .view.window import show as show
+from .view.pick import pick_midrib as pick_midrib
 from . import samples as samples
 from .field import Field as Field
 from .parallel import get_num_threads as get_num_threads

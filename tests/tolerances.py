@@ -113,7 +113,7 @@ FAR_ROUND_TRIP = 1e-8
 """The same a million millimetres from the origin, where a coordinate is rounded by 1e-10; found 1e-9."""
 
 CURVATURE = 5e-3
-"""Of the median of second derivatives of r³ through 4,000 points in random places, single ones being off by up to 0.1."""
+"""Of the median of second derivatives of r³ through 4,000 points in random places; single ones are off by 0.1."""
 
 STRAIGHT_SLOPE = 1e-6
 """A smoothed linear fit to a plane is the plane, whose slope is known; found 1e-9."""
