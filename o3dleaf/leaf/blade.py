@@ -125,15 +125,16 @@ class Blade:
         turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
         return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
 
-    def distortion(self, plane: npt.ArrayLike) -> Distortion:
+    def distortion(self, plane: npt.ArrayLike | None = None) -> Distortion:
         """Return how the map from flat coordinates to the world stretches what lies on the blade.
 
         Parameters
         ----------
-        plane : (n, 2) array_like
-            Places (along, across), in `unit`.
+        plane : (n, 2) array_like, optional
+            Places (along, across), in `unit`; `APPRAISED` ones inside the outline by default.
         """
-        return Distortion.of(self.frame, self.height_map, as_points(plane, "plane", dim=2), self.offset)
+        places = self._places(APPRAISED) if plane is None else as_points(plane, "plane", dim=2)
+        return Distortion.of(self.frame, self.height_map, places, self.offset)
 
     def appraise(self, points: CloudLike) -> FrameQuality:
         """Return how well the frame serves the scan and this blade, at `APPRAISED` places inside the outline.

@@ -1,7 +1,7 @@
 """How the map from flat coordinates to the world stretches, shears and thins the micro-structure on the blade."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -54,6 +54,13 @@ class Distortion:
     def volume(self) -> FloatArray:
         """Det J (n,), area × thickness: the volume in the world of a unit volume."""
         return self.area * self.thickness
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return least, median and greatest of each as plain values, for a summary; of `focal` the least, None if ∞."""
+        names = ("along", "across", "shear", "thickness", "area", "volume")
+        table = {name: np.quantile(getattr(self, name), (0, 0.5, 1)).tolist() for name in names}
+        nearest = float(self.focal.min())
+        return table | {"focal": nearest if np.isfinite(nearest) else None}
 
     @classmethod
     def of(cls, frame: "LeafFrame", height_map: "HeightMap", plane: FloatArray, offset: str) -> "Distortion":
