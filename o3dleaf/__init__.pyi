@@ -10,9 +10,11 @@ from .rbf.interpolant import RBFInterpolant as RBFInterpolant
 from .pu.interpolant import PUInterpolant as PUInterpolant
 from .leaf.midrib import find_midrib as find_midrib
 from .leaf.frame import LeafFrame as LeafFrame
+from .leaf.quality import FrameQuality as FrameQuality
 from .leaf.height import HeightMap as HeightMap
 from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade
+from .leaf.distortion import Distortion as Distortion
 from .leaf.tiling import TiledField as TiledField
 from .leaf.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
@@ -27,7 +29,9 @@ from .mesh.quality import mesh_report as mesh_report
 from .mesh.quality import MeshReport as MeshReport
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .view.render import render as render
+from .view.maps import render_distortion as render_distortion
 from .view.window import show as show
+from .view.pick import pick_midrib as pick_midrib
 from . import samples as samples
 from .field import Field as Field
 from .parallel import get_num_threads as get_num_threads

@@ -15,10 +15,12 @@ from o3dleaf.cloud.read import read_point_cloud
 from o3dleaf.ct.formats import read_volume
 from o3dleaf.errors import InputError
 from o3dleaf.files import whole_file
+from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.realisation import Realisation
+from o3dleaf.leaf.robust import RobustChoice
 from o3dleaf.mesh.files import read_triangle_mesh
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads
@@ -36,6 +38,7 @@ def summarise(
     *,
     leaf: MultiscaleLeaf | None = None,
     surface: Realisation | None = None,
+    scan: CloudLike | None = None,
 ) -> dict[str, Any]:
     """Return the summary of a run as plain values.
 
@@ -49,6 +52,8 @@ def summarise(
         What was asked for, as given.
     leaf, surface : optional
         The multi-scale leaf and its realised surface, where there is a micro-structure.
+    scan : (n, 3) array_like or Open3D point cloud, optional
+        The scan, in the blade's unit, by which the frame is judged.
     """
     frame, outline, height = blade.frame, blade.outline, blade.height_map
     summary: dict[str, Any] = {
@@ -61,12 +66,15 @@ def summarise(
             "points_past_the_ends": int(np.sum((outline.points[:, 0] < 0) | (outline.points[:, 0] > frame.length))),
         },
         "outline": {"alpha": outline.alpha, "alpha_chosen": outline.automatic, "area_in_the_plane": outline.area},
-        "height_map": _fit_summary(height.interpolant.local),
+        "height_map": _fit_summary(height.interpolant.local) | _choice_summary(height.choice),
+        "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
         "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
         "seconds": {name: round(seconds, 3) for name, seconds in journal.seconds.items()},
         "threads": get_num_threads(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
+    if scan is not None:
+        summary["frame"] = blade.appraise(scan).to_dict()
     if leaf is not None:
         texture = leaf.texture
         fits = [_fit_summary(patch.local) for patch in texture.patches]
@@ -106,6 +114,14 @@ def _fit_summary(local: object) -> dict[str, Any]:
         "tail_rank": [int(local.ranks.min()), int(local.ranks.max())],
         "directions_dropped": int(local.dropped.sum()),
     }
+
+
+def _choice_summary(choice: RobustChoice | None) -> dict[str, Any]:
+    """Return what a robust fit chose, where there was one: lengths in the blade's unit."""
+    if choice is None:
+        return {"robust": False}
+    trusted = float(np.mean(choice.trust >= 1.0))
+    return {"robust": True, "bandwidth": choice.bandwidth, "scan_noise": choice.noise, "share_trusted": trusted}
 
 
 def write_json(path: str | PathLike[str], content: dict[str, Any]) -> None:

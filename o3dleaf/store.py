@@ -24,7 +24,7 @@ from o3dleaf.files import whole_file
 
 SUFFIX = ".o3l"
 MAGIC = b"o3dleaf\n"
-FORMAT = 2
+FORMAT = 3
 """Raised when an older reader could not make sense of a newer file, or a newer one of an older file."""
 OLDEST = 2
 """The oldest format that can still be read."""

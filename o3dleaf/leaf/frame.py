@@ -13,6 +13,7 @@ from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf import loops
 from o3dleaf.leaf.normals import consistent_normals, half_width
+from o3dleaf.leaf.quality import FrameQuality, appraise_frame
 from o3dleaf.parallel import run_blocks
 from o3dleaf.units import check_unit
 
@@ -139,6 +140,16 @@ class LeafFrame:
         frames, slopes = self._stations(np.ascontiguousarray(leaf[:, 0]))
         along = slopes[:, 0] + leaf[:, 1, None] * slopes[:, 2] + leaf[:, 2, None] * slopes[:, 3]
         return np.stack([along, frames[:, 2], frames[:, 3]], axis=2)
+
+    def appraise(self, points: CloudLike) -> FrameQuality:
+        """Return how well the frame serves a scan: round trip, points past the ends, folds; see `Blade.appraise`.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like or Open3D point cloud
+            At least two, in `unit`.
+        """
+        return appraise_frame(self, points_of(points, "points", least=2))
 
     def _stations(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         frames, slopes = np.empty((len(t), 4, 3)), np.empty((len(t), 4, 3))

@@ -114,6 +114,23 @@ class HeightMap:
         inside = np.clip(points, *self.bounds)
         return np.where(points == inside, self.interpolant.gradient(inside), 0.0)
 
+    def jet(self, plane: npt.ArrayLike, order: int = 2) -> FloatArray:
+        """Return H, H₁, H₂ and, for order 2, H₁₁, H₁₂, H₂₂ at (n, 2) points, (n, 3) or (n, 6).
+
+        Raises
+        ------
+        InputError
+            If second derivatives are asked for and the kernel has none: r² log r, the paper's, has not.
+        """
+        points = as_points(plane, dim=2)
+        inside = np.clip(points, *self.bounds)
+        parts = self.interpolant.jet(inside, order)
+        free = points == inside
+        columns = [parts[0], *np.where(free, parts[1], 0.0).T]
+        if order == 2:
+            columns += [np.where(free[:, a] & free[:, b], parts[2][:, a, b], 0.0) for a, b in ((0, 0), (0, 1), (1, 1))]
+        return np.stack(columns, axis=1)
+
 
 def _choose(
     points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float, progress: Progress | None

@@ -20,7 +20,10 @@ from o3dleaf.leaf.normals import half_width
 NEIGHBOURS = 12
 SLICES = 40
 LEAST_ASPECT = 3.0
-"""Length over width below which a cloud has no midrib to follow: a broad leaf, not a blade."""
+"""Length over width below which a blade has no midrib to follow: a broad leaf.
+
+The length counts where the leaf is at least half as wide as the blade, so that a petiole makes no leaf long.
+"""
 FEWEST_POINTS = 50
 THINNEST = 1e-3
 """Width over length below which a cloud is a line, not a leaf: the midrib would need thousands of stations."""
@@ -29,6 +32,10 @@ EDGES = (0.02, 0.98)
 SETTLED = 0.02
 """Share of the width that the axis may still move when it has come to rest."""
 MOST_ROUNDS = 12
+STIFFNESS = 0.3
+"""Of the axis against the middles of stations half a width apart: less follows one hidden edge, more cuts bends."""
+LEAST_TRUST = 0.03
+"""Of a station with no points, as a share of the usual density: there the axis goes on smoothly."""
 
 
 def find_midrib(cloud: CloudLike) -> FloatArray:
@@ -46,7 +53,7 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     InputError
         If there are too few points or one is not finite.
     ReconstructionError
-        If the cloud is less than `LEAST_ASPECT` times as long as wide.
+        If the blade is less than `LEAST_ASPECT` times as long as wide, its petiole not counted.
     """
     points = points_of(cloud, "cloud", least=FEWEST_POINTS)
     control = _first_axis(points)
@@ -55,17 +62,33 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     if not width > THINNEST * length:
         raise InputError("midrib: the points lie on one line or in one place; a leaf has a width")
     if length < LEAST_ASPECT * width:
-        raise ReconstructionError(
-            f"midrib: the cloud is {length:.3g} long and {width:.3g} wide, not an elongated leaf; "
-            "pick control points by hand and give them as the midrib"
-        )
+        raise _broad(length, width)
     for _ in range(MOST_ROUNDS):
         before = _resample(control, width / 2)
         control = _recentre(points, before, width / 2)
         width = 2 * half_width(points, control)
         if _farthest_move(control, before) < SETTLED * width:
             break
+    if (blade := _blade_length(points, control, width)) < LEAST_ASPECT * width:
+        raise _broad(blade, width)
     return _from_base(points, control)
+
+
+def _broad(length: float, width: float) -> ReconstructionError:
+    return ReconstructionError(
+        f"midrib: the blade is {length:.3g} long and {width:.3g} wide, not an elongated leaf; "
+        "pick control points by hand and give them as the midrib"
+    )
+
+
+def _blade_length(points: FloatArray, control: FloatArray, width: float) -> float:
+    """Return the length of the axis along which the leaf is at least half as wide as `width`."""
+    along, across, _ = LeafFrame.fit(points, control, radius=width / 2).to_leaf(points).T
+    first, length = along.min(), float(np.ptp(along))
+    count = min(SLICES, len(points) // (FEWEST_POINTS // 5))
+    slices = np.minimum(((along - first) / length * count).astype(np.int64), count - 1)
+    widths = np.array([np.ptp(np.quantile(across[slices == k], EDGES)) for k in np.unique(slices)])
+    return length * float(np.sum(widths >= width / 2)) / count
 
 
 def _farthest_move(control: FloatArray, other: FloatArray) -> float:
@@ -114,14 +137,20 @@ def _recentre(points: FloatArray, control: FloatArray, reach: float) -> FloatArr
     frame = LeafFrame.fit(points, control, radius=reach)
     leaf = frame.to_leaf(points)
     targets = np.column_stack([frame.breaks, np.zeros((len(frame.breaks), 2))])
+    density = np.zeros(len(targets))
     for station, t in enumerate(frame.breaks):
         near = leaf[np.abs(leaf[:, 0] - t) < reach]
         if len(near) < FEWEST_POINTS // 10:
             continue
-        middle = np.quantile(near[:, 1], EDGES).mean()
+        edges = np.quantile(near[:, 1], EDGES)
+        middle, area = edges.mean(), np.ptp(edges) * np.ptp(near[:, 0])
+        density[station] = len(near) / area if area > 0 else 0.0
         close = near[np.argsort(np.abs(near[:, 1] - middle), kind="stable")[: max(5, len(near) // 3)]]
         targets[station, 1:] = middle, np.median(close[:, 2])
-    moved = _smooth(frame.to_world(targets), 0.5)
+    # The outermost of n points is about width/n short of the edge: an error that falls with their density.
+    usual = np.median(density) or density.max() or 1.0
+    trust = np.clip(density / usual, LEAST_TRUST, 1.0) ** 2
+    moved = _smooth(frame.to_world(targets), STIFFNESS, trust)
     axis = LeafFrame.fit(points, moved, radius=reach)
     along = axis.to_leaf(points)[:, 0]
     inner = axis.breaks[(axis.breaks > along.min() + 0.3 * reach) & (axis.breaks < along.max() - 0.3 * reach)]
@@ -148,7 +177,8 @@ def _resample(control: FloatArray, step: float) -> FloatArray:
     return np.asarray(CubicSpline(reached, control)(np.linspace(0, reached[-1], count + 1)))
 
 
-def _smooth(control: FloatArray, amount: float) -> FloatArray:
-    """Return (I + μ DᵀD)⁻¹ c, D the second differences: a polyline that bends less (Whittaker 1923)."""
+def _smooth(control: FloatArray, amount: float, trust: FloatArray | None = None) -> FloatArray:
+    """Return (W + μ DᵀD)⁻¹ W c, D the second differences: a polyline that bends less (Whittaker 1923)."""
+    weight = np.eye(len(control)) if trust is None else np.diag(trust)
     bend = np.diff(np.eye(len(control)), 2, axis=0)
-    return np.asarray(np.linalg.solve(np.eye(len(control)) + amount * bend.T @ bend, control), dtype=np.float64)
+    return np.asarray(np.linalg.solve(weight + amount * bend.T @ bend, weight @ control), dtype=np.float64)

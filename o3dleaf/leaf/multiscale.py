@@ -34,13 +34,21 @@ class MultiscaleLeaf:
     ----------
     texture : TiledField
     blade : Blade
-        The frame, the height_map and the outline that it was given.
+        The frame, the height_map, the outline and the offset that it was given.
     scale : float
         Factor from the scan's unit to the texture's.
     """
 
-    def __init__(self, texture: TiledField, frame: LeafFrame, height_map: HeightMap, outline: AlphaShape) -> None:
-        """Put the texture on the blade.
+    def __init__(
+        self,
+        texture: TiledField,
+        frame: LeafFrame,
+        height_map: HeightMap,
+        outline: AlphaShape,
+        *,
+        offset: str = "up",
+    ) -> None:
+        """Put the texture on the blade, its thickness along `offset`: "up", as the paper, or "normal"; see `Blade`.
 
         Raises
         ------
@@ -48,14 +56,14 @@ class MultiscaleLeaf:
             If only one of texture and frame has a unit.
         """
         self.texture = texture
-        self.blade = Blade(frame, height_map, outline)
+        self.blade = Blade(frame, height_map, outline, offset)
         self.scale = unit_scale(frame.unit, texture.unit)
 
     def state(self) -> dict[str, Any]:
         """Return what the leaf is made of, for `o3dleaf.store`."""
         blade = self.blade
         parts = {"frame": blade.frame, "height_map": blade.height_map, "outline": blade.outline}
-        return {"texture": self.texture} | parts
+        return {"texture": self.texture, "offset": blade.offset} | parts
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the leaf as one model file, which `o3dleaf.load` reads."""

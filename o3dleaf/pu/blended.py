@@ -72,6 +72,28 @@ class Blended:
         """
         return self._evaluate(points, 2, dtype)
 
+    def jet(self, points: npt.ArrayLike, order: int = 2) -> tuple[FloatArray, ...]:
+        """Return values (n,), gradients (n, d) and, for order 2, Hessians (n, d, d) together, at the cost of the last.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+        order : int
+            1 or 2.
+
+        Raises
+        ------
+        InputError
+            As `hessian`, for order 2.
+        """
+        dimension = self.index.bounds.shape[1]
+        queries = as_points(points, dim=dimension)
+        count = len(queries)
+        parts = [np.empty((count if level <= order else 0, *[dimension] * level)) for level in range(3)]
+        for first, last in blocks(count, CHUNK):
+            self._fill(queries[first:last], order, *(part[first:last] for part in parts))
+        return tuple(parts[: order + 1])
+
     def on_lattice(
         self,
         bounds: npt.ArrayLike,
@@ -113,16 +135,19 @@ class Blended:
         dimension = self.index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
         result = np.empty((len(queries), *[dimension] * level), dtype=kind)
+        parts = [np.empty((0, *[dimension] * order), dtype=kind) for order in range(3)]
         for first, last in blocks(len(queries), CHUNK):
-            self._fill(queries[first:last], level, result[first:last])
+            parts[level] = result[first:last]
+            self._fill(queries[first:last], level, *parts)
         return result
 
-    def _fill(self, queries: FloatArray, level: int, result: npt.NDArray[Any]) -> None:
-        """Write the derivatives of order `level` at one chunk of points; what that took is given back on return."""
+    def _fill(self, queries: FloatArray, level: int, *parts: npt.NDArray[Any]) -> None:
+        """Write values, gradients and Hessians at one chunk of points, those up to order `level` that have rows.
+
+        What that took is given back on return.
+        """
         index = self.index
-        jets = self.local.blend(index, queries, level=level, dtype=result.dtype)
-        parts = [np.empty((0, *[queries.shape[1]] * order), dtype=result.dtype) for order in range(3)]
-        parts[level] = result
+        jets = self.local.blend(index, queries, level=level, dtype=parts[level].dtype)
 
         def task(start: int, stop: int) -> None:
             unpack(start, stop, jets, queries, index.bounds, index.period, *parts)

@@ -29,15 +29,20 @@ def show(*geometries: Any, title: str = "o3dleaf") -> None:
     """
     if not geometries:
         raise InputError("show: nothing to show; give a mesh or a point cloud")
-    if not has_display():
-        raise O3DLeafError("show: there is no screen here; draw a picture with o3dleaf.render instead")
+    require_window("show", "draw a picture with o3dleaf.render instead")
     ready = [_with_normals(geometry) for geometry in geometries]
+    o3d.visualization.draw_geometries(ready, window_name=title)
+
+
+def require_window(name: str, cure: str) -> None:
+    """Raise `O3DLeafError` where no window can open; the message begins with `name` and ends with the cure."""
+    if not has_display():
+        raise O3DLeafError(f"{name}: there is no screen here; {cure}")
     # On a screen without OpenGL Open3D only warns; an attempt of our own says no.
     probe = o3d.visualization.Visualizer()
-    if not probe.create_window(window_name=title, visible=False):
-        raise O3DLeafError("show: this screen has no OpenGL; draw a picture with o3dleaf.render instead")
+    if not probe.create_window(window_name=name, visible=False):
+        raise O3DLeafError(f"{name}: this screen has no OpenGL; {cure}")
     probe.destroy_window()
-    o3d.visualization.draw_geometries(ready, window_name=title)
 
 
 def has_display() -> bool:

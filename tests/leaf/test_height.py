@@ -5,7 +5,7 @@ from o3dleaf.errors import InputError
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.robust import huber_loss, plane_noise
 from o3dleaf.rbf.kernels import polyharmonic
-from tolerances import ANALYTIC_VS_DIFFERENCE
+from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 
 def truth(plane):
@@ -73,6 +73,19 @@ def test_slopes_equal_central_differences_and_vanish_outside():
     beyond = np.array([[-10.0, 0.0]])
     assert height(beyond) == pytest.approx(height(np.array([[height.bounds[0, 0], 0.0]])))
     assert height.gradient(beyond)[0, 0] == 0
+
+
+def test_the_jet_is_height_slopes_and_their_slopes():
+    height = HeightMap.fit(scan(np.random.default_rng(9), count=900), smoothing=1.0)
+    plane, step = np.random.default_rng(10).uniform([-2, -6], [62, 6], (300, 2)), 1e-5
+    jet = height.jet(plane)
+    assert jet[:, 0] == pytest.approx(height(plane), abs=TWIN)
+    assert np.abs(jet[:, 1:3] - height.gradient(plane)).max() <= TWIN
+    assert np.array_equal(height.jet(plane, 1), jet[:, :3])
+    edge = np.abs(plane[:, None] - height.bounds).min(axis=(1, 2)) > step
+    slopes = [(height.gradient(plane + step * e) - height.gradient(plane - step * e)) / (2 * step) for e in np.eye(2)]
+    expected = np.column_stack([slopes[0][:, 0], slopes[0][:, 1], slopes[1][:, 1]])
+    assert np.abs(jet[:, 3:] - expected)[edge].max() <= ANALYTIC_VS_DIFFERENCE
 
 
 def test_noise_is_measured_about_the_surface_however_it_lies():
