@@ -208,3 +208,17 @@ BASELINE = 1e-9
 
 EFFICIENCY_TWIN = 1e-12
 """An eigen-decomposition and SciPy's dense solve, 60 points a ball; found 3e-15; a tail forgotten leaves 1e-3."""
+
+# --- leaf: the surface ---
+
+PROJECTED = 1e-11
+"""Newton ends at 1e-11 of the patch's thickness, 1, at slopes of 0.6, on intensities of size 0.1 and points at 10."""
+
+NORMAL = 1e-9
+"""The gradient of a polynomial that splines reproduce to ten digits."""
+
+CURVATURE = 1e-6
+"""Relative: the second derivatives of the same, ball by ball in units of its radius."""
+
+BENT_CURVATURE = 1e-4
+"""Relative: the blade's second derivatives are differences at a step of 6e-4 on a quintic axis."""

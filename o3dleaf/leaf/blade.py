@@ -11,6 +11,7 @@ from o3dleaf.errors import ReconstructionError, UnitError
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import CRUMBS, AlphaShape
+from o3dleaf.leaf.surface import lift, pull_back
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import largest_components
@@ -64,12 +65,7 @@ class Blade:
 
         .. math:: ∇_x\,g(T^*(x)) = J^{-T} \bigl(g_1 - g_3 H_1,\; g_2 - g_3 H_2,\; g_3\bigr), \qquad J = ∂x/∂y
         """
-        leaf = flat.copy()
-        leaf[:, 2] += self.height_map(flat[:, :2])
-        inner = gradient.copy()
-        inner[:, :2] -= gradient[:, 2:] * self.height_map.gradient(flat[:, :2])
-        turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
-        return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
+        return pull_back(lift(self, flat).columns, gradient)
 
     def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.

@@ -12,6 +12,7 @@ from o3dleaf.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.files import require_writable
 from o3dleaf.lattice import Lattice, sample_lattice
+from o3dleaf.leaf import surface
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
@@ -112,6 +113,32 @@ class MultiscaleLeaf:
         """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
         flat = self.blade.flatten(x)
         return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale)
+
+    def project(self, x: npt.ArrayLike) -> FloatArray:
+        r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.
+
+        .. math:: x ← x - λ\,G(x)\,∇G(x)/|∇G(x)|²
+
+        with steps halved until \|G\| falls. Where that ends in a place without a surface - far away, in the
+        air between hairs, in the middle of the blade - the result is the closest point of the leaf instead, as in
+        `closest_points`. Otherwise the outline has no say here: the surface goes on past the rim.
+        """
+        return surface.project(self, x)
+
+    def normals(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) outward unit normals −∇G/|∇G| of the level sets of G at world points; 0 where ∇G is."""
+        return surface.normals(self, x)
+
+    def mean_curvature(self, x: npt.ArrayLike) -> FloatArray:
+        r"""Return the (n,) mean curvatures of the level sets of G at world points, in 1/`unit`.
+
+        .. math:: κ = \tfrac{1}{2}\,∇·n, \qquad n = -∇G/|∇G|
+
+        Positive where the leaf bulges: 1/R on a sphere of radius R, 1/2R on a cylinder. The texture's second
+        derivatives are analytic; those of the blade are central differences of its analytic Jacobian, and jump with
+        the frame's at the control points of a cubic midrib.
+        """
+        return surface.mean_curvature(self, x)
 
     def extract_mesh(
         self,
