@@ -1,6 +1,7 @@
 """The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -14,6 +15,7 @@ from o3dleaf.files import require_writable
 from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.leaf import surface
 from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.distance import SurfaceIndex, closest_points, signed_distance
 from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
@@ -113,6 +115,24 @@ class MultiscaleLeaf:
         """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
         flat = self.blade.flatten(x)
         return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale)
+
+    @cached_property
+    def surface_index(self) -> SurfaceIndex:
+        """What finds the nearest point of the surface, made when it is first asked for and kept."""
+        return SurfaceIndex.build(self)
+
+    def signed_distance(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) distances of (n, 3) world points to the leaf's surface, in `unit`; negative inside.
+
+        The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
+        hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
+        the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
+        """
+        return signed_distance(self, x)
+
+    def closest_points(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
+        return closest_points(self, x)[0]
 
     def project(self, x: npt.ArrayLike) -> FloatArray:
         r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.

@@ -12,6 +12,8 @@ from numba import njit
 
 from o3dleaf.leaf.loops import cross3, dot3, station
 
+LEAST_FOCUS = 0.1
+"""Least eigenvalue of the second variation of the distance: 0 at a focus, where Newton's step has no end."""
 FOLD = 1e-9
 """Least volume of the Jacobian's columns, of the product of their lengths: beyond it the frame folds, and steps would
 have no end."""
@@ -109,3 +111,76 @@ def mean_curvatures(start, stop, columns, inner, bends, lift_bends, curvatures):
                 trace += turned[a, b] * metric
                 along += turned[a, b] * dot3(cofactors[a], pulled) * dot3(cofactors[b], pulled)
         curvatures[i] = -0.5 * (trace - along / square) / math.sqrt(square)
+
+
+@njit(nogil=True, cache=True)
+def closest_steps(start, stop, points, world, columns, values, inner, bends, longest, steps):
+    r"""Write Newton's steps in z towards the point of F = 0 that is closest to x in the world.
+
+    With r = X − x, N = ∇G, B the Hessian of G but for the blade's own small part, μ = −r·N/|N|², the step δ goes
+    −F N/|N|² along N, and t in the tangent plane with (I + μB) t = −r − μ B δ_N there. Where the plane's matrix is
+    not safely positive, x lies near a focus, and it is lifted to least eigenvalue `LEAST_FOCUS`; t is at most
+    `longest` long.
+    """
+    cofactors, normal, step, bent = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    u, v, pushed = np.empty(3), np.empty(3), np.empty((2, 3))
+    for i in range(start, stop):
+        reciprocal(columns[i], cofactors)
+        square = 0.0
+        for k in range(3):
+            normal[k] = inner[i, 0] * cofactors[0, k] + inner[i, 1] * cofactors[1, k] + inner[i, 2] * cofactors[2, k]
+            square += normal[k] * normal[k]
+        steps[i] = 0.0
+        if square == 0.0:
+            continue
+        length = math.sqrt(square)
+        for k in range(3):
+            normal[k] /= length
+        tangents(normal, u, v)
+        along = 0.0
+        for k in range(3):
+            along += (world[i, k] - points[i, k]) * normal[k]
+        mu, push = -along / length, -values[i] / length
+        # B = A⁻ᵀ Hess F A⁻¹: vectors are taken to z, bent there, and multiplied from the left by vectors in z.
+        for k in range(3):
+            pushed[0, k], pushed[1, k] = dot3(cofactors[k], u), dot3(cofactors[k], v)
+            step[k] = dot3(cofactors[k], normal)
+        for k in range(3):
+            bent[k] = mu * dot3(bends[i, k], pushed[0])
+        uu, uv, un = 1.0 + dot3(bent, pushed[0]), dot3(bent, pushed[1]), dot3(bent, step)
+        for k in range(3):
+            bent[k] = mu * dot3(bends[i, k], pushed[1])
+        vv, vn = 1.0 + dot3(bent, pushed[1]), dot3(bent, step)
+        a, b = -un * push, -vn * push
+        for k in range(3):
+            a -= (world[i, k] - points[i, k]) * u[k]
+            b -= (world[i, k] - points[i, k]) * v[k]
+        lift = LEAST_FOCUS - (0.5 * (uu + vv) - math.sqrt(0.25 * (uu - vv) ** 2 + uv * uv))
+        if lift > 0.0:
+            uu += lift
+            vv += lift
+        determinant = uu * vv - uv * uv
+        a, b = (vv * a - uv * b) / determinant, (uu * b - uv * a) / determinant
+        size = math.sqrt(a * a + b * b)
+        if size > longest:
+            a, b = a * longest / size, b * longest / size
+        push = min(max(push, -longest), longest)
+        for k in range(3):
+            step[k] = push * normal[k] + a * u[k] + b * v[k]
+        for k in range(3):
+            steps[i, k] = dot3(cofactors[k], step)
+
+
+@njit(nogil=True, cache=True)
+def tangents(normal, u, v):
+    """Write two unit vectors that make a right-handed frame with a unit normal."""
+    least = 0
+    for k in range(1, 3):
+        if abs(normal[k]) < abs(normal[least]):
+            least = k
+    for k in range(3):
+        u[k] = (1.0 if k == least else 0.0) - normal[least] * normal[k]
+    size = math.sqrt(dot3(u, u))
+    for k in range(3):
+        u[k] /= size
+    cross3(normal, u, v)

@@ -1,0 +1,69 @@
+"""The rim of the leaf: where the outline cuts it, a band of short flat strips, straight along up."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.leaf.surface import lift, texture_jets
+from o3dleaf.parallel import blocks
+
+if TYPE_CHECKING:
+    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+
+BLOCK = 1 << 10
+ROOT_STEPS = 4
+"""Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
+
+
+def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (n, 2) and half edges (n, 2) of equal pieces of each edge of a polygon, at most `step` long."""
+    ring = shapely.get_coordinates(polygon.exterior)
+    edges = np.diff(ring, axis=0)
+    counts = np.maximum(np.ceil(np.linalg.norm(edges, axis=1) / step), 1).astype(np.int64)
+    number = np.repeat(np.arange(len(edges)), counts)
+    within = np.arange(len(number)) - np.repeat(np.cumsum(counts) - counts, counts)
+    half = edges[number] / (2 * counts[number, np.newaxis])
+    return ring[number] + (2 * within[:, np.newaxis] + 1) * half, half
+
+
+def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, FloatArray]]:
+    """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the corners of their boxes."""
+    middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
+    parts = [_strips(leaf, middles[a:b], halves[a:b], step) for a, b in blocks(len(middles), BLOCK)]
+    centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+    tips = [centres + s * edges + ends[:, z : z + 1] * ups for s in (-1, 1) for z in (0, 1)]
+    return (centres, edges, ups, ends), (np.min(tips, axis=0), np.max(tips, axis=0))
+
+
+def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float) -> tuple[FloatArray, ...]:
+    """Return the strips over some pieces of the rim: one for each interval of heights in which F > 0."""
+    low, high = leaf.texture.cell[:, 2] / leaf.scale
+    heights = np.linspace(low - step, high + step, int(np.ceil((high - low) / step)) + 3)
+
+    def field(piece: FloatArray, z: FloatArray) -> FloatArray:
+        return texture_jets(leaf, np.column_stack([middles[piece], z]), 0)[0]
+
+    count = len(heights)
+    values = field(np.repeat(np.arange(len(middles)), count), np.tile(heights, len(middles))).reshape(-1, count)
+    values[:, [0, -1]] = np.minimum(values[:, [0, -1]], -1e-300)
+    piece, layer = np.nonzero((values[:, :-1] > 0) != (values[:, 1:] > 0))
+    bracket = heights[layer], heights[layer + 1], values[piece, layer], values[piece, layer + 1]
+    ends = _roots(lambda z: field(piece, z), *bracket).reshape(-1, 2)
+    owner = piece[::2]
+    at = lift(leaf.blade, np.column_stack([middles[owner], np.zeros(len(owner))]))
+    along, across = halves[owner, :1], halves[owner, 1:]
+    return at.world, along * at.columns[:, 0] + across * at.columns[:, 1], at.columns[:, 2].copy(), ends
+
+
+def _roots(field, low: FloatArray, high: FloatArray, f_low: FloatArray, f_high: FloatArray) -> FloatArray:
+    """Return where a field changes its sign between `low` and `high`, by the Illinois variant of regula falsi."""
+    a, b, fa, fb = low.copy(), high.copy(), f_low.copy(), f_high.copy()
+    for _ in range(ROOT_STEPS):
+        z = (a * fb - b * fa) / (fb - fa)
+        f = field(z)
+        crossed = (f > 0) != (fb > 0)
+        a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
+        b, fb = z, f
+    return b

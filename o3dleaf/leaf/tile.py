@@ -1,0 +1,130 @@
+"""One tile's surface as samples, in blocks and bricks: what all the cells of the blade show copies of."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import ReconstructionError
+from o3dleaf.lattice import Lattice, sample_lattice
+from o3dleaf.leaf.surface import texture_jets
+from o3dleaf.mesh.polygonise import polygonise
+from o3dleaf.rbf.tail import IntArray
+
+if TYPE_CHECKING:
+    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+
+MOST_SAMPLES = 1 << 18
+"""Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
+CELL_STEPS = 8
+"""Side of a block and of a brick, in steps of the sampling: about a hundred samples a face."""
+MOST_CELLS = 1 << 18
+"""Cells of the blade: 20 MB. On larger blades they are larger."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """Points of F = 0 over one period of the texture, sorted into blocks of the plane and bricks of each block.
+
+    Attributes
+    ----------
+    origin, cell : (2,) ndarrays
+        Corner of the tile and sides of a block in the plane, in the leaf's unit.
+    shape : (2,) tuple of int
+        Number of blocks along and across.
+    step : float
+        About the distance of neighbouring samples.
+    bricks : (blocks + 1,) int64 ndarray
+        First brick of each block.
+    boxes : (bricks, 2, 3) float32 ndarray
+        Box of each brick's samples.
+    places : (bricks + 1,) int64 ndarray
+        First sample of each brick.
+    samples : (n, 3) float32 ndarray
+        Relative to the middle of their block at height 0.
+    """
+
+    origin: FloatArray
+    cell: FloatArray
+    shape: tuple[int, int]
+    step: float
+    bricks: IntArray
+    boxes: FloatArray
+    places: IntArray
+    samples: FloatArray
+
+    @classmethod
+    def sample(cls, leaf: "MultiscaleLeaf") -> "Tile":
+        """Sample the leaf's texture.
+
+        Raises
+        ------
+        ReconstructionError
+            If the texture has no surface.
+        """
+        low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
+        step = _step(leaf)
+        points = _surface_points(leaf, step)
+        blocks = np.maximum(np.round(period / max(CELL_STEPS * step, _least_cell(leaf))), 1).astype(np.int64)
+        cell = period / blocks
+        relative = points - [*low[:2], 0.0]
+        where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, blocks - 1)
+        relative[:, :2] -= (where + 0.5) * cell
+        level = (points[:, 2] // (CELL_STEPS * step)).astype(np.int64)
+        block = where[:, 0] * blocks[1] + where[:, 1]
+        order = np.lexsort((level, block))
+        block, level, samples = block[order], level[order], relative[order].astype(np.float32)
+        starts = np.flatnonzero(np.diff(block, prepend=-1) | (np.diff(level, prepend=level[0] - 1) != 0))
+        boxes = np.stack([np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)], axis=1)
+        bricks = np.searchsorted(block[starts], np.arange(blocks.prod() + 1))
+        shape = (int(blocks[0]), int(blocks[1]))
+        return cls(low[:2], cell, shape, step, bricks, boxes, np.append(starts, len(samples)), samples)
+
+    @property
+    def heights(self) -> FloatArray:
+        """(blocks, 2) lowest and highest sample of each block; the first above the second where there is none."""
+        heights = np.full((len(self.bricks) - 1, 2), [np.inf, -np.inf])
+        block = np.repeat(np.arange(len(heights)), np.diff(self.bricks))
+        np.minimum.at(heights[:, 0], block, self.boxes[:, 0, 2])
+        np.maximum.at(heights[:, 1], block, self.boxes[:, 1, 2])
+        return heights
+
+    def first_samples(self) -> IntArray:
+        """Return the first sample of each block, and their number at the end."""
+        return self.places[self.bricks]
+
+
+def _step(leaf: "MultiscaleLeaf") -> float:
+    """Return half the distance of the texture's data, or more where that would make too many samples."""
+    cover = leaf.texture.field.cover
+    volume = 4.19 * float(np.median(cover.radii)) ** 3 / max(float(np.median(cover.counts)), 1.0)
+    # A rough surface with pockets has some four times the tile's area on each of its faces.
+    area = 8 * float(leaf.texture.period.prod())
+    return max(0.5 * volume ** (1 / 3), float(np.sqrt(area / MOST_SAMPLES))) / leaf.scale
+
+
+def _least_cell(leaf: "MultiscaleLeaf") -> float:
+    """Return the side of a cell of which the outline's box holds `MOST_CELLS`."""
+    return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MOST_CELLS))
+
+
+def _surface_points(leaf: "MultiscaleLeaf", step: float) -> FloatArray:
+    """Return points (n, 3) of F = 0 over one period: the vertices of marching cubes, moved onto it."""
+    low, high = leaf.texture.cell / leaf.scale
+    counts = np.ceil((high - low) / step).astype(np.int64)
+    steps = (high - low) / counts
+    # Beyond the patch a field falls with the distance: a layer above and below closes what its faces cut.
+    lattice = Lattice(tuple(low - [0, 0, steps[2]]), tuple(steps), tuple((counts + [1, 1, 3]).tolist()))
+    samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32)
+    vertices, _ = polygonise(samples, 0.0)
+    vertices = vertices[np.all(vertices[:, :2] < counts[:2] - 1e-9, axis=1)]
+    if not len(vertices):
+        raise ReconstructionError("the texture has no surface: its values are all above 0, or all below; check the level")
+    points = lattice.positions(vertices)
+    for _ in range(2):
+        values, slopes = texture_jets(leaf, points, 1)
+        square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
+        moves = -(values / square)[:, np.newaxis] * slopes
+        points += np.clip(moves, -step / 4, step / 4)
+    return points
