@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_points
 from o3dleaf.leaf import newton, search
+from o3dleaf.leaf.boxes import grow_tree
 from o3dleaf.leaf.rim import rim_pieces, rim_strips
 from o3dleaf.leaf.surface import lift, texture_jets, thickness
 from o3dleaf.leaf.tile import Tile
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
 
 BLOCK = 1 << 12
 """Points that a thread looks at together: 4 MB."""
-ROUNDS = 2
-"""Newton's steps to the closest point, from a sample that is half a step of the sampling away."""
+SETTLED = 0.2
+"""Length of Newton's second step, of the sampling's, at which the next one would be below a nanometre."""
 FAR = 1e4
 """Distance, in sizes of the leaf, from where the leaf is seen as from infinity: nearer points are taken in its place."""
 LEAST_VOLUME = 1e-3
@@ -43,14 +44,14 @@ class SurfaceIndex:
     corners : (n, 2) int64 ndarray
         Each cell's place in the plane, in cells from the tile's corner.
     cells : tuple of ndarrays
-        Block, place in the mask, centre, Jacobian and least stretch; see `o3dleaf.leaf.search`.
+        Block, place in the mask, centre and Jacobian; see `o3dleaf.leaf.search`.
     mask : (m,) ndarray of bool
         Which samples of the cells at the rim are in the outline.
-    boxes : (2k, 2, 3) float32 ndarray
-        The tree over the cells.
+    boxes : (2k, 15) float32 ndarray
+        The tree over the cells; see `o3dleaf.leaf.boxes`.
     strips : tuple of ndarrays
         Centre, half edge and up of each strip of the rim, and its two ends along up.
-    strip_boxes : (2k, 2, 3) float32 ndarray
+    strip_boxes : (2k, 15) float32 ndarray
         The tree over the strips.
     middle, reach : (3,) ndarray, float
         Of the leaf: its box's centre, and the distance beyond which it is seen as from infinity.
@@ -74,32 +75,37 @@ class SurfaceIndex:
         block = (corners[:, 0] % tile.shape[0]) * tile.shape[1] + corners[:, 1] % tile.shape[1]
         kept = tile.bricks[block + 1] > tile.bricks[block]
         corners, at_rim, block = corners[kept], at_rim[kept], block[kept]
-        centres, columns, low, high = _seen(leaf, tile, corners, block)
-        upright = np.abs(np.linalg.det(columns)) > LEAST_VOLUME
         # Cells in the order of a curve that fills the plane: neighbours in a row are neighbours on the leaf.
-        order = np.flatnonzero(upright)[np.argsort(_morton(corners[upright]), kind="stable")]
+        order = np.argsort(_morton(corners), kind="stable")
         corners, at_rim, block = corners[order], at_rim[order], block[order]
         mask, places = _rim_mask(leaf, tile, corners, at_rim, block)
-        shrink = np.empty(len(order))
-        search.least_stretches(columns[order], shrink)
-        cells = (block, places, centres[order], columns[order].astype(np.float32), 0.999 * shrink)
-        strips, ends = rim_strips(leaf, tile.step)
-        middle, size = (low.min(axis=0) + high.max(axis=0)) / 2, float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
-        boxes = _tree(low[order], high[order])
-        return cls(tile, corners, cells, mask, boxes, strips, _tree(*ends), middle, FAR * size)
+        low, high = _boxes(tile, block, places, mask)
+        centres, columns, hulls = _seen(leaf, tile, corners, low, high)
+        kept = np.all(low <= high, axis=1) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
+        corners = corners[kept]
+        cells = (block[kept], places[kept], centres[kept], columns[kept].astype(np.float32))
+        strips, rim = rim_strips(leaf, tile.step)
+        hulls, columns = hulls[kept], columns[kept]
+        low, high = hulls.min(axis=(0, 1)), hulls.max(axis=(0, 1))
+        middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+        return cls(tile, corners, cells, mask, grow_tree(hulls, columns), strips, grow_tree(*rim), middle, FAR * size)
 
     def closest(self, leaf: "MultiscaleLeaf", points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
         seen = self._brought_near(points)
-        count = len(points)
-        cell, sample, square = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64), np.empty(count)
+        feet, square = np.empty_like(seen), np.full(len(seen), np.inf)
+        search.nearest_strips(seen, self.strip_boxes, self.strips, feet, square)
+        cell, sample = np.empty(len(seen), dtype=np.int64), np.empty(len(seen), dtype=np.int64)
         tile = (self.tile.bricks, self.tile.boxes, self.tile.places, self.tile.samples, self.mask)
-        search.nearest_samples(0, count, seen, self.boxes, self.cells, tile, cell, sample, square)
-        flat = self.tile.samples[sample].astype(np.float64)
-        flat[:, :2] += self.tile.origin + (self.corners[cell] + 0.5) * self.tile.cell
-        feet = refine(leaf, seen, flat, self.tile.step)
-        square = np.sum((feet - seen) ** 2, axis=1)
-        search.nearest_strips(0, count, seen, self.strip_boxes, self.strips, feet, square)
+        # A face may be nearer than the rim where its nearest sample is not.
+        bound = (np.sqrt(square) + self.tile.step) ** 2
+        search.nearest_samples(seen, self.boxes, self.cells, tile, cell, sample, bound)
+        near = np.flatnonzero(sample >= 0)
+        flat = self.tile.samples[:, sample[near]].T.astype(np.float64)
+        flat[:, :2] += self.tile.origin + (self.corners[cell[near]] + 0.5) * self.tile.cell
+        found = refine(leaf, seen[near], flat, self.tile.step)
+        nearer = np.sum((found - seen[near]) ** 2, axis=1) < square[near]
+        feet[near[nearer]] = found[nearer]
         return feet, _lengths(points - feet)
 
     def _brought_near(self, points: FloatArray) -> FloatArray:
@@ -111,27 +117,23 @@ class SurfaceIndex:
 
 
 def refine(leaf: "MultiscaleLeaf", points: FloatArray, start: FloatArray, step: float) -> FloatArray:
-    """Return the points of the surface closest to `points`, by Newton's method from flat coordinates near them.
+    """Return the points of the surface closest to `points`, by two steps of Newton's method from samples near them.
 
-    Where it leads out of the outline, away from the surface, or farther away, the start is the answer.
+    The second step keeps the first one's second derivatives. Where they lead out of the outline, away from the
+    surface, or farther away, the start is the answer.
     """
-    flat = start.copy()
-    for _ in range(ROUNDS):
-        values, inner, bends = texture_jets(leaf, flat, 2)
-        here, moves = lift(leaf.blade, flat), np.empty_like(flat)
-        newton.closest_steps(
-            0, len(flat), points, here.world, here.columns, values, inner, bends, step, moves
-        )
-        flat += moves
+    values, inner, bends = texture_jets(leaf, start, 2)
+    first, moves = lift(leaf.blade, start), np.empty_like(start)
+    newton.closest_steps(points, first.world, first.columns, values, inner, bends, step, moves)
+    flat = start + moves
     values, inner = texture_jets(leaf, flat, 1)
-    here, moves = lift(leaf.blade, flat), np.empty_like(flat)
-    newton.gradient_steps(0, len(flat), here.columns, values, inner, step, moves)
-    flat += moves
-    feet, first = leaf.blade.lift(flat), leaf.blade.lift(start)
-    nearer = np.sum((feet - points) ** 2, axis=1) <= np.sum((first - points) ** 2, axis=1)
-    on = np.abs(moves).max(axis=1, initial=0.0) <= 0.1 * step
-    good = nearer & on & leaf.blade.outline.contains(flat[:, :2])
-    return np.where(good[:, np.newaxis], feet, first)
+    second = lift(leaf.blade, flat)
+    newton.closest_steps(points, second.world, second.columns, values, inner, bends, step, moves)
+    feet = second.world + np.einsum("nk,nkj->nj", moves, second.columns)
+    good = np.abs(moves).max(axis=1, initial=0.0) <= SETTLED * step
+    good &= np.sum((feet - points) ** 2, axis=1) <= np.sum((first.world - points) ** 2, axis=1)
+    good &= leaf.blade.outline.contains(flat[:, :2] + moves[:, :2])
+    return np.where(good[:, np.newaxis], feet, first.world)
 
 
 def closest_points(leaf: "MultiscaleLeaf", x: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -193,31 +195,43 @@ def _cells_in(leaf: "MultiscaleLeaf", tile: Tile) -> tuple[IntArray, npt.NDArray
     return corners[held], cut.ravel()[held]
 
 
+def _boxes(
+    tile: Tile, block: IntArray, places: IntArray, mask: npt.NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and upper corners (n, 3) of the samples that each cell shows; ∞ and −∞ where there are none."""
+    firsts = tile.places[tile.bricks]
+    whole = np.array([[part.min(axis=1), part.max(axis=1)] if part.size else [[np.inf] * 3, [-np.inf] * 3]
+                      for part in np.split(tile.samples, firsts[1:-1], axis=1)], dtype=np.float64)
+    low, high = whole[block, 0], whole[block, 1]
+    for cell in np.flatnonzero(places >= 0):
+        first, last = firsts[block[cell]], firsts[block[cell] + 1]
+        part = tile.samples[:, first:last][:, mask[places[cell] : places[cell] + last - first]]
+        low[cell], high[cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
+    return low, high
+
+
 def _seen(
-    leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, block: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return each cell's middle and Jacobian in the world, and the lower and upper corners of its box there."""
-    centres, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3))
-    low, high = np.empty_like(centres), np.empty_like(centres)
-    heights = tile.heights[block]
-    for first, last in blocks(len(corners), BLOCK):
-        part, plane = slice(first, last), tile.origin + (corners[first:last] + 0.5) * tile.cell
-        middle = lift(leaf.blade, np.column_stack([plane, np.zeros(last - first)]))
+    leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return each cell's middle (n, 3) and Jacobian (n, 3, 3) in the world, and points (n, 16, 3) whose hull holds it.
+
+    They are the corners of its box as they are, and as the middle sees them: the surface bends between the two.
+    """
+    centres, columns, hulls = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3)), np.empty((len(corners), 16, 3))
+
+    def task(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        base = np.column_stack([tile.origin + (corners[part] + 0.5) * tile.cell, np.zeros(stop - start)])
+        middle = lift(leaf.blade, base)
         centres[part], columns[part] = middle.world, middle.columns
-        low[part], high[part] = np.inf, -np.inf
-        slack = np.zeros((last - first, 1))
-        for along in (-0.5, 0.5):
-            for across in (-0.5, 0.5):
-                off = np.array([along, across]) * tile.cell
-                for end in range(2):
-                    z = np.column_stack([np.broadcast_to(off, plane.shape), heights[part, end]])
-                    world = leaf.blade.lift(np.column_stack([plane + off, heights[part, end]]))
-                    guess = middle.world + np.einsum("ni,nik->nk", z, middle.columns)
-                    slack = np.maximum(slack, np.linalg.norm(world - guess, axis=1, keepdims=True))
-                    low[part], high[part] = np.minimum(low[part], world), np.maximum(high[part], world)
-        low[part] -= slack
-        high[part] += slack
-    return centres, columns, low, high
+        ends = np.nan_to_num(np.stack([low[part], high[part]]), posinf=0.0, neginf=0.0)
+        for number in range(8):
+            off = np.column_stack([ends[number >> k & 1, :, k] for k in range(3)])
+            hulls[part, number] = leaf.blade.lift(base + off)
+            hulls[part, 8 + number] = middle.world + np.einsum("ni,nik->nk", off, middle.columns)
+
+    run_blocks(task, len(corners), BLOCK)
+    return centres, columns, hulls
 
 
 def _morton(corners: IntArray) -> IntArray:
@@ -234,7 +248,7 @@ def _rim_mask(
     leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, at_rim: npt.NDArray[np.bool_], block: IntArray
 ) -> tuple[npt.NDArray[np.bool_], IntArray]:
     """Return which samples of the cells at the rim are in the outline, and where each cell's begin there, −1: all are."""
-    firsts = tile.first_samples()
+    firsts = tile.places[tile.bricks]
     counts = np.where(at_rim, firsts[block + 1] - firsts[block], 0)
     places = np.where(at_rim, np.cumsum(counts) - counts, -1)
     mask = np.empty(counts.sum(), dtype=bool)
@@ -244,27 +258,6 @@ def _rim_mask(
         cell = np.repeat(part, counts[part])
         start = places[part[0]]
         offset = np.arange(start, start + len(cell)) - places[cell]
-        at = tile.samples[firsts[block[cell]] + offset, :2] + (tile.origin + (corners[cell] + 0.5) * tile.cell)
+        at = tile.samples[:2, firsts[block[cell]] + offset].T + (tile.origin + (corners[cell] + 0.5) * tile.cell)
         mask[start : start + len(cell)] = leaf.blade.outline.contains(at)
     return mask, places
-
-
-def _tree(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return the boxes of a heap over items in order, `GROUP` a leaf, from the items' own boxes (n, 3), (n, 3)."""
-    groups = max(-(-len(low) // search.GROUP), 1)
-    leaves = 1 << (groups - 1).bit_length()
-    leaves = max(leaves, 2)
-    boxes = np.empty((2 * leaves, 2, 3), dtype=np.float32)
-    boxes[:, 0], boxes[:, 1] = np.inf, -np.inf
-    starts = np.arange(groups) * search.GROUP
-    if len(low):
-        # A box in single precision must not be smaller than the box in double.
-        boxes[leaves : leaves + groups, 0] = np.nextafter(np.minimum.reduceat(low, starts).astype(np.float32), -np.inf)
-        boxes[leaves : leaves + groups, 1] = np.nextafter(np.maximum.reduceat(high, starts).astype(np.float32), np.inf)
-    level = leaves
-    while level > 1:
-        level //= 2
-        children = boxes[2 * level : 4 * level].reshape(level, 2, 2, 3)
-        boxes[level : 2 * level, 0] = children[:, :, 0].min(axis=1)
-        boxes[level : 2 * level, 1] = children[:, :, 1].max(axis=1)
-    return boxes

@@ -114,7 +114,7 @@ def mean_curvatures(start, stop, columns, inner, bends, lift_bends, curvatures):
 
 
 @njit(nogil=True, cache=True)
-def closest_steps(start, stop, points, world, columns, values, inner, bends, longest, steps):
+def closest_steps(points, world, columns, values, inner, bends, longest, steps):
     r"""Write Newton's steps in z towards the point of F = 0 that is closest to x in the world.
 
     With r = X − x, N = ∇G, B the Hessian of G but for the blade's own small part, μ = −r·N/|N|², the step δ goes
@@ -124,7 +124,7 @@ def closest_steps(start, stop, points, world, columns, values, inner, bends, lon
     """
     cofactors, normal, step, bent = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     u, v, pushed = np.empty(3), np.empty(3), np.empty((2, 3))
-    for i in range(start, stop):
+    for i in range(len(points)):
         reciprocal(columns[i], cofactors)
         square = 0.0
         for k in range(3):

@@ -29,12 +29,13 @@ def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, Float
 
 
 def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, FloatArray]]:
-    """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the corners of their boxes."""
+    """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and their corners (n, 4, 3) and directions."""
     middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
     parts = [_strips(leaf, middles[a:b], halves[a:b], step) for a, b in blocks(len(middles), BLOCK)]
     centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
     tips = [centres + s * edges + ends[:, z : z + 1] * ups for s in (-1, 1) for z in (0, 1)]
-    return (centres, edges, ups, ends), (np.min(tips, axis=0), np.max(tips, axis=0))
+    frames = np.stack([edges, np.cross(ups, edges), ups], axis=1)
+    return (centres, edges, ups, ends), (np.stack(tips, axis=1), frames)
 
 
 def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float) -> tuple[FloatArray, ...]:

@@ -1,7 +1,8 @@
 """The compiled search for the nearest sample of the leaf's surface and the nearest strip of its rim.
 
 A tree is a heap of boxes in the world: node k has the children 2k and 2k + 1, and the last ``leaves``
-nodes hold `GROUP` items each, in order. Empty boxes run from ∞ to −∞ and are never nearest.
+nodes hold `GROUP` items each, in order. Empty boxes have half sides of −∞ and are never nearest. Boxes lie as the
+blade does: one that stands along the world's axes would be far thicker than what it holds.
 """
 
 import math
@@ -17,10 +18,12 @@ DEPTH = 64
 
 @njit(nogil=True, cache=True)
 def box_distance(x, box):
-    """Return the squared distance of x to a box (2, 3)."""
+    """Return the squared distance of x to a box: its centre, three unit vectors along its sides, and half of them."""
+    r0, r1, r2 = x[0] - box[0], x[1] - box[1], x[2] - box[2]
     total = 0.0
     for k in range(3):
-        gap = max(box[0, k] - x[k], x[k] - box[1, k], 0.0)
+        along = abs(r0 * box[3 + 3 * k] + r1 * box[4 + 3 * k] + r2 * box[5 + 3 * k])
+        gap = max(along - box[12 + k], 0.0)
         total += gap * gap
     return total
 
@@ -43,19 +46,20 @@ def near_first(x, boxes, node, best, stack, bounds, top):
 
 
 @njit(nogil=True, cache=True)
-def nearest_samples(start, stop, points, boxes, cells, tile, cell_found, sample_found, distances):
-    """Write for each point the cell and the sample that are nearest, and the squared distance to it.
+def nearest_samples(points, boxes, cells, tile, cell_found, sample_found, distances):
+    """Write the cells and the samples that are nearer to the points than √distances, −1 where none is.
 
-    cells: (block, mask, origin (n, 3), columns (n, 3, 3), shrink) - the block of the tile that a cell shows, the
-    place of its first sample in the mask or −1, its centre and Jacobian in the world, and the least factor by which
-    the Jacobian stretches. tile: (bricks, boxes, places, samples, mask) - the first brick of each block, each brick's
-    box in z and its first sample, the samples relative to their block's centre, and which of them are in the outline.
+    cells: (block, mask, origin (n, 3), columns (n, 3, 3)) - the block of the tile that a cell shows, the place of its
+    first sample in the mask or −1, its centre and its Jacobian in the world. tile: (bricks, boxes, places, samples
+    (3, m), mask) - the first brick of each block, middle and half sides of each brick's box in z, its first sample,
+    the samples relative to their block's centre, and which of those of cells at the rim are in the outline.
     """
-    blocks, masks, origins, columns, shrink = cells
+    blocks, masks, origins, columns = cells
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     leaves = len(boxes) // 2
-    for i in range(start, stop):
-        best = np.inf
+    scores = np.empty(np.diff(tile[2]).max(), dtype=np.float32)
+    for i in range(len(points)):
+        best = distances[i]
         cell_found[i], sample_found[i] = -1, -1
         stack[0], bounds[0], top = 1, 0.0, 1
         while top > 0:
@@ -68,47 +72,76 @@ def nearest_samples(start, stop, points, boxes, cells, tile, cell_found, sample_
                 continue
             for cell in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(blocks))):
                 found, distance = nearest_in_cell(
-                    points[i], blocks[cell], masks[cell], origins[cell], columns[cell], shrink[cell], tile, best
+                    points[i], blocks[cell], masks[cell], origins[cell], columns[cell], tile, scores, best
                 )
                 if found >= 0:
                     best, cell_found[i], sample_found[i] = distance, cell, found
-        distances[i] = best
 
 
 @njit(nogil=True, cache=True)
-def nearest_in_cell(x, block, mask, origin, columns, shrink, tile, best):
-    """Return the nearest sample of one cell, −1 if none is nearer than √`best`, and its squared distance."""
+def least_distance(e0, e1, e2, columns, half):
+    """Return a lower bound of the distance between a point and a box A z, |z_k| <= half_k, from e, point less centre.
+
+    The box lies behind the plane across e that its farthest corner along e touches: exact from far away.
+    """
+    size = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+    if size == 0.0:
+        return 0.0
+    reach = 0.0
+    for k in range(3):
+        reach += half[k] * abs(e0 * columns[k, 0] + e1 * columns[k, 1] + e2 * columns[k, 2])
+    return max(size - reach / size, 0.0)
+
+
+@njit(nogil=True, cache=True)
+def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
+    """Return the nearest sample of one cell, −1 if none is nearer than √`best`, and its squared distance.
+
+    |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometres in single precision.
+    """
     bricks, boxes, places, samples, inside = tile
-    rx, ry, rz = x[0] - origin[0], x[1] - origin[1], x[2] - origin[2]
+    r0, r1, r2 = x[0] - origin[0], x[1] - origin[1], x[2] - origin[2]
+    square = r0 * r0 + r1 * r1 + r2 * r2
     a0, a1, a2 = float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2])
     b0, b1, b2 = float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2])
     c0, c1, c2 = float(columns[2, 0]), float(columns[2, 1]), float(columns[2, 2])
-    p0, p1, p2 = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
-    q0, q1, q2 = c1 * a2 - c2 * a1, c2 * a0 - c0 * a2, c0 * a1 - c1 * a0
-    s0, s1, s2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
-    determinant = a0 * p0 + a1 * p1 + a2 * p2
-    z0 = (p0 * rx + p1 * ry + p2 * rz) / determinant
-    z1 = (q0 * rx + q1 * ry + q2 * rz) / determinant
-    z2 = (s0 * rx + s1 * ry + s2 * rz) / determinant
+    aa, bb, cc = (
+        np.float32(a0 * a0 + a1 * a1 + a2 * a2),
+        np.float32(b0 * b0 + b1 * b1 + b2 * b2),
+        np.float32(c0 * c0 + c1 * c1 + c2 * c2),
+    )
+    ab, ac, bc = (
+        np.float32(2 * (a0 * b0 + a1 * b1 + a2 * b2)),
+        np.float32(2 * (a0 * c0 + a1 * c1 + a2 * c2)),
+        np.float32(2 * (b0 * c0 + b1 * c1 + b2 * c2)),
+    )
+    ar, br, cr = (
+        np.float32(2 * (a0 * r0 + a1 * r1 + a2 * r2)),
+        np.float32(2 * (b0 * r0 + b1 * r1 + b2 * r2)),
+        np.float32(2 * (c0 * r0 + c1 * r1 + c2 * r2)),
+    )
     found = -1
     for brick in range(bricks[block], bricks[block + 1]):
-        d0 = max(boxes[brick, 0, 0] - z0, z0 - boxes[brick, 1, 0], 0.0)
-        d1 = max(boxes[brick, 0, 1] - z1, z1 - boxes[brick, 1, 1], 0.0)
-        d2 = max(boxes[brick, 0, 2] - z2, z2 - boxes[brick, 1, 2], 0.0)
-        if (d0 * d0 + d1 * d1 + d2 * d2) * shrink * shrink >= best:
+        m0, m1, m2 = float(boxes[brick, 0, 0]), float(boxes[brick, 0, 1]), float(boxes[brick, 0, 2])
+        e0, e1, e2 = r0 - a0 * m0 - b0 * m1 - c0 * m2, r1 - a1 * m0 - b1 * m1 - c1 * m2, r2 - a2 * m0 - b2 * m1 - c2 * m2
+        if least_distance(e0, e1, e2, columns, boxes[brick, 1]) ** 2 >= best:
             continue
-        for sample in range(places[brick], places[brick + 1]):
-            g0, g1, g2 = z0 - samples[sample, 0], z1 - samples[sample, 1], z2 - samples[sample, 2]
-            e0, e1, e2 = a0 * g0 + b0 * g1 + c0 * g2, a1 * g0 + b1 * g1 + c1 * g2, a2 * g0 + b2 * g1 + c2 * g2
-            distance = e0 * e0 + e1 * e1 + e2 * e2
-            if distance < best and (mask < 0 or inside[mask + sample - places[bricks[block]]]):
-                best, found = distance, sample
+        first, count = places[brick], places[brick + 1] - places[brick]
+        xs, ys, zs = samples[0, first : first + count], samples[1, first : first + count], samples[2, first : first + count]
+        for k in range(count):
+            u, v, w = xs[k], ys[k], zs[k]
+            scores[k] = u * (aa * u + ab * v + ac * w - ar) + v * (bb * v + bc * w - br) + w * (cc * w - cr)
+        least = np.float32(best - square)
+        for k in range(count):
+            if scores[k] < least and (mask < 0 or inside[mask + first + k - places[bricks[block]]]):
+                least, found = scores[k], first + k
+                best = square + least
     return found, best
 
 
 @njit(nogil=True, cache=True)
-def nearest_strips(start, stop, points, boxes, strips, feet, distances):
-    """Write the nearest points of the rim to those points that are nearer to it than √distances, and the distances.
+def nearest_strips(points, boxes, strips, feet, distances):
+    """Write the points of the rim that are nearer to the points than √distances, and their squared distances.
 
     strips: (centre (n, 3), edge (n, 3), up (n, 3), ends (n, 2)): the points centre + s edge + z up, −1 <= s <= 1 and
     z between the ends.
@@ -117,7 +150,7 @@ def nearest_strips(start, stop, points, boxes, strips, feet, distances):
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     leaves = len(boxes) // 2
     foot = np.empty(3)
-    for i in range(start, stop):
+    for i in range(len(points)):
         best = distances[i]
         stack[0], bounds[0], top = 1, 0.0, 1
         while top > 0:
@@ -174,33 +207,3 @@ def strip_distance(x, centre, edge, up, ends, foot):
         if case == 0:
             break
     return best
-
-
-@njit(nogil=True, cache=True)
-def least_stretches(columns, shrink):
-    """Write the least singular value of each matrix of columns (n, 3, 3), from the largest eigenvalue of the inverse.
-
-    The characteristic polynomial of a symmetric matrix in three dimensions has three real roots, in closed form.
-    """
-    for i in range(len(columns)):
-        metric = np.zeros((3, 3))
-        for a in range(3):
-            for b in range(3):
-                for k in range(3):
-                    metric[a, b] += columns[i, a, k] * columns[i, b, k]
-        mean = (metric[0, 0] + metric[1, 1] + metric[2, 2]) / 3
-        off = metric[0, 1] ** 2 + metric[0, 2] ** 2 + metric[1, 2] ** 2
-        spread = math.sqrt(
-            ((metric[0, 0] - mean) ** 2 + (metric[1, 1] - mean) ** 2 + (metric[2, 2] - mean) ** 2 + 2 * off) / 6
-        )
-        if spread <= 1e-15 * mean:
-            shrink[i] = math.sqrt(mean)
-            continue
-        d, e, f = metric[0, 0] - mean, metric[1, 1] - mean, metric[2, 2] - mean
-        half = (
-            d * (e * f - metric[1, 2] ** 2)
-            - metric[0, 1] * (metric[0, 1] * f - metric[1, 2] * metric[0, 2])
-            + metric[0, 2] * (metric[0, 1] * metric[1, 2] - e * metric[0, 2])
-        ) / (2 * spread**3)
-        angle = math.acos(min(max(half, -1.0), 1.0)) / 3
-        shrink[i] = math.sqrt(max(mean + 2 * spread * math.cos(angle + 2 * math.pi / 3), 0.0))

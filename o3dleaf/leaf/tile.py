@@ -22,6 +22,9 @@ CELL_STEPS = 8
 MOST_CELLS = 1 << 18
 """Cells of the blade: 20 MB. On larger blades they are larger."""
 
+EPSILON = 1e-6
+"""Share of its side that a brick's box is larger than its samples, against roundings in single precision."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tile:
@@ -38,10 +41,10 @@ class Tile:
     bricks : (blocks + 1,) int64 ndarray
         First brick of each block.
     boxes : (bricks, 2, 3) float32 ndarray
-        Box of each brick's samples.
+        Middle and half sides of the box of each brick's samples.
     places : (bricks + 1,) int64 ndarray
         First sample of each brick.
-    samples : (n, 3) float32 ndarray
+    samples : (3, n) float32 ndarray
         Relative to the middle of their block at height 0.
     """
 
@@ -76,23 +79,11 @@ class Tile:
         order = np.lexsort((level, block))
         block, level, samples = block[order], level[order], relative[order].astype(np.float32)
         starts = np.flatnonzero(np.diff(block, prepend=-1) | (np.diff(level, prepend=level[0] - 1) != 0))
-        boxes = np.stack([np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)], axis=1)
+        least, most = np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)
+        boxes = np.stack([(least + most) / 2, (most - least) * (0.5 + EPSILON)], axis=1)
         bricks = np.searchsorted(block[starts], np.arange(blocks.prod() + 1))
         shape = (int(blocks[0]), int(blocks[1]))
-        return cls(low[:2], cell, shape, step, bricks, boxes, np.append(starts, len(samples)), samples)
-
-    @property
-    def heights(self) -> FloatArray:
-        """(blocks, 2) lowest and highest sample of each block; the first above the second where there is none."""
-        heights = np.full((len(self.bricks) - 1, 2), [np.inf, -np.inf])
-        block = np.repeat(np.arange(len(heights)), np.diff(self.bricks))
-        np.minimum.at(heights[:, 0], block, self.boxes[:, 0, 2])
-        np.maximum.at(heights[:, 1], block, self.boxes[:, 1, 2])
-        return heights
-
-    def first_samples(self) -> IntArray:
-        """Return the first sample of each block, and their number at the end."""
-        return self.places[self.bricks]
+        return cls(low[:2], cell, shape, step, bricks, boxes, np.append(starts, len(samples)), np.ascontiguousarray(samples.T))
 
 
 def _step(leaf: "MultiscaleLeaf") -> float:
