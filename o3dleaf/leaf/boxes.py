@@ -1,42 +1,56 @@
 """A tree of boxes that lie as what they hold does: a heap over items in a row, for `o3dleaf.leaf.search`."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.search import GROUP
+from o3dleaf.parallel import run_blocks
 
+BLOCK = 256
+"""Leaves of the tree that are made together: half a megabyte."""
 SLACK = 1e-6
 """Share of a box's distance from the origin and size that is added to its half sides: the roundings to float32."""
 
 
-def grow_tree(hulls: FloatArray, columns: FloatArray) -> FloatArray:
+Hulls = Callable[[int, int], tuple[FloatArray, FloatArray]]
+"""Of the items start:stop, points (n, q, 3) whose convex hull holds each, and directions (n, 3, 3), one a row, of
+which the first two span what boxes lie along."""
+
+
+def grow_tree(count: int, hulls: Hulls) -> FloatArray:
     """Return the (2k, 15) float32 boxes of a heap: centre, three unit vectors along the sides, half the sides.
 
     Parameters
     ----------
-    hulls : (n, q, 3) ndarray
-        Points whose convex hull holds the item, item by item; neighbours in the row should be neighbours in space.
-    columns : (n, 3, 3) ndarray
-        Directions of each item, one a row: the first two span what boxes lie along.
+    count : int
+        Number of items; neighbours in the row should be neighbours in space.
+    hulls : callable
+        Asked for some of them at a time.
     """
-    groups = -(-len(hulls) // GROUP)
-    leaves = max(1 << (groups - 1).bit_length(), 2)
-    boxes = np.zeros((2 * leaves, 15))
+    groups = -(-count // GROUP)
+    leaves = max(1 << max(groups - 1, 0).bit_length(), 2)
+    boxes = np.zeros((2 * leaves, 15), dtype=np.float32)
     boxes[:, 12:] = -np.inf
-    # The last group is filled up with its last item.
-    rows = np.minimum(np.arange(groups * GROUP), len(hulls) - 1)
-    points = hulls[rows].reshape(groups, -1, 3)
-    middle = columns[rows].reshape(groups, GROUP, 3, 3).mean(axis=1)
-    boxes[leaves : leaves + groups] = _boxes(points, _orthonormal(middle))
+
+    def task(start: int, stop: int) -> None:
+        points, directions = hulls(GROUP * start, min(GROUP * stop, count))
+        # The last group is filled up with its last item.
+        rows = np.minimum(np.arange(GROUP * (stop - start)), len(points) - 1)
+        axes = _orthonormal(directions[rows].reshape(-1, GROUP, 3, 3).mean(axis=1))
+        boxes[leaves + start : leaves + stop] = _boxes(points[rows].reshape(stop - start, -1, 3), axes)
+
+    run_blocks(task, groups, BLOCK)
     count = groups
     while leaves > 1:
-        children = boxes[leaves : leaves + count]
+        children = boxes[leaves : leaves + count].astype(np.float64)
         if count % 2:
             children = np.concatenate([children, children[-1:]])
         axes = children[:, 3:12].reshape(-1, 2, 3, 3).mean(axis=1)
         leaves, count = leaves // 2, len(children) // 2
         boxes[leaves : leaves + count] = _boxes(_corners(children).reshape(count, -1, 3), _orthonormal(axes))
-    return boxes.astype(np.float32)
+    return boxes
 
 
 def _orthonormal(directions: FloatArray) -> FloatArray:

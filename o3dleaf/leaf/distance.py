@@ -24,8 +24,10 @@ from o3dleaf.rbf.tail import IntArray
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-BLOCK = 1 << 12
-"""Points that a thread looks at together: 4 MB."""
+BLOCK = 1 << 11
+"""Points that a thread looks at together: 2 MB."""
+STRIP_STEPS = 2
+"""Length of a strip of the rim, in steps of the sampling."""
 SETTLED = 0.2
 """Length of Newton's second step, of the sampling's, at which the next one would be below a nanometre."""
 FAR = 1e4
@@ -78,17 +80,20 @@ class SurfaceIndex:
         # Cells in the order of a curve that fills the plane: neighbours in a row are neighbours on the leaf.
         order = np.argsort(_morton(corners), kind="stable")
         corners, at_rim, block = corners[order], at_rim[order], block[order]
+        middles, columns = _seen(leaf, tile, corners)
         mask, places = _rim_mask(leaf, tile, corners, at_rim, block)
-        low, high = _boxes(tile, block, places, mask)
-        centres, columns, hulls = _seen(leaf, tile, corners, low, high)
-        kept = np.all(low <= high, axis=1) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
-        corners = corners[kept]
-        cells = (block[kept], places[kept], centres[kept], columns[kept].astype(np.float32))
-        strips, rim = rim_strips(leaf, tile.step)
-        hulls, columns = hulls[kept], columns[kept]
-        low, high = hulls.min(axis=(0, 1)), hulls.max(axis=(0, 1))
+        ends = _boxes(tile, block, places, mask)
+        kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
+        corners, ends = corners[kept], ends[:, kept]
+        cells = (block[kept], places[kept], middles[kept], columns[kept])
+
+        def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
+            return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
+
+        boxes, (strips, strip_boxes) = grow_tree(len(corners), hulls), rim_strips(leaf, STRIP_STEPS * tile.step)
+        low, high = cells[2].min(axis=0), cells[2].max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-        return cls(tile, corners, cells, mask, grow_tree(hulls, columns), strips, grow_tree(*rim), middle, FAR * size)
+        return cls(tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)
 
     def closest(self, leaf: "MultiscaleLeaf", points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
@@ -96,7 +101,8 @@ class SurfaceIndex:
         feet, square = np.empty_like(seen), np.full(len(seen), np.inf)
         search.nearest_strips(seen, self.strip_boxes, self.strips, feet, square)
         cell, sample = np.empty(len(seen), dtype=np.int64), np.empty(len(seen), dtype=np.int64)
-        tile = (self.tile.bricks, self.tile.boxes, self.tile.places, self.tile.samples, self.mask)
+        parts = self.tile
+        tile = (parts.bricks, parts.boxes, parts.places, parts.samples, self.mask, parts.extents)
         # A face may be nearer than the rim where its nearest sample is not.
         bound = (np.sqrt(square) + self.tile.step) ** 2
         search.nearest_samples(seen, self.boxes, self.cells, tile, cell, sample, bound)
@@ -195,43 +201,47 @@ def _cells_in(leaf: "MultiscaleLeaf", tile: Tile) -> tuple[IntArray, npt.NDArray
     return corners[held], cut.ravel()[held]
 
 
-def _boxes(
-    tile: Tile, block: IntArray, places: IntArray, mask: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper corners (n, 3) of the samples that each cell shows; ∞ and −∞ where there are none."""
+def _boxes(tile: Tile, block: IntArray, places: IntArray, mask: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return the ends (2, n, 3) of the box of the samples that each cell shows; ∞ and −∞ where there are none."""
+    middle, half = tile.extents[block].transpose(1, 0, 2)
+    ends = np.stack([middle - half, middle + half])
     firsts = tile.places[tile.bricks]
-    whole = np.array([[part.min(axis=1), part.max(axis=1)] if part.size else [[np.inf] * 3, [-np.inf] * 3]
-                      for part in np.split(tile.samples, firsts[1:-1], axis=1)], dtype=np.float64)
-    low, high = whole[block, 0], whole[block, 1]
     for cell in np.flatnonzero(places >= 0):
         first, last = firsts[block[cell]], firsts[block[cell] + 1]
         part = tile.samples[:, first:last][:, mask[places[cell] : places[cell] + last - first]]
-        low[cell], high[cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
-    return low, high
+        ends[0, cell], ends[1, cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
+    return ends
 
 
-def _seen(
-    leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, low: FloatArray, high: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return each cell's middle (n, 3) and Jacobian (n, 3, 3) in the world, and points (n, 16, 3) whose hull holds it.
-
-    They are the corners of its box as they are, and as the middle sees them: the surface bends between the two.
-    """
-    centres, columns, hulls = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3)), np.empty((len(corners), 16, 3))
+def _seen(leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middle (n, 3) of each cell in the world, at height 0, and the lift's Jacobian there in float32."""
+    middles, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3), dtype=np.float32)
 
     def task(start: int, stop: int) -> None:
-        part = slice(start, stop)
-        base = np.column_stack([tile.origin + (corners[part] + 0.5) * tile.cell, np.zeros(stop - start)])
-        middle = lift(leaf.blade, base)
-        centres[part], columns[part] = middle.world, middle.columns
-        ends = np.nan_to_num(np.stack([low[part], high[part]]), posinf=0.0, neginf=0.0)
-        for number in range(8):
-            off = np.column_stack([ends[number >> k & 1, :, k] for k in range(3)])
-            hulls[part, number] = leaf.blade.lift(base + off)
-            hulls[part, 8 + number] = middle.world + np.einsum("ni,nik->nk", off, middle.columns)
+        middle = lift(leaf.blade, _middles(tile, corners[start:stop]))
+        middles[start:stop], columns[start:stop] = middle.world, middle.columns
 
     run_blocks(task, len(corners), BLOCK)
-    return centres, columns, hulls
+    return middles, columns
+
+
+def _middles(tile: Tile, corners: IntArray) -> FloatArray:
+    """Return the flat coordinates (n, 3) of the cells' middles at height 0."""
+    return np.column_stack([tile.origin + (corners + 0.5) * tile.cell, np.zeros(len(corners))])
+
+
+def _hulls(leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return points (n, 16, 3) whose hull holds each cell, and its Jacobian.
+
+    They are the corners of its box as they are, and as its middle sees them: the surface bends between the two.
+    """
+    base = _middles(tile, corners)
+    middle, points = lift(leaf.blade, base), np.empty((len(base), 16, 3))
+    for number in range(8):
+        off = np.column_stack([ends[number >> k & 1, :, k] for k in range(3)]).astype(np.float64)
+        points[:, number] = leaf.blade.lift(base + off)
+        points[:, 8 + number] = middle.world + np.einsum("ni,nik->nk", off, middle.columns)
+    return points, middle.columns
 
 
 def _morton(corners: IntArray) -> IntArray:
@@ -253,7 +263,7 @@ def _rim_mask(
     places = np.where(at_rim, np.cumsum(counts) - counts, -1)
     mask = np.empty(counts.sum(), dtype=bool)
     rows = np.flatnonzero(at_rim)
-    for first, last in blocks(len(rows), BLOCK // 16):
+    for first, last in blocks(len(rows), BLOCK // 8):
         part = rows[first:last]
         cell = np.repeat(part, counts[part])
         start = places[part[0]]

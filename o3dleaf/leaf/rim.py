@@ -6,13 +6,14 @@ import numpy as np
 import shapely
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.leaf.boxes import grow_tree
 from o3dleaf.leaf.surface import lift, texture_jets
 from o3dleaf.parallel import blocks
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-BLOCK = 1 << 10
+BLOCK = 1 << 9
 ROOT_STEPS = 4
 """Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
 
@@ -28,14 +29,18 @@ def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, Float
     return ring[number] + (2 * within[:, np.newaxis] + 1) * half, half
 
 
-def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, FloatArray]]:
-    """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and their corners (n, 4, 3) and directions."""
+def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the tree over them."""
     middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
     parts = [_strips(leaf, middles[a:b], halves[a:b], step) for a, b in blocks(len(middles), BLOCK)]
     centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
-    tips = [centres + s * edges + ends[:, z : z + 1] * ups for s in (-1, 1) for z in (0, 1)]
-    frames = np.stack([edges, np.cross(ups, edges), ups], axis=1)
-    return (centres, edges, ups, ends), (np.stack(tips, axis=1), frames)
+
+    def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
+        at, edge, up, z = (part[start:stop].astype(np.float64) for part in (centres, edges, ups, ends))
+        tips = [at + s * edge + z[:, k : k + 1] * up for s in (-1, 1) for k in (0, 1)]
+        return np.stack(tips, axis=1), np.stack([edge, up, np.cross(edge, up)], axis=1)
+
+    return (centres, edges, ups, ends), grow_tree(len(centres), hulls)
 
 
 def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float) -> tuple[FloatArray, ...]:
@@ -55,7 +60,8 @@ def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, ste
     owner = piece[::2]
     at = lift(leaf.blade, np.column_stack([middles[owner], np.zeros(len(owner))]))
     along, across = halves[owner, :1], halves[owner, 1:]
-    return at.world, along * at.columns[:, 0] + across * at.columns[:, 1], at.columns[:, 2].copy(), ends
+    edges = along * at.columns[:, 0] + across * at.columns[:, 1]
+    return at.world, edges.astype(np.float32), at.columns[:, 2].astype(np.float32), ends.astype(np.float32)
 
 
 def _roots(field, low: FloatArray, high: FloatArray, f_low: FloatArray, f_high: FloatArray) -> FloatArray:

@@ -51,8 +51,9 @@ def nearest_samples(points, boxes, cells, tile, cell_found, sample_found, distan
 
     cells: (block, mask, origin (n, 3), columns (n, 3, 3)) - the block of the tile that a cell shows, the place of its
     first sample in the mask or −1, its centre and its Jacobian in the world. tile: (bricks, boxes, places, samples
-    (3, m), mask) - the first brick of each block, middle and half sides of each brick's box in z, its first sample,
-    the samples relative to their block's centre, and which of those of cells at the rim are in the outline.
+    (3, m), mask, extents) - the first brick of each block, middle and half sides of each brick's box in z, its first
+    sample, the samples relative to their block's centre, which of those of cells at the rim are in the outline, and
+    middle and half sides of each block's box.
     """
     blocks, masks, origins, columns = cells
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
@@ -79,18 +80,20 @@ def nearest_samples(points, boxes, cells, tile, cell_found, sample_found, distan
 
 
 @njit(nogil=True, cache=True)
-def least_distance(e0, e1, e2, columns, half):
-    """Return a lower bound of the distance between a point and a box A z, |z_k| <= half_k, from e, point less centre.
+def brick_distance(r0, r1, r2, columns, box):
+    """Return a lower bound of the distance from A⁻¹r to a box in z, its middle and half its sides, in the world.
 
-    The box lies behind the plane across e that its farthest corner along e touches: exact from far away.
+    The box lies behind the plane across e, the way from its middle, that its farthest corner along e touches.
     """
+    m0, m1, m2 = box[0, 0], box[0, 1], box[0, 2]
+    e0 = r0 - columns[0, 0] * m0 - columns[1, 0] * m1 - columns[2, 0] * m2
+    e1 = r1 - columns[0, 1] * m0 - columns[1, 1] * m1 - columns[2, 1] * m2
+    e2 = r2 - columns[0, 2] * m0 - columns[1, 2] * m1 - columns[2, 2] * m2
     size = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    if size == 0.0:
-        return 0.0
     reach = 0.0
     for k in range(3):
-        reach += half[k] * abs(e0 * columns[k, 0] + e1 * columns[k, 1] + e2 * columns[k, 2])
-    return max(size - reach / size, 0.0)
+        reach += box[1, k] * abs(e0 * columns[k, 0] + e1 * columns[k, 1] + e2 * columns[k, 2])
+    return max(size - reach / size, 0.0) if size > 0.0 else 0.0
 
 
 @njit(nogil=True, cache=True)
@@ -99,8 +102,10 @@ def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
 
     |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometres in single precision.
     """
-    bricks, boxes, places, samples, inside = tile
+    bricks, boxes, places, samples, inside, extents = tile
     r0, r1, r2 = x[0] - origin[0], x[1] - origin[1], x[2] - origin[2]
+    if brick_distance(r0, r1, r2, columns, extents[block]) ** 2 >= best:
+        return -1, best
     square = r0 * r0 + r1 * r1 + r2 * r2
     a0, a1, a2 = float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2])
     b0, b1, b2 = float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2])
@@ -122,9 +127,7 @@ def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
     )
     found = -1
     for brick in range(bricks[block], bricks[block + 1]):
-        m0, m1, m2 = float(boxes[brick, 0, 0]), float(boxes[brick, 0, 1]), float(boxes[brick, 0, 2])
-        e0, e1, e2 = r0 - a0 * m0 - b0 * m1 - c0 * m2, r1 - a1 * m0 - b1 * m1 - c1 * m2, r2 - a2 * m0 - b2 * m1 - c2 * m2
-        if least_distance(e0, e1, e2, columns, boxes[brick, 1]) ** 2 >= best:
+        if brick_distance(r0, r1, r2, columns, boxes[brick]) ** 2 >= best:
             continue
         first, count = places[brick], places[brick + 1] - places[brick]
         xs, ys, zs = samples[0, first : first + count], samples[1, first : first + count], samples[2, first : first + count]

@@ -8,8 +8,9 @@ import numpy as np
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.lattice import Lattice, sample_lattice
-from o3dleaf.leaf.surface import texture_jets
+from o3dleaf.leaf.surface import CHUNK, texture_jets
 from o3dleaf.mesh.polygonise import polygonise
+from o3dleaf.parallel import blocks
 from o3dleaf.rbf.tail import IntArray
 
 if TYPE_CHECKING:
@@ -17,10 +18,14 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 1 << 18
 """Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
-CELL_STEPS = 8
-"""Side of a block and of a brick, in steps of the sampling: about a hundred samples a face."""
-MOST_CELLS = 1 << 18
-"""Cells of the blade: 20 MB. On larger blades they are larger."""
+CELL_STEPS = 16
+"""Side of a block, in steps of the sampling: over two tenths of a millimetre a blade is as good as plane."""
+BRICK_STEPS = 8
+"""Side of a brick, in steps of the sampling: some fifty samples."""
+SLAB = 16
+"""Layers of the lattice that are polygonised at once, so that a tile never needs the memory of its lattice."""
+MOST_CELLS = 1 << 17
+"""Cells of the blade: 14 MB. On larger blades they are larger."""
 
 EPSILON = 1e-6
 """Share of its side that a brick's box is larger than its samples, against roundings in single precision."""
@@ -40,6 +45,8 @@ class Tile:
         About the distance of neighbouring samples.
     bricks : (blocks + 1,) int64 ndarray
         First brick of each block.
+    extents : (blocks, 2, 3) float32 ndarray
+        Middle and half sides of the box of each block's samples.
     boxes : (bricks, 2, 3) float32 ndarray
         Middle and half sides of the box of each brick's samples.
     places : (bricks + 1,) int64 ndarray
@@ -53,6 +60,7 @@ class Tile:
     shape: tuple[int, int]
     step: float
     bricks: IntArray
+    extents: FloatArray
     boxes: FloatArray
     places: IntArray
     samples: FloatArray
@@ -69,21 +77,32 @@ class Tile:
         low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
         step = _step(leaf)
         points = _surface_points(leaf, step)
-        blocks = np.maximum(np.round(period / max(CELL_STEPS * step, _least_cell(leaf))), 1).astype(np.int64)
-        cell = period / blocks
+        shape = np.maximum(np.round(period / max(CELL_STEPS * step, _least_cell(leaf))), 1).astype(np.int64)
+        cell = period / shape
         relative = points - [*low[:2], 0.0]
-        where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, blocks - 1)
+        where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
         relative[:, :2] -= (where + 0.5) * cell
-        level = (points[:, 2] // (CELL_STEPS * step)).astype(np.int64)
-        block = where[:, 0] * blocks[1] + where[:, 1]
-        order = np.lexsort((level, block))
-        block, level, samples = block[order], level[order], relative[order].astype(np.float32)
-        starts = np.flatnonzero(np.diff(block, prepend=-1) | (np.diff(level, prepend=level[0] - 1) != 0))
+        brick = np.floor(relative / (BRICK_STEPS * step)).astype(np.int64)
+        block = where[:, 0] * shape[1] + where[:, 1]
+        order = np.lexsort((*brick.T, block))
+        block, brick, samples = block[order], brick[order], relative[order].astype(np.float32)
+        fresh = np.diff(block, prepend=-1) != 0
+        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1)
+        starts = np.flatnonzero(fresh)
         least, most = np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)
-        boxes = np.stack([(least + most) / 2, (most - least) * (0.5 + EPSILON)], axis=1)
-        bricks = np.searchsorted(block[starts], np.arange(blocks.prod() + 1))
-        shape = (int(blocks[0]), int(blocks[1]))
-        return cls(low[:2], cell, shape, step, bricks, boxes, np.append(starts, len(samples)), np.ascontiguousarray(samples.T))
+        boxes = _as_boxes(least, most)
+        bricks = np.searchsorted(block[starts], np.arange(shape.prod() + 1))
+        extents = np.zeros((len(bricks) - 1, 2, 3), dtype=np.float32)
+        filled = np.flatnonzero(np.diff(bricks))
+        bounds = [merge.reduceat(ends, bricks[filled]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
+        extents[filled] = _as_boxes(*bounds)
+        return cls(low[:2], cell, (int(shape[0]), int(shape[1])), step, bricks, extents, boxes, np.append(starts, len(samples)), np.ascontiguousarray(samples.T))
+
+
+def _as_boxes(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return the middles and half sides (n, 2, 3) of boxes from their corners."""
+    half = (high - low) * (0.5 + EPSILON)
+    return np.stack([(low + high) / 2, half], axis=1)
 
 
 def _step(leaf: "MultiscaleLeaf") -> float:
@@ -105,17 +124,28 @@ def _surface_points(leaf: "MultiscaleLeaf", step: float) -> FloatArray:
     low, high = leaf.texture.cell / leaf.scale
     counts = np.ceil((high - low) / step).astype(np.int64)
     steps = (high - low) / counts
-    # Beyond the patch a field falls with the distance: a layer above and below closes what its faces cut.
-    lattice = Lattice(tuple(low - [0, 0, steps[2]]), tuple(steps), tuple((counts + [1, 1, 3]).tolist()))
-    samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32)
-    vertices, _ = polygonise(samples, 0.0)
-    vertices = vertices[np.all(vertices[:, :2] < counts[:2] - 1e-9, axis=1)]
-    if not len(vertices):
+    parts = [_slab_points(leaf, low, steps, counts, slab) for slab in blocks(int(counts[0]), SLAB)]
+    points = np.concatenate(parts)
+    if not len(points):
         raise ReconstructionError("the texture has no surface: its values are all above 0, or all below; check the level")
-    points = lattice.positions(vertices)
     for _ in range(2):
-        values, slopes = texture_jets(leaf, points, 1)
-        square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
-        moves = -(values / square)[:, np.newaxis] * slopes
-        points += np.clip(moves, -step / 4, step / 4)
+        for first, last in blocks(len(points), CHUNK):
+            part = points[first:last]
+            values, slopes = texture_jets(leaf, part, 1)
+            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
+            part += np.clip(-(values / square)[:, np.newaxis] * slopes, -step / 4, step / 4)
     return points
+
+
+def _slab_points(
+    leaf: "MultiscaleLeaf", low: FloatArray, steps: FloatArray, counts: IntArray, slab: tuple[int, int]
+) -> FloatArray:
+    """Return the vertices of marching cubes over some layers of cells, those on the last faces left to the next."""
+    thick = slab[1] - slab[0]
+    # Beyond the patch a field falls with the distance: a layer above and below closes what its faces cut.
+    origin = low + steps * [slab[0], 0, -1]
+    lattice = Lattice(tuple(origin), tuple(steps), (thick + 1, int(counts[1]) + 1, int(counts[2]) + 3))
+    samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32, block=CHUNK)
+    vertices, _ = polygonise(samples, 0.0)
+    inner = np.all(vertices[:, :2] < [thick - 1e-9, counts[1] - 1e-9], axis=1)
+    return lattice.positions(vertices[inner])
