@@ -28,10 +28,14 @@ BLOCK = 1 << 11
 """Points that a thread looks at together: 2 MB."""
 STRIP_STEPS = 2
 """Length of a strip of the rim, in steps of the sampling."""
-SETTLED = 0.2
-"""Length of Newton's second step, of the sampling's, at which the next one would be below a nanometre."""
+SETTLED = 0.05
+"""Length of Newton's step, of the sampling's, after which another one would not be seen in the distance."""
+LONGEST = 3.0
+"""Longest of Newton's steps, of the sampling's: the nearest sample may be some steps away where many are as near."""
+MOST_ROUNDS = 5
+"""Newton's steps to the closest point; two are usual."""
 FAR = 1e4
-"""Distance, in sizes of the leaf, from where the leaf is seen as from infinity: nearer points are taken in its place."""
+"""Distance, in sizes of the leaf, from where it is seen as from infinity: points farther out are brought there."""
 LEAST_VOLUME = 1e-3
 """Determinant of the lift's Jacobian below which a cell lies in a fold of the frame and is left out."""
 
@@ -47,8 +51,8 @@ class SurfaceIndex:
         Each cell's place in the plane, in cells from the tile's corner.
     cells : tuple of ndarrays
         Block, place in the mask, centre and Jacobian; see `o3dleaf.leaf.search`.
-    mask : (m,) ndarray of bool
-        Which samples of the cells at the rim are in the outline.
+    mask : (m,) uint8 ndarray
+        A bit each: which samples of the cells at the rim are in the outline.
     boxes : (2k, 15) float32 ndarray
         The tree over the cells; see `o3dleaf.leaf.boxes`.
     strips : tuple of ndarrays
@@ -62,7 +66,7 @@ class SurfaceIndex:
     tile: Tile
     corners: IntArray
     cells: tuple[npt.NDArray[np.generic], ...]
-    mask: npt.NDArray[np.bool_]
+    mask: npt.NDArray[np.uint8]
     boxes: FloatArray
     strips: tuple[FloatArray, ...]
     strip_boxes: FloatArray
@@ -86,6 +90,7 @@ class SurfaceIndex:
         kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
         corners, ends = corners[kept], ends[:, kept]
         cells = (block[kept], places[kept], middles[kept], columns[kept])
+        bits = np.packbits(mask, bitorder="little")
 
         def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
             return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
@@ -93,7 +98,7 @@ class SurfaceIndex:
         boxes, (strips, strip_boxes) = grow_tree(len(corners), hulls), rim_strips(leaf, STRIP_STEPS * tile.step)
         low, high = cells[2].min(axis=0), cells[2].max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-        return cls(tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)
+        return cls(tile, corners, cells, bits, boxes, strips, strip_boxes, middle, FAR * size)
 
     def closest(self, leaf: "MultiscaleLeaf", points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
@@ -105,7 +110,7 @@ class SurfaceIndex:
         tile = (parts.bricks, parts.boxes, parts.places, parts.samples, self.mask, parts.extents)
         # A face may be nearer than the rim where its nearest sample is not.
         bound = (np.sqrt(square) + self.tile.step) ** 2
-        search.nearest_samples(seen, self.boxes, self.cells, tile, cell, sample, bound)
+        search.nearest_samples(seen, self.boxes, self.cells, tile, self.tile.step, cell, sample, bound)
         near = np.flatnonzero(sample >= 0)
         flat = self.tile.samples[:, sample[near]].T.astype(np.float64)
         flat[:, :2] += self.tile.origin + (self.corners[cell[near]] + 0.5) * self.tile.cell
@@ -116,30 +121,39 @@ class SurfaceIndex:
 
     def _brought_near(self, points: FloatArray) -> FloatArray:
         """Return the points, those beyond reach moved towards the leaf: squares of their distances stay finite."""
-        half = points / 2 - self.middle / 2
-        length = 2 * _lengths(half)
-        far = np.minimum(1.0, self.reach / np.maximum(length, self.reach))
-        return np.where((far < 1)[:, np.newaxis], self.middle + 2 * (half * far[:, np.newaxis]), points)
+        # A quarter of the way has a length that floating point holds, whatever the point.
+        quarter, reach = points / 4 - self.middle / 4, self.reach / 4
+        length = _lengths(quarter)
+        share = reach / np.maximum(length, reach)
+        moved = self.middle + 4 * (quarter * share[:, np.newaxis])
+        return np.where((length > reach)[:, np.newaxis], moved, points)
 
 
 def refine(leaf: "MultiscaleLeaf", points: FloatArray, start: FloatArray, step: float) -> FloatArray:
-    """Return the points of the surface closest to `points`, by two steps of Newton's method from samples near them.
+    """Return the points of the surface closest to `points`, by Newton's method from samples beside them.
 
-    The second step keeps the first one's second derivatives. Where they lead out of the outline, away from the
-    surface, or farther away, the start is the answer.
+    The first step's second derivatives are kept. Where it leads out of the outline, away from the surface, or
+    farther away than it began, the start is the answer.
     """
+    flat, feet = start.copy(), np.empty_like(start)
     values, inner, bends = texture_jets(leaf, start, 2)
-    first, moves = lift(leaf.blade, start), np.empty_like(start)
-    newton.closest_steps(points, first.world, first.columns, values, inner, bends, step, moves)
-    flat = start + moves
-    values, inner = texture_jets(leaf, flat, 1)
-    second = lift(leaf.blade, flat)
-    newton.closest_steps(points, second.world, second.columns, values, inner, bends, step, moves)
-    feet = second.world + np.einsum("nk,nkj->nj", moves, second.columns)
-    good = np.abs(moves).max(axis=1, initial=0.0) <= SETTLED * step
-    good &= np.sum((feet - points) ** 2, axis=1) <= np.sum((first.world - points) ** 2, axis=1)
-    good &= leaf.blade.outline.contains(flat[:, :2] + moves[:, :2])
-    return np.where(good[:, np.newaxis], feet, first.world)
+    here, todo = lift(leaf.blade, start), np.arange(len(start))
+    first = here.world
+    for number in range(MOST_ROUNDS):
+        if number > 0:
+            values, inner = texture_jets(leaf, flat[todo], 1)
+            here = lift(leaf.blade, flat[todo])
+        moves = np.empty((len(todo), 3))
+        newton.closest_steps(points[todo], here.world, here.columns, values, inner, bends[todo], LONGEST * step, moves)
+        flat[todo] += moves
+        feet[todo] = here.world + np.einsum("nk,nkj->nj", moves, here.columns)
+        todo = todo[(number == 0) | (np.abs(moves).max(axis=1, initial=0.0) > SETTLED * step)]
+        if not len(todo):
+            break
+    good = np.sum((feet - points) ** 2, axis=1) <= np.sum((first - points) ** 2, axis=1)
+    good &= leaf.blade.outline.contains(flat[:, :2])
+    good[todo] = False
+    return np.where(good[:, np.newaxis], feet, first)
 
 
 def closest_points(leaf: "MultiscaleLeaf", x: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -181,14 +195,15 @@ def _lengths(vectors: FloatArray) -> FloatArray:
     """Return the lengths of (n, 3) vectors of any finite size."""
     largest = np.abs(vectors).max(axis=1, initial=0.0)
     scale = np.where(largest > 0, largest, 1.0)
-    return np.asarray(np.linalg.norm(vectors / scale[:, np.newaxis], axis=1) * largest, dtype=np.float64)
+    with np.errstate(over="ignore"):  # a length beyond all numbers is infinite
+        return np.asarray(np.linalg.norm(vectors / scale[:, np.newaxis], axis=1) * largest, dtype=np.float64)
 
 
 def _cells_in(leaf: "MultiscaleLeaf", tile: Tile) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Return the cells (n, 2) that the outline holds or cuts, and which it may cut."""
     outline = leaf.blade.outline
     first, last = np.floor((outline.bounds - tile.origin) / tile.cell).astype(np.int64)
-    first, shape = first - 1, last - first + 3
+    first, shape = first - 2, last - first + 5
     i, j = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     corners = np.stack([i, j], axis=-1).reshape(-1, 2) + first
     cut = np.zeros(shape, dtype=bool)
@@ -213,7 +228,7 @@ def _boxes(tile: Tile, block: IntArray, places: IntArray, mask: npt.NDArray[np.b
     return ends
 
 
-def _seen(leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray) -> tuple[FloatArray, FloatArray]:
+def _seen(leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray) -> tuple[FloatArray, npt.NDArray[np.float32]]:
     """Return the middle (n, 3) of each cell in the world, at height 0, and the lift's Jacobian there in float32."""
     middles, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3), dtype=np.float32)
 
@@ -257,7 +272,7 @@ def _morton(corners: IntArray) -> IntArray:
 def _rim_mask(
     leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, at_rim: npt.NDArray[np.bool_], block: IntArray
 ) -> tuple[npt.NDArray[np.bool_], IntArray]:
-    """Return which samples of the cells at the rim are in the outline, and where each cell's begin there, −1: all are."""
+    """Return which samples of cells at the rim are in the outline, and where each cell's begin there, −1: all are."""
     firsts = tile.places[tile.bricks]
     counts = np.where(at_rim, firsts[block + 1] - firsts[block], 0)
     places = np.where(at_rim, np.cumsum(counts) - counts, -1)

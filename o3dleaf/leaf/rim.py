@@ -1,5 +1,6 @@
 """The rim of the leaf: where the outline cuts it, a band of short flat strips, straight along up."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.boxes import grow_tree
 from o3dleaf.leaf.surface import lift, texture_jets
 from o3dleaf.parallel import blocks
+from o3dleaf.rbf.tail import IntArray
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -19,7 +21,7 @@ ROOT_STEPS = 4
 
 
 def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return the middles (n, 2) and half edges (n, 2) of equal pieces of each edge of a polygon, at most `step` long."""
+    """Return the middles (n, 2) and half edges (n, 2) of equal pieces of a polygon's edges, at most `step` long."""
     ring = shapely.get_coordinates(polygon.exterior)
     edges = np.diff(ring, axis=0)
     counts = np.maximum(np.ceil(np.linalg.norm(edges, axis=1) / step), 1).astype(np.int64)
@@ -48,7 +50,7 @@ def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, ste
     low, high = leaf.texture.cell[:, 2] / leaf.scale
     heights = np.linspace(low - step, high + step, int(np.ceil((high - low) / step)) + 3)
 
-    def field(piece: FloatArray, z: FloatArray) -> FloatArray:
+    def field(piece: IntArray, z: FloatArray) -> FloatArray:
         return texture_jets(leaf, np.column_stack([middles[piece], z]), 0)[0]
 
     count = len(heights)
@@ -64,7 +66,9 @@ def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, ste
     return at.world, edges.astype(np.float32), at.columns[:, 2].astype(np.float32), ends.astype(np.float32)
 
 
-def _roots(field, low: FloatArray, high: FloatArray, f_low: FloatArray, f_high: FloatArray) -> FloatArray:
+def _roots(
+    field: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, f_low: FloatArray, f_high: FloatArray
+) -> FloatArray:
     """Return where a field changes its sign between `low` and `high`, by the Illinois variant of regula falsi."""
     a, b, fa, fb = low.copy(), high.copy(), f_low.copy(), f_high.copy()
     for _ in range(ROOT_STEPS):

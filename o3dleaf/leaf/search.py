@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
+from o3dleaf.leaf.loops import dot3
+
 GROUP = 4
 """Items that a leaf of the tree holds."""
 DEPTH = 64
@@ -46,21 +48,30 @@ def near_first(x, boxes, node, best, stack, bounds, top):
 
 
 @njit(nogil=True, cache=True)
-def nearest_samples(points, boxes, cells, tile, cell_found, sample_found, distances):
+def nearest_samples(points, boxes, cells, tile, slack, cell_found, sample_found, distances):
     """Write the cells and the samples that are nearer to the points than √distances, −1 where none is.
 
     cells: (block, mask, origin (n, 3), columns (n, 3, 3)) - the block of the tile that a cell shows, the place of its
     first sample in the mask or −1, its centre and its Jacobian in the world. tile: (bricks, boxes, places, samples
     (3, m), mask, extents) - the first brick of each block, middle and half sides of each brick's box in z, its first
     sample, the samples relative to their block's centre, which of those of cells at the rim are in the outline, and
-    middle and half sides of each block's box.
+    middle and half sides of each block's box. slack: a length that is safely more than what cells' straight copies
+    of a bent surface, and single precision, are off by.
     """
     blocks, masks, origins, columns = cells
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     leaves = len(boxes) // 2
     scores = np.empty(np.diff(tile[2]).max(), dtype=np.float32)
+    last = np.inf
     for i in range(len(points)):
         best = distances[i]
+        if i > 0 and sample_found[i - 1] >= 0:
+            # What was nearest to the point before is not farther from this one than there and back.
+            moved = 0.0
+            for k in range(3):
+                moved += (points[i, k] - points[i - 1, k]) ** 2
+            best = min(best, (math.sqrt(last) + math.sqrt(moved) + slack) ** 2)
+        last = np.inf
         cell_found[i], sample_found[i] = -1, -1
         stack[0], bounds[0], top = 1, 0.0, 1
         while top > 0:
@@ -77,23 +88,34 @@ def nearest_samples(points, boxes, cells, tile, cell_found, sample_found, distan
                 )
                 if found >= 0:
                     best, cell_found[i], sample_found[i] = distance, cell, found
+                    last = distance
 
 
 @njit(nogil=True, cache=True)
-def brick_distance(r0, r1, r2, columns, box):
-    """Return a lower bound of the distance from A⁻¹r to a box in z, its middle and half its sides, in the world.
+def shown(bits, number):
+    """Return one of the bits that are packed eight a byte, the lowest first."""
+    return (bits[number >> 3] >> (number & 7)) & 1
+
+
+@njit(nogil=True, cache=True)
+def brick_distance(r, a, b, c, boxes, brick):
+    """Return a lower bound of the distance of r to a box of z, its middle and half sides, seen as a z₁ + b z₂ + c z₃.
 
     The box lies behind the plane across e, the way from its middle, that its farthest corner along e touches.
     """
-    m0, m1, m2 = box[0, 0], box[0, 1], box[0, 2]
-    e0 = r0 - columns[0, 0] * m0 - columns[1, 0] * m1 - columns[2, 0] * m2
-    e1 = r1 - columns[0, 1] * m0 - columns[1, 1] * m1 - columns[2, 1] * m2
-    e2 = r2 - columns[0, 2] * m0 - columns[1, 2] * m1 - columns[2, 2] * m2
+    m0, m1, m2 = boxes[brick, 0, 0], boxes[brick, 0, 1], boxes[brick, 0, 2]
+    e0 = r[0] - a[0] * m0 - b[0] * m1 - c[0] * m2
+    e1 = r[1] - a[1] * m0 - b[1] * m1 - c[1] * m2
+    e2 = r[2] - a[2] * m0 - b[2] * m1 - c[2] * m2
     size = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    reach = 0.0
-    for k in range(3):
-        reach += box[1, k] * abs(e0 * columns[k, 0] + e1 * columns[k, 1] + e2 * columns[k, 2])
-    return max(size - reach / size, 0.0) if size > 0.0 else 0.0
+    if size == 0.0:
+        return 0.0
+    reach = (
+        boxes[brick, 1, 0] * abs(e0 * a[0] + e1 * a[1] + e2 * a[2])
+        + boxes[brick, 1, 1] * abs(e0 * b[0] + e1 * b[1] + e2 * b[2])
+        + boxes[brick, 1, 2] * abs(e0 * c[0] + e1 * c[1] + e2 * c[2])
+    )
+    return max(size - reach / size, 0.0)
 
 
 @njit(nogil=True, cache=True)
@@ -103,40 +125,32 @@ def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
     |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometres in single precision.
     """
     bricks, boxes, places, samples, inside, extents = tile
-    r0, r1, r2 = x[0] - origin[0], x[1] - origin[1], x[2] - origin[2]
-    if brick_distance(r0, r1, r2, columns, extents[block]) ** 2 >= best:
+    r = (x[0] - origin[0], x[1] - origin[1], x[2] - origin[2])
+    a = (float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2]))
+    b = (float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2]))
+    c = (float(columns[2, 0]), float(columns[2, 1]), float(columns[2, 2]))
+    if brick_distance(r, a, b, c, extents, block) ** 2 >= best:
         return -1, best
-    square = r0 * r0 + r1 * r1 + r2 * r2
-    a0, a1, a2 = float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2])
-    b0, b1, b2 = float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2])
-    c0, c1, c2 = float(columns[2, 0]), float(columns[2, 1]), float(columns[2, 2])
-    aa, bb, cc = (
-        np.float32(a0 * a0 + a1 * a1 + a2 * a2),
-        np.float32(b0 * b0 + b1 * b1 + b2 * b2),
-        np.float32(c0 * c0 + c1 * c1 + c2 * c2),
-    )
-    ab, ac, bc = (
-        np.float32(2 * (a0 * b0 + a1 * b1 + a2 * b2)),
-        np.float32(2 * (a0 * c0 + a1 * c1 + a2 * c2)),
-        np.float32(2 * (b0 * c0 + b1 * c1 + b2 * c2)),
-    )
-    ar, br, cr = (
-        np.float32(2 * (a0 * r0 + a1 * r1 + a2 * r2)),
-        np.float32(2 * (b0 * r0 + b1 * r1 + b2 * r2)),
-        np.float32(2 * (c0 * r0 + c1 * r1 + c2 * r2)),
-    )
+    square = dot3(r, r)
+    aa, bb, cc = np.float32(dot3(a, a)), np.float32(dot3(b, b)), np.float32(dot3(c, c))
+    ab, ac, bc = np.float32(2 * dot3(a, b)), np.float32(2 * dot3(a, c)), np.float32(2 * dot3(b, c))
+    ar, br, cr = np.float32(2 * dot3(a, r)), np.float32(2 * dot3(b, r)), np.float32(2 * dot3(c, r))
     found = -1
     for brick in range(bricks[block], bricks[block + 1]):
-        if brick_distance(r0, r1, r2, columns, boxes[brick]) ** 2 >= best:
+        if brick_distance(r, a, b, c, boxes, brick) ** 2 >= best:
             continue
         first, count = places[brick], places[brick + 1] - places[brick]
-        xs, ys, zs = samples[0, first : first + count], samples[1, first : first + count], samples[2, first : first + count]
+        xs, ys, zs = (
+            samples[0, first : first + count],
+            samples[1, first : first + count],
+            samples[2, first : first + count],
+        )
         for k in range(count):
             u, v, w = xs[k], ys[k], zs[k]
             scores[k] = u * (aa * u + ab * v + ac * w - ar) + v * (bb * v + bc * w - br) + w * (cc * w - cr)
         least = np.float32(best - square)
         for k in range(count):
-            if scores[k] < least and (mask < 0 or inside[mask + first + k - places[bricks[block]]]):
+            if scores[k] < least and (mask < 0 or shown(inside, mask + first + k - places[bricks[block]])):
                 least, found = scores[k], first + k
                 best = square + least
     return found, best

@@ -159,15 +159,15 @@ def _fill_curvature(leaf: "MultiscaleLeaf", flat: FloatArray, curvatures: FloatA
     """Write the mean curvatures of one chunk of points."""
     _, inner, bends = texture_jets(leaf, flat, 2)
     columns = lift(leaf.blade, flat).columns
-    lift_bends = _lift_bends(leaf.blade, flat)
+    second = lift_bends(leaf.blade, flat)
 
     def task(start: int, stop: int) -> None:
-        newton.mean_curvatures(start, stop, columns, inner, bends, lift_bends, curvatures)
+        newton.mean_curvatures(start, stop, columns, inner, bends, second, curvatures)
 
     run_blocks(task, len(flat), BLOCK)
 
 
-def _lift_bends(blade: "Blade", flat: FloatArray) -> FloatArray:
+def lift_bends(blade: "Blade", flat: FloatArray) -> FloatArray:
     """Return ∂²X/∂z_a∂z_b, (n, 3, 3, 3), from central differences of the analytic Jacobian; X is linear in z₃."""
     bends = np.zeros((len(flat), 3, 3, 3))
     step = DIFFERENCE * float(np.ptp(blade.outline.bounds[:, 1]))

@@ -8,7 +8,7 @@ import numpy as np
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.lattice import Lattice, sample_lattice
-from o3dleaf.leaf.surface import CHUNK, texture_jets
+from o3dleaf.leaf.surface import CHUNK, lift_bends, texture_jets
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import blocks
 from o3dleaf.rbf.tail import IntArray
@@ -18,8 +18,12 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 1 << 18
 """Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
-CELL_STEPS = 16
-"""Side of a block, in steps of the sampling: over two tenths of a millimetre a blade is as good as plane."""
+CELL_STEPS = (4, 16)
+"""Least and largest side of a block, in steps of the sampling."""
+STRAIGHT = 1 / 16
+"""By how much the blade may bend away from a cell's straight copy of a block, of the same."""
+PROBES = 48
+"""Places along the leaf, and a quarter as many across, where its bending is looked at."""
 BRICK_STEPS = 8
 """Side of a brick, in steps of the sampling: some fifty samples."""
 SLAB = 16
@@ -77,7 +81,7 @@ class Tile:
         low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
         step = _step(leaf)
         points = _surface_points(leaf, step)
-        shape = np.maximum(np.round(period / max(CELL_STEPS * step, _least_cell(leaf))), 1).astype(np.int64)
+        shape = np.maximum(np.round(period / max(_straight(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
         cell = period / shape
         relative = points - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
@@ -96,7 +100,17 @@ class Tile:
         filled = np.flatnonzero(np.diff(bricks))
         bounds = [merge.reduceat(ends, bricks[filled]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
         extents[filled] = _as_boxes(*bounds)
-        return cls(low[:2], cell, (int(shape[0]), int(shape[1])), step, bricks, extents, boxes, np.append(starts, len(samples)), np.ascontiguousarray(samples.T))
+        return cls(
+            low[:2],
+            cell,
+            (int(shape[0]), int(shape[1])),
+            step,
+            bricks,
+            extents,
+            boxes,
+            np.append(starts, len(samples)),
+            np.ascontiguousarray(samples.T),
+        )
 
 
 def _as_boxes(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -114,6 +128,16 @@ def _step(leaf: "MultiscaleLeaf") -> float:
     return max(0.5 * volume ** (1 / 3), float(np.sqrt(area / MOST_SAMPLES))) / leaf.scale
 
 
+def _straight(leaf: "MultiscaleLeaf", step: float) -> float:
+    """Return the side of a cell of which the blade, X'' κ and thus off by κ side²/8, is as good as straight."""
+    bounds = leaf.blade.outline.bounds
+    places = np.meshgrid(*[np.linspace(*bounds[:, axis], n) for axis, n in ((0, PROBES), (1, PROBES // 4))])
+    bends = lift_bends(leaf.blade, np.column_stack([*(each.ravel() for each in places), np.zeros(places[0].size)]))
+    bend = float(np.median(np.linalg.norm(bends, axis=3).max(axis=(1, 2))))
+    least, most = (steps * step for steps in CELL_STEPS)
+    return float(np.clip(np.sqrt(8 * STRAIGHT * step / max(bend, 1e-300)), least, most))
+
+
 def _least_cell(leaf: "MultiscaleLeaf") -> float:
     """Return the side of a cell of which the outline's box holds `MOST_CELLS`."""
     return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MOST_CELLS))
@@ -127,7 +151,9 @@ def _surface_points(leaf: "MultiscaleLeaf", step: float) -> FloatArray:
     parts = [_slab_points(leaf, low, steps, counts, slab) for slab in blocks(int(counts[0]), SLAB)]
     points = np.concatenate(parts)
     if not len(points):
-        raise ReconstructionError("the texture has no surface: its values are all above 0, or all below; check the level")
+        raise ReconstructionError(
+            "the texture has no surface: its values are all above 0, or all below; check the level"
+        )
     for _ in range(2):
         for first, last in blocks(len(points), CHUNK):
             part = points[first:last]
