@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.search import GROUP
@@ -19,7 +20,7 @@ Hulls = Callable[[int, int], tuple[FloatArray, FloatArray]]
 which the first two span what boxes lie along."""
 
 
-def grow_tree(count: int, hulls: Hulls) -> FloatArray:
+def grow_tree(count: int, hulls: Hulls) -> npt.NDArray[np.float32]:
     """Return the (2k, 15) float32 boxes of a heap: centre, three unit vectors along the sides, half the sides.
 
     Parameters

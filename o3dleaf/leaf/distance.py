@@ -67,9 +67,9 @@ class SurfaceIndex:
     corners: IntArray
     cells: tuple[npt.NDArray[np.generic], ...]
     mask: npt.NDArray[np.uint8]
-    boxes: FloatArray
-    strips: tuple[FloatArray, ...]
-    strip_boxes: FloatArray
+    boxes: npt.NDArray[np.float32]
+    strips: tuple[npt.NDArray[np.floating], ...]
+    strip_boxes: npt.NDArray[np.float32]
     middle: FloatArray
     reach: float
 

@@ -17,6 +17,7 @@ from o3dleaf.leaf import surface
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.distance import SurfaceIndex, closest_points, signed_distance
 from o3dleaf.leaf.frame import LeafFrame
+from o3dleaf.leaf.grid import write_grid
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
 from o3dleaf.leaf.tiling import TiledField
@@ -133,6 +134,39 @@ class MultiscaleLeaf:
     def closest_points(self, x: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
         return closest_points(self, x)[0]
+
+    def write_grid(
+        self,
+        path: str | PathLike[str],
+        spacing: float | npt.ArrayLike,
+        bounds: npt.ArrayLike | None = None,
+        *,
+        what: str = "field",
+        progress: Progress | None = None,
+    ) -> None:
+        """Sample the leaf at the whole multiples of `spacing` in a box of the world, into one file.
+
+        The file appears whole or not at all, and is written piece by piece: memory does not grow with the grid.
+
+        Parameters
+        ----------
+        path : path-like
+            VTK ImageData (.vti) or NRRD (.nrrd), x fastest, little endian; origin, spacing and unit are in it.
+        spacing : float or (3,) array_like
+            Step, in `unit`.
+        bounds : (2, 3) array_like, optional
+            Lower, then upper corner, in `unit`; the leaf's own by default.
+        what : {"field", "distance", "mask"}
+            G (float32), the signed distance (float32), or 1 in the leaf and 0 outside it (uint8).
+        progress : callable, optional
+            ``progress(done, total)`` in grid points.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown, the folder cannot be written to, or the disk cannot hold the grid.
+        """
+        write_grid(self, path, spacing, bounds, what=what, progress=progress)
 
     def project(self, x: npt.ArrayLike) -> FloatArray:
         r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from o3dleaf.checks import FloatArray
@@ -31,7 +32,9 @@ def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, Float
     return ring[number] + (2 * within[:, np.newaxis] + 1) * half, half
 
 
-def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, ...], FloatArray]:
+def rim_strips(
+    leaf: "MultiscaleLeaf", step: float
+) -> tuple[tuple[npt.NDArray[np.floating], ...], npt.NDArray[np.float32]]:
     """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the tree over them."""
     middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
     parts = [_strips(leaf, middles[a:b], halves[a:b], step) for a, b in blocks(len(middles), BLOCK)]
@@ -45,7 +48,9 @@ def rim_strips(leaf: "MultiscaleLeaf", step: float) -> tuple[tuple[FloatArray, .
     return (centres, edges, ups, ends), grow_tree(len(centres), hulls)
 
 
-def _strips(leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float) -> tuple[FloatArray, ...]:
+def _strips(
+    leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float
+) -> tuple[npt.NDArray[np.floating], ...]:
     """Return the strips over some pieces of the rim: one for each interval of heights in which F > 0."""
     low, high = leaf.texture.cell[:, 2] / leaf.scale
     heights = np.linspace(low - step, high + step, int(np.ceil((high - low) / step)) + 3)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
@@ -15,6 +16,8 @@ from o3dleaf.rbf.tail import IntArray
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
+
+Singles = npt.NDArray[np.float32]
 
 MOST_SAMPLES = 1 << 18
 """Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
@@ -64,10 +67,10 @@ class Tile:
     shape: tuple[int, int]
     step: float
     bricks: IntArray
-    extents: FloatArray
-    boxes: FloatArray
+    extents: Singles
+    boxes: Singles
     places: IntArray
-    samples: FloatArray
+    samples: Singles
 
     @classmethod
     def sample(cls, leaf: "MultiscaleLeaf") -> "Tile":
@@ -113,9 +116,9 @@ class Tile:
         )
 
 
-def _as_boxes(low: FloatArray, high: FloatArray) -> FloatArray:
+def _as_boxes(low: Singles, high: Singles) -> Singles:
     """Return the middles and half sides (n, 2, 3) of boxes from their corners."""
-    half = (high - low) * (0.5 + EPSILON)
+    half = (high - low) * np.float32(0.5 + EPSILON)
     return np.stack([(low + high) / 2, half], axis=1)
 
 
@@ -125,13 +128,15 @@ def _step(leaf: "MultiscaleLeaf") -> float:
     volume = 4.19 * float(np.median(cover.radii)) ** 3 / max(float(np.median(cover.counts)), 1.0)
     # A rough surface with pockets has some four times the tile's area on each of its faces.
     area = 8 * float(leaf.texture.period.prod())
-    return max(0.5 * volume ** (1 / 3), float(np.sqrt(area / MOST_SAMPLES))) / leaf.scale
+    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MOST_SAMPLES)) / leaf.scale)
 
 
 def _straight(leaf: "MultiscaleLeaf", step: float) -> float:
     """Return the side of a cell of which the blade, X'' κ and thus off by κ side²/8, is as good as straight."""
     bounds = leaf.blade.outline.bounds
-    places = np.meshgrid(*[np.linspace(*bounds[:, axis], n) for axis, n in ((0, PROBES), (1, PROBES // 4))])
+    places = np.meshgrid(
+        *[np.linspace(bounds[0, axis], bounds[1, axis], n) for axis, n in ((0, PROBES), (1, PROBES // 4))]
+    )
     bends = lift_bends(leaf.blade, np.column_stack([*(each.ravel() for each in places), np.zeros(places[0].size)]))
     bend = float(np.median(np.linalg.norm(bends, axis=3).max(axis=(1, 2))))
     least, most = (steps * step for steps in CELL_STEPS)
