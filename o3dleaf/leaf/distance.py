@@ -25,10 +25,10 @@ from o3dleaf.rbf.tail import IntArray
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-CHUNK = 1 << 17
-"""Points that are put in order together: 15 MB."""
-BLOCK = 1 << 11
-"""Points that a thread looks at together: 2 MB."""
+CHUNK = 1 << 15
+"""Points that are put in order together: 4 MB."""
+BLOCK = 1 << 10
+"""Points that a thread looks at together: 1 MB."""
 STRIP_STEPS = 2
 """Length of a strip of the rim, in steps of the sampling."""
 SETTLED = 0.05

@@ -136,7 +136,7 @@ def test_it_depends_on_neither_company_nor_threads(rough, monkeypatch):
 
 def test_memory_does_not_grow_with_the_number_of_points(rough):
     leaf, _ = rough
-    x = about(leaf, np.random.default_rng(9), 2 * distance.CHUNK, 40.0)
+    x = about(leaf, np.random.default_rng(9), 8 * distance.CHUNK, 40.0)
     leaf.signed_distance(x[:10])
 
     def needed(count):
