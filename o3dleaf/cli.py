@@ -1,16 +1,14 @@
 """The command line: each command reads files, does one job of the package, and writes files."""
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from o3dleaf.errors import O3DLeafError
-from o3dleaf.journal import Journal
-from o3dleaf.parallel import Progress, set_num_threads
+from o3dleaf.errors import InputError, O3DLeafError
+from o3dleaf.parallel import set_num_threads
+from o3dleaf.terminal import shown
 
 INTERRUPTED = 130
 """Exit code that typer gives to Ctrl-C."""
@@ -31,6 +29,12 @@ Level = Annotated[str, typer.Option(help="Intensity of the surface: a number, 'v
 Rho = Annotated[
     str, typer.Option(help="The paper's rho for the micro-structure, in ct-unit³, 'gcv' or 'gcv-per-ball'.")
 ]
+Period = Annotated[
+    str | None,
+    typer.Option(help="Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose faces match best."),
+]
+Flip = Annotated[str | None, typer.Option(help="Mirror every second tile: along, across or both.")]
+Shift = Annotated[float, typer.Option(help="Shift rows of tiles along by this share of one, like bricks.")]
 Threads = Annotated[int | None, typer.Option(help="Threads; all cores by default. Results do not depend on it.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Show no progress.")]
 Unit = Annotated[str | None, typer.Option(help="Unit of the coordinates: m, cm, mm, um or nm.")]
@@ -88,9 +92,25 @@ def leaf(
     ] = None,
     window: Annotated[float, typer.Option(help="Width of that window, in scan-unit.")] = 3.0,
     closed: Annotated[bool, typer.Option(help="One solid with a rim, instead of two open sheets.")] = False,
+    fine: Annotated[
+        list[tuple[float, float, float, float, float]] | None,
+        typer.Option(help="A finer window in the mesh: ALONG0 ACROSS0 ALONG1 ACROSS1 STEP; again for more."),
+    ] = None,
+    simplify: Annotated[float | None, typer.Option(help="Share of its triangles to simplify a tile to.")] = None,
+    remesh: Annotated[float | None, typer.Option(help="Edge length to remesh a tile to, in scan-unit.")] = None,
     tile_solid: Annotated[
         Path | None, typer.Option(help="Write one flat period as a closed block too; opposite sides match.")
     ] = None,
+    grid: Annotated[Path | None, typer.Option(help="Write the leaf on a grid too: .vti or .nrrd.")] = None,
+    grid_of: Annotated[str, typer.Option(help="What of it: 'field', 'distance' or 'mask'.")] = "field",
+    grid_step: Annotated[float, typer.Option(help="Step of the grid, in scan-unit.")] = 0.1,
+    distortion: Annotated[
+        str | None, typer.Option(help="Draw a map of it: along, across, shear, thickness, area or volume.")
+    ] = None,
+    offset: Annotated[str, typer.Option(help="Measure heights along 'up', as the paper, or the 'normal'.")] = "up",
+    period: Period = None,
+    flip: Flip = None,
+    shift: Shift = 0.0,
     level: Level = "valley",
     rho: Rho = "gcv",
     alpha: Annotated[
@@ -123,7 +143,18 @@ def leaf(
         around=around,
         window=window,
         closed=closed,
+        fine=tuple(fine or ()),
+        simplify=simplify,
+        remesh=remesh,
         tile_solid=tile_solid,
+        grid=grid,
+        grid_of=grid_of,
+        grid_step=grid_step,
+        distortion=distortion,
+        offset=offset,
+        period=as_period(period),
+        flip=flip,
+        shift=shift,
         level=number_or_word(level),
         rho=number_or_word(rho),
         alpha=alpha,
@@ -144,27 +175,41 @@ def patch(
     ct_unit: CtUnit = None,
     level: Level = "valley",
     rho: Rho = "gcv",
+    period: Period = None,
+    flip: Flip = None,
+    shift: Shift = 0.0,
+    tile_solid: Annotated[
+        Path | None, typer.Option(help="Write one flat period as a closed block too; opposite sides match.")
+    ] = None,
+    spacing: Annotated[float | None, typer.Option(help="Mesh step of that block, in the patch's unit.")] = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
     from o3dleaf.ct.formats import read_volume
     from o3dleaf.files import require_apart, require_writable
+    from o3dleaf.leaf.realisation import extract_flat_tile
     from o3dleaf.pipeline import PatchOptions, create_texture
     from o3dleaf.store import SUFFIX
 
     set_num_threads_if(threads)
     require_writable(output, (SUFFIX,))
-    require_apart([output], [volume])
-    options = PatchOptions(level=number_or_word(level), rho=number_or_word(rho))
+    require_apart([output, tile_solid], [volume])
+    if (tile_solid is None) != (spacing is None):
+        raise InputError("tile-solid, spacing: the block needs a step and the step a block; give both or none")
+    options = PatchOptions(number_or_word(level), number_or_word(rho), as_period(period), flip, shift)
     with shown(quiet=quiet) as journal:
         with journal.stage("read"):
             found = read_volume(volume, spacing=voxel_spacing, unit=ct_unit)
         texture = create_texture(found, options=options, journal=journal)
         with journal.stage("write model"):
             texture.save(output)
+        if tile_solid is not None and spacing is not None:
+            with journal.stage("write tile"):
+                extract_flat_tile(texture, 1.0, spacing).write(tile_solid)
     if not quiet:
-        typer.echo(f"{output}: period {texture.period.tolist()} {texture.unit or ''}")
+        energy = texture.seam_energy()
+        typer.echo(f"{output}: tile {texture.tile.tolist()} {texture.unit or ''}, seam energy {energy.total:.3g}")
 
 
 @app.command()
@@ -238,6 +283,22 @@ def render(
 
 
 @app.command()
+def pick(
+    scan: Annotated[Path, typer.Argument(help="Point cloud of one leaf.")],
+    output: Output,
+) -> None:
+    """Pick the control points of a midrib in Open3D's window, from base to tip, for `leaf --midrib`."""
+    from o3dleaf.cloud.read import read_point_cloud
+    from o3dleaf.files import require_apart
+    from o3dleaf.view.pick import pick_midrib, write_midrib
+
+    require_apart([output], [scan])
+    control = pick_midrib(read_point_cloud(scan))
+    write_midrib(output, control)
+    typer.echo(f"{output}: {len(control)} control points")
+
+
+@app.command()
 def view(files: Annotated[list[Path], typer.Argument(help="Meshes and point clouds.")]) -> None:
     """Open Open3D's window on meshes and point clouds."""
     from o3dleaf.report import read_geometry
@@ -254,52 +315,18 @@ def number_or_word(text: str) -> Any:
         return text
 
 
+def as_period(text: str | None) -> Any:
+    """Return the two lengths of a text, or the word."""
+    if text is None:
+        return None
+    words = [number_or_word(word) for word in text.replace(",", " ").split()]
+    return words[0] if len(words) == 1 else tuple(words)
+
+
 def set_num_threads_if(threads: int | None) -> None:
     """Set the number of threads where one is asked for."""
     if threads is not None:
         set_num_threads(threads)
-
-
-class BarJournal(Journal):
-    """A journal that draws a progress bar for the stage that runs."""
-
-    def __init__(self, bars: Any) -> None:
-        super().__init__()
-        self.bars = bars
-
-    def note(self, text: str) -> None:
-        """Print a line above the bars."""
-        self.bars.console.print(text, highlight=False)
-
-    @contextmanager
-    def show(self, name: str) -> Iterator[Progress]:
-        """Show one bar, filled when the stage ends."""
-        task = self.bars.add_task(name, total=None)
-
-        def progress(done: int, total: int) -> None:
-            self.bars.update(task, completed=done, total=total)
-
-        yield progress
-        self.bars.update(task, total=1, completed=1)
-
-
-@contextmanager
-def shown(*, quiet: bool) -> Iterator[Journal]:
-    """Yield a journal, shown on the terminal unless `quiet`."""
-    if quiet:
-        yield Journal()
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bars:
-        try:
-            yield BarJournal(bars)
-        except BaseException:
-            # Of a run that failed, the one line that says why is what should be left to read.
-            bars.live.transient = True
-            raise
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.midrib import find_midrib
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
+from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.rbf.smoothing import Amount
@@ -40,12 +41,15 @@ class BladeOptions:
         Of the height map, see `HeightMap.fit`.
     up, base : (3,) array_like, optional
         Direction of the adaxial side; a point near the base.
+    offset : {"up", "normal"}
+        What the micro-structure's heights are measured along, see `Blade`.
     """
 
     alpha: float | None = None
     smoothing: Amount | Literal["robust"] = "robust"
     up: Any = None
     base: Any = None
+    offset: str = "up"
 
 
 @dataclass(frozen=True)
@@ -58,10 +62,18 @@ class PatchOptions:
         The surface's intensity, or how to find it between the two peaks of the histogram.
     rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.
+    period : (2,) array_like or "best", optional
+        Size of a tile; by default all of the patch, as in the paper. "best" searches for one whose faces match.
+    flip : {"along", "across", "both"}, optional
+    shift : float
+        Mirrored tiles, and rows of tiles that are shifted along by this share of a tile; see `TiledField`.
     """
 
     level: float | str = "valley"
     rho: Amount = "gcv"
+    period: Any = None
+    flip: str | None = None
+    shift: float = 0.0
 
 
 def create_blade(
@@ -108,7 +120,7 @@ def create_blade(
     # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
     with journal.stage("fit height map") as progress:
         height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit, progress=progress)
-    return Blade(frame, height_map, outline)
+    return Blade(frame, height_map, outline, options.offset)
 
 
 def create_texture(
@@ -148,13 +160,14 @@ def create_texture(
             bounds=box,
             progress=progress,
         )
-    # Copies displaced by exactly the width of the segment, blended by the partition of unity.
-    return TiledField(field)
+    # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best period.
+    with journal.stage("tile"):
+        return TiledField(field, options.period, flip=options.flip, shift=options.shift)
 
 
 def create_multiscale_leaf(
     scan: CloudLike,
-    volume: Volume | TiledField,
+    volume: Volume | TiledField | PatchBlend,
     midrib: CloudLike | None = None,
     *,
     unit: str = "mm",
@@ -168,15 +181,15 @@ def create_multiscale_leaf(
     ----------
     scan, midrib, unit
         As in `create_blade`.
-    volume : Volume or TiledField
-        The micro-CT patch, or its texture made by `create_texture` before.
+    volume : Volume, TiledField or PatchBlend
+        The micro-CT patch, or a texture made before.
     blade, patch : BladeOptions, PatchOptions, optional
     journal : Journal, optional
         Told of each stage.
     """
     macro = create_blade(scan, midrib, unit=unit, options=blade, journal=journal)
     texture = create_texture(volume, options=patch, journal=journal) if isinstance(volume, Volume) else volume
-    return MultiscaleLeaf(texture, macro.frame, macro.height_map, macro.outline)
+    return MultiscaleLeaf(texture, macro.frame, macro.height_map, macro.outline, offset=macro.offset)
 
 
 def _require_size(length: float, unit: str | None, limits: tuple[float, float], name: str, what: str) -> None:

@@ -14,7 +14,10 @@ from o3dleaf.errors import InputError
 from o3dleaf.files import require_apart, require_writable
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.grid import KINDS
+from o3dleaf.leaf.grid import SUFFIXES as GRIDS
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.realisation import Realisation
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
@@ -25,6 +28,7 @@ from o3dleaf.report import summarise, write_json
 from o3dleaf.store import SUFFIX as MODEL
 from o3dleaf.store import write_model
 from o3dleaf.units import unit_scale
+from o3dleaf.view.maps import MEASURES, render_distortion
 from o3dleaf.view.render import Inset, render
 
 MOST_TO_CHECK = 3_000_000
@@ -56,8 +60,20 @@ class LeafRun:
     window : float
     closed : bool
         One solid with a rim instead of two sheets.
+    fine : sequence of (along, across, along, across, step)
+        Finer windows in the mesh: lower and upper corner and step, in scan_unit.
+    simplify, remesh : float, optional
+        Share of its triangles that a tile is simplified to; edge length, in scan_unit, that it is remeshed to.
     tile_solid : Path, optional
         Where to write one flat period of the micro-structure as a closed block.
+    grid : Path, optional
+        Where to write the field on a regular grid, `grid_of` it ("field", "distance" or "mask"), `grid_step` apart.
+    distortion : str, optional
+        Draw a map of this measure of the frame's distortion beside the mesh.
+    offset : {"up", "normal"}
+        What the micro-structure's heights are measured along.
+    period, flip, shift
+        As in `PatchOptions`.
     level, rho : float or str
         As in `PatchOptions`.
     method : str
@@ -77,7 +93,18 @@ class LeafRun:
     around: Any = None
     window: float = 3.0
     closed: bool = False
+    fine: Any = ()
+    simplify: float | None = None
+    remesh: float | None = None
     tile_solid: Path | None = None
+    grid: Path | None = None
+    grid_of: str = "field"
+    grid_step: float = 0.1
+    distortion: str | None = None
+    offset: str = "up"
+    period: Any = None
+    flip: str | None = None
+    shift: float = 0.0
     level: float | str = "valley"
     rho: Any = "gcv"
     alpha: float | None = None
@@ -87,18 +114,29 @@ class LeafRun:
     def __post_init__(self) -> None:
         """Refuse what can be refused before any work."""
         require_writable(self.output, SUFFIXES)
-        beside = (self.output.with_suffix(".png"), self.output.with_suffix(".json"))
-        require_apart((self.output, self.model, self.tile_solid, *beside), (self.scan, self.ct, self.midrib))
-        if self.tile_solid is not None:
-            require_writable(self.tile_solid, SUFFIXES)
-        if self.ct is None and (self.closed or self.tile_solid is not None):
-            raise InputError("closed, tile-solid: need a micro-structure, which gives the blade its thickness; give ct")
+        beside = self.tile_solid, self.grid, *map(self.beside, (".png", ".json", ".distortion.png"))
+        require_apart((self.output, self.model, *beside), (self.scan, self.ct, self.midrib))
+        for path, suffixes in ((self.model, (MODEL,)), (self.tile_solid, SUFFIXES), (self.grid, GRIDS)):
+            if path is not None:
+                require_writable(path, suffixes)
+        if self.ct is None and (self.closed or self.fine or self.tile_solid or self.grid):
+            raise InputError(
+                "closed, fine, tile-solid, grid: need a micro-structure, which gives the blade its thickness; give ct"
+            )
         if self.region is not None and self.around is not None:
             raise InputError("region, around: name the same window in two ways; give one of them")
-        if self.model is not None:
-            require_writable(self.model, (MODEL,))
+        if self.fine and (self.region is not None or self.around is not None or self.simplify or self.remesh):
+            raise InputError("fine: windows are set into the whole leaf as it is polygonised; leave the others out")
+        if self.distortion is not None:
+            require_choice(self.distortion, MEASURES, "distortion")
         require_positive(self.spacing, "spacing")
+        require_positive(self.grid_step, "grid-step")
+        require_choice(self.grid_of, KINDS, "grid-of")
         require_choice(self.method, METHODS, "method")
+
+    def beside(self, suffix: str) -> Path:
+        """Return the name of a file beside the mesh."""
+        return self.output.with_suffix(suffix)
 
     def run(self, journal: Journal) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""
@@ -106,26 +144,31 @@ class LeafRun:
             scan = read_point_cloud(self.scan)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else read_patch(self.ct, self.voxel_spacing, self.ct_unit)
-        blade = create_blade(scan, midrib, unit=self.scan_unit, options=BladeOptions(alpha=self.alpha), journal=journal)
-        leaf = None
-        if patch is not None:
-            options = PatchOptions(level=self.level, rho=self.rho)
-            texture = create_texture(patch, options=options, journal=journal) if isinstance(patch, Volume) else patch
-            leaf = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
-        surface = None
-        if leaf is None:
+        macro = BladeOptions(alpha=self.alpha, offset=self.offset)
+        blade = create_blade(scan, midrib, unit=self.scan_unit, options=macro, journal=journal)
+        leaf = surface = None
+        if patch is None:
             mesh = self.write_sheet(blade, journal)
         else:
-            mesh, surface = self.write_leaf(leaf, journal)
+            micro = PatchOptions(self.level, self.rho, self.period, self.flip, self.shift)
+            texture = create_texture(patch, options=micro, journal=journal) if isinstance(patch, Volume) else patch
+            leaf = MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline, offset=blade.offset)
+            mesh, surface = self.write_windows(leaf, journal) if self.fine else self.write_leaf(leaf, journal)
+            self.write_more(leaf, journal)
         if self.model is not None:
             with journal.stage("write model"):
                 write_model(self.model, leaf or blade)
         if self.picture:
             with journal.stage("draw picture"):
-                draw(self.output.with_suffix(".png"), mesh, blade, leaf)
+                draw(self.beside(".png"), mesh, blade, leaf)
+        if self.distortion is not None:
+            with journal.stage("draw distortion"):
+                render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
         with journal.stage("check mesh"):
-            summary = summarise(blade, mesh, journal, asdict(self), leaf=leaf, surface=surface)
-        write_json(self.output.with_suffix(".json"), summary)
+            summary = summarise(blade, mesh, journal, asdict(self), leaf=leaf, surface=surface, scan=scan)
+        write_json(self.beside(".json"), summary)
+        for warning in summary["frame"]["warnings"]:
+            journal.note(f"warning: {warning}")
         return summary
 
     def write_sheet(self, blade: Blade, journal: Journal) -> o3d.geometry.TriangleMesh:
@@ -142,7 +185,8 @@ class LeafRun:
         region = self.region if self.around is None else leaf.blade.window(self.around, self.window)
         parts: dict[str, Any] = {"region": region, "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile") as progress:
-            surface = leaf.realise(self.spacing, progress=progress, **parts)
+            reduced = parts | {"simplify": self.simplify, "remesh": self.remesh}
+            surface = leaf.realise(self.spacing, progress=progress, **reduced)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
@@ -150,17 +194,34 @@ class LeafRun:
         )
         with journal.stage("write mesh") as progress:
             surface.write(self.output, progress)
-        if self.tile_solid is not None:
-            with journal.stage("write tile"):
-                write_triangle_mesh(self.tile_solid, leaf.extract_tile(self.spacing).mesh)
         with journal.stage("extract mesh"):
             if surface.triangles <= MOST_TO_CHECK:
                 return surface.extract().mesh, surface
             coarse = max(self.spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
             return leaf.realise(coarse, **parts).extract().mesh, surface
 
+    def write_windows(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, None]:
+        """Write the surface of the leaf with finer windows in it, and return it."""
+        levels = [((row[:2], row[2:4]), row[4]) for row in self.fine]
+        with journal.stage("extract mesh"):
+            found = leaf.extract_levels(self.spacing, levels, closed=self.closed)
+        with journal.stage("write mesh"):
+            found.write(self.output)
+        return found.mesh, None
 
-def read_patch(path: Path, voxel_spacing: float | None = None, unit: str | None = None) -> Volume | TiledField:
+    def write_more(self, leaf: MultiscaleLeaf, journal: Journal) -> None:
+        """Write a flat tile and a grid, where they are asked for."""
+        if self.tile_solid is not None:
+            with journal.stage("write tile"):
+                leaf.extract_tile(self.spacing).write(self.tile_solid)
+        if self.grid is not None:
+            with journal.stage("write grid") as progress:
+                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, progress=progress)
+
+
+def read_patch(
+    path: Path, voxel_spacing: float | None = None, unit: str | None = None
+) -> Volume | TiledField | PatchBlend:
     """Return the volume of a file, or the micro-structure of a model file.
 
     Raises
@@ -172,7 +233,7 @@ def read_patch(path: Path, voxel_spacing: float | None = None, unit: str | None 
         return read_volume(path, spacing=voxel_spacing, unit=unit)
     found = load(path)
     texture = found.texture if isinstance(found, MultiscaleLeaf) else found
-    if not isinstance(texture, TiledField):
+    if not isinstance(texture, TiledField | PatchBlend):
         raise InputError(f"{path}: holds a {type(found).__name__}, no micro-structure; give one that `patch` made")
     return texture
 

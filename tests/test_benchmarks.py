@@ -40,7 +40,7 @@ def baselines(script):
     return script("baselines")
 
 
-@pytest.mark.parametrize("file", ["bench_paper.py", "bench_engine.py"])
+@pytest.mark.parametrize("file", ["bench_paper.py", "bench_engine.py", "bench_field.py"])
 def test_a_quick_run_writes_rows_of_numbers(file, tmp_path):
     found = tmp_path / "rows.json"
     command = [sys.executable, str(SCRIPTS / file), "--quick", "--json", str(found)]

@@ -246,3 +246,29 @@ RIDGE_PITCH = 1e-3
 
 ONE_LEAF_OF_RIDGES = 0.07
 """Ridges of a scanned patch wander and differ in height: found 0.026, and 0.063 at most on ten larger patches."""
+# --- leaf: the surface ---
+
+PROJECTED = 1e-11
+"""Newton ends at 1e-11 of the patch's thickness, 1, at slopes of 0.6, on intensities of size 0.1 and points at 10."""
+
+NORMAL = 1e-9
+"""The gradient of a polynomial that splines reproduce to ten digits."""
+
+CURVATURE = 1e-6
+"""Relative: the second derivatives of the same, ball by ball in units of its radius."""
+
+BENT_CURVATURE = 1e-4
+"""Relative: the blade's second derivatives are differences at a step of 6e-4 on a quintic axis."""
+
+SLAB_DISTANCE = 1e-6
+"""The faces are planes and cylinders to ten digits; the rim's strips are kept in single precision."""
+
+LIPSCHITZ = 1e-3
+"""A hundredth of the samples' step, 0.06: where two samples are almost equally near, the wrong one's foot is taken."""
+
+EIKONAL = 1e-2
+"""Central differences at a step of 1e-3 across ridges of radius 0.1 find slopes to 1e-4; errors of 1e-5 add."""
+
+DISTANCE_MESH = (2e-3, 1e-2)
+"""Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;
+samples of the same step, midway between two faces 0.4 apart, may mistake the nearer one: found 1.3e-3 and 5.8e-3."""

@@ -22,6 +22,7 @@ from o3dleaf.leaf.offset import (
 )
 from o3dleaf.leaf.outline import CRUMBS, AlphaShape
 from o3dleaf.leaf.quality import FrameQuality, appraise_frame
+from o3dleaf.leaf.surface import lift, lift_up, pull_back
 from o3dleaf.mesh.arrays import build_mesh
 from o3dleaf.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.mesh.components import largest_components
@@ -108,22 +109,14 @@ class Blade:
             and have coordinates along up; without them only `flat` itself can, by its height.
         """
         if self.offset == "up":
-            return self._pull_back_up(flat, gradient)
+            return pull_back(lift(self, flat).columns, gradient)
         offsets = NormalOffsets.at(self.frame, self.height_map, flat)
         found = pull_back_along_normal(offsets, gradient)
         beyond = offsets.room <= LEAST_ROOM
         if x is not None:
             beyond |= ~offsets.reach(x, self.frame.length)
-        found[beyond] = self._pull_back_up(flat[beyond], gradient[beyond])
+        found[beyond] = pull_back(lift_up(self, flat[beyond]).columns, gradient[beyond])
         return found
-
-    def _pull_back_up(self, flat: FloatArray, gradient: FloatArray) -> FloatArray:
-        leaf = flat.copy()
-        leaf[:, 2] += self.height_map(flat[:, :2])
-        inner = gradient.copy()
-        inner[:, :2] -= gradient[:, 2:] * self.height_map.gradient(flat[:, :2])
-        turned = np.swapaxes(self.frame.jacobian(leaf), 1, 2)
-        return np.asarray(np.linalg.solve(turned, inner[..., None])[..., 0], dtype=np.float64)
 
     def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
         """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.

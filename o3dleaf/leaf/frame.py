@@ -14,7 +14,7 @@ from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf import loops
 from o3dleaf.leaf.normals import consistent_normals, half_width
 from o3dleaf.leaf.quality import FrameQuality, appraise_frame
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import blocks, run_blocks
 from o3dleaf.units import check_unit
 
 BLOCK = 4096
@@ -161,12 +161,18 @@ class LeafFrame:
         return frames, slopes
 
     @cached_property
-    def _sampling(self) -> tuple[FloatArray, float, float]:
-        """Points of the axis at equal steps, (3, K), the step in t, and the longest chord between two of them."""
+    def _sampling(self) -> tuple[FloatArray, float, float, FloatArray]:
+        """Points of the axis at equal steps, (3, K), the step in t, the longest chord, and the reach of each group.
+
+        Groups are `loops.GROUP` points in a row; a group's reach is the largest distance from its middle one.
+        """
         t = np.linspace(self.breaks[0], self.breaks[-1], SAMPLES_PER_SEGMENT * (len(self.breaks) - 1) + 1)
         samples = self.stations(t)[0]
         chord = float(np.linalg.norm(np.diff(samples, axis=0), axis=1).max())
-        return np.ascontiguousarray(samples.T), float(t[1] - t[0]), chord
+        groups = [samples[first:last] for first, last in blocks(len(samples), loops.GROUP)]
+        middles = [samples[min(loops.GROUP * g + loops.GROUP // 2, len(samples) - 1)] for g in range(len(groups))]
+        reach = [np.linalg.norm(group - at, axis=1).max() for group, at in zip(groups, middles, strict=True)]
+        return np.ascontiguousarray(samples.T), float(t[1] - t[0]), chord, np.array(reach)
 
 
 def arc_lengths(control: FloatArray, degree: int) -> FloatArray:

@@ -124,7 +124,7 @@ class HeightMap:
         """
         points = as_points(plane, dim=2)
         inside = np.clip(points, *self.bounds)
-        parts = self.interpolant.jet(inside, order)
+        parts = self.interpolant.jets(inside, order)
         free = points == inside
         columns = [parts[0], *np.where(free, parts[1], 0.0).T]
         if order == 2:

@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
+GROUP = 16
+"""Samples of the axis in a row that are ruled out together."""
 MOST_STEPS = 80
 """Newton with bisection as safeguard halves the bracket at worst: 80 steps exhaust float64."""
 
@@ -160,20 +162,28 @@ def closest_past_end(x, end, outward, breaks, axis, derivatives):
 
 
 @njit(nogil=True, cache=True)
-def closest(x, samples, step, chord, breaks, axis, distances, derivatives):
+def closest(x, sampling, breaks, axis, distances, near, derivatives):
     """Return the parameter of the globally closest point of the extended axis.
 
-    `samples` (3, K) lie `step` apart in t and at most `chord` in space. The distance to x is
+    The samples (3, K) lie `step` apart in t and at most `chord` in space. The distance to x is
     1-Lipschitz in space, so a sampled local minimum more than `chord` above the best one cannot
-    lead to the global minimum; every other one is refined.
+    lead to the global minimum; every other one is refined. For the same reason `GROUP` samples in a
+    row are looked at only if the ball about their middle one, of radius `reach`, comes near enough.
     """
+    samples, step, chord, reach = sampling
     count = samples.shape[1]
-    for i in range(count):
-        dx, dy, dz = x[0] - samples[0, i], x[1] - samples[1, i], x[2] - samples[2, i]
-        distances[i] = dx * dx + dy * dy + dz * dz
-    smallest = distances[0]
-    for i in range(1, count):
-        smallest = min(smallest, distances[i])
+    smallest = np.inf
+    for group in range(len(reach)):
+        middle = min(GROUP * group + GROUP // 2, count - 1)
+        smallest = min(smallest, squared_distance(x, samples, middle))
+    limit = math.sqrt(smallest) + chord
+    for group in range(len(reach)):
+        middle = min(GROUP * group + GROUP // 2, count - 1)
+        first, last = max(GROUP * group - 1, 0), min(GROUP * (group + 1) + 1, count)
+        near[group] = squared_distance(x, samples, middle) <= (limit + reach[group]) ** 2
+        for i in range(first, last if near[group] else first):
+            distances[i] = squared_distance(x, samples, i)
+            smallest = min(smallest, distances[i])
     limit = (math.sqrt(smallest) + chord) ** 2
     best = closest_past_end(x, breaks[0], -1.0, breaks, axis, derivatives)
     best_distance = distance_to(x, best, breaks, axis, derivatives)
@@ -181,29 +191,36 @@ def closest(x, samples, step, chord, breaks, axis, distances, derivatives):
     distance = distance_to(x, t, breaks, axis, derivatives)
     if distance < best_distance:
         best, best_distance = t, distance
-    for i in range(count):
-        before = distances[i - 1] if i > 0 else np.inf
-        after = distances[i + 1] if i < count - 1 else np.inf
-        if distances[i] > limit or distances[i] > before or distances[i] > after:
-            continue
-        middle = breaks[0] + i * step
-        t = refine(x, max(middle - step, breaks[0]), min(middle + step, breaks[-1]), breaks, axis, derivatives)
-        distance = distance_to(x, t, breaks, axis, derivatives)
-        if distance < best_distance:
-            best, best_distance = t, distance
+    for group in range(len(reach)):
+        for i in range(GROUP * group, min(GROUP * (group + 1), count) if near[group] else 0):
+            before = distances[i - 1] if i > 0 else np.inf
+            after = distances[i + 1] if i < count - 1 else np.inf
+            if distances[i] > limit or distances[i] > before or distances[i] > after:
+                continue
+            middle = breaks[0] + i * step
+            t = refine(x, max(middle - step, breaks[0]), min(middle + step, breaks[-1]), breaks, axis, derivatives)
+            distance = distance_to(x, t, breaks, axis, derivatives)
+            if distance < best_distance:
+                best, best_distance = t, distance
     return best
+
+
+@njit(nogil=True, cache=True)
+def squared_distance(x, samples, i):
+    """Return |x − s_i|²."""
+    dx, dy, dz = x[0] - samples[0, i], x[1] - samples[1, i], x[2] - samples[2, i]
+    return dx * dx + dy * dy + dz * dz
 
 
 @njit(nogil=True, cache=True)
 def to_leaf(start, stop, points, sampling, breaks, axis, normal, leaf):
     """Fill leaf[start:stop] with (along, across, up)."""
-    samples, step, chord = sampling
-    distances = np.empty(samples.shape[1])
+    distances, near = np.empty(sampling[0].shape[1]), np.empty(len(sampling[3]), dtype=np.bool_)
     derivatives = np.empty((3, 3))
     frame, slope, scratch = np.empty((4, 3)), np.empty((4, 3)), np.empty((7, 3))
     gap = np.empty(3)
     for i in range(start, stop):
-        t = closest(points[i], samples, step, chord, breaks, axis, distances, derivatives)
+        t = closest(points[i], sampling, breaks, axis, distances, near, derivatives)
         station(t, breaks, axis, normal, frame, slope, scratch)
         for k in range(3):
             gap[k] = points[i, k] - frame[0, k]

@@ -1,6 +1,7 @@
 """The multi-scale leaf: G(x) = F(T*(x)), micro-structure everywhere on the macro-scale blade (paper, section 2.6)."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -8,13 +9,18 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.checks import FloatArray, as_points
+from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable
+from o3dleaf.leaf import surface
 from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.distance import SurfaceIndex, closest_points, signed_distance
 from o3dleaf.leaf.frame import LeafFrame
+from o3dleaf.leaf.grid import write_grid
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows
+from o3dleaf.leaf.patches import PatchBlend
+from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
 from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import Progress
@@ -32,7 +38,7 @@ class MultiscaleLeaf:
 
     Attributes
     ----------
-    texture : TiledField
+    texture : TiledField or PatchBlend
     blade : Blade
         The frame, the height_map, the outline and the offset that it was given.
     scale : float
@@ -41,7 +47,7 @@ class MultiscaleLeaf:
 
     def __init__(
         self,
-        texture: TiledField,
+        texture: TiledField | PatchBlend,
         frame: LeafFrame,
         height_map: HeightMap,
         outline: AlphaShape,
@@ -91,8 +97,97 @@ class MultiscaleLeaf:
 
     def gradient(self, x: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
-        flat = self.blade.flatten(x)
-        return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale)
+        points = as_points(x, "x", dim=3)
+        flat = self.blade.flatten(points)
+        return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale, points)
+
+    @cached_property
+    def surface_index(self) -> SurfaceIndex:
+        """What finds the nearest point of the surface, made when it is first asked for and kept.
+
+        Raises
+        ------
+        InputError
+            If several patches are blended along the leaf: it holds one tile.
+        """
+        if not is_one_tile(self.texture, self.blade, self.scale):
+            raise InputError(
+                "texture: several patches along the leaf have no one tile to measure to; extract a mesh and ask "
+                "Open3D's RaycastingScene"
+            )
+        return SurfaceIndex.build(self)
+
+    def signed_distance(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) distances of (n, 3) world points to the leaf's surface, in `unit`; negative inside.
+
+        The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
+        hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
+        the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
+        """
+        return signed_distance(self, x)
+
+    def closest_points(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
+        return closest_points(self, x)[0]
+
+    def write_grid(
+        self,
+        path: str | PathLike[str],
+        spacing: float | npt.ArrayLike,
+        bounds: npt.ArrayLike | None = None,
+        *,
+        what: str = "field",
+        progress: Progress | None = None,
+    ) -> None:
+        """Sample the leaf at the whole multiples of `spacing` in a box of the world, into one file.
+
+        The file appears whole or not at all, and is written piece by piece: memory does not grow with the grid.
+
+        Parameters
+        ----------
+        path : path-like
+            VTK ImageData (.vti) or NRRD (.nrrd), x fastest, little endian; origin, spacing and unit are in it.
+        spacing : float or (3,) array_like
+            Step, in `unit`.
+        bounds : (2, 3) array_like, optional
+            Lower, then upper corner, in `unit`; the leaf's own by default.
+        what : {"field", "distance", "mask"}
+            G (float32), the signed distance (float32), or 1 in the leaf and 0 outside it (uint8).
+        progress : callable, optional
+            ``progress(done, total)`` in grid points.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown, the folder cannot be written to, or the disk cannot hold the grid.
+        """
+        write_grid(self, path, spacing, bounds, what=what, progress=progress)
+
+    def project(self, x: npt.ArrayLike) -> FloatArray:
+        r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.
+
+        .. math:: x ← x - λ\,G(x)\,∇G(x)/|∇G(x)|²
+
+        with steps halved until \|G\| falls. Where that ends in a place without a surface - far away, in the
+        air between hairs, in the middle of the blade - the result is the closest point of the leaf instead, as in
+        `closest_points`. Otherwise the outline has no say here: the surface goes on past the rim.
+        """
+        return surface.project(self, x)
+
+    def normals(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) outward unit normals −∇G/|∇G| of the level sets of G at world points; 0 where ∇G is."""
+        return surface.normals(self, x)
+
+    def mean_curvature(self, x: npt.ArrayLike) -> FloatArray:
+        r"""Return the (n,) mean curvatures of the level sets of G at world points, in 1/`unit`.
+
+        .. math:: κ = \tfrac{1}{2}\,∇·n, \qquad n = -∇G/|∇G|
+
+        Positive where the leaf bulges: 1/R on a sphere of radius R, 1/2R on a cylinder. The texture's second
+        derivatives are analytic; those of the blade are central differences of its analytic Jacobian, and jump with
+        the frame's at the control points of a cubic midrib.
+        """
+        return surface.mean_curvature(self, x)
 
     def realise(
         self,

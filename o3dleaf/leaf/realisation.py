@@ -1,7 +1,7 @@
 """The realised surface: one tile polygonised, set down all over the blade, in memory or in a file."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -50,6 +50,10 @@ class Texture(Protocol):
         """(2, 3) box of one tile."""
         ...
 
+    def tile_key(self, p: int) -> Hashable:
+        """Return what tile number p along looks like: tiles of equal keys are translates of one another."""
+        ...
+
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the values at (n, 3) points."""
         ...
@@ -69,6 +73,22 @@ class LeafMesh:
 
     mesh: o3d.geometry.TriangleMesh
     labels: npt.NDArray[np.uint8]
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return len(self.mesh.vertices)
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.mesh.triangles)
+
+    def write(self, path: str | PathLike[str], comments: tuple[str, ...] = ("o3dleaf",)) -> None:
+        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all."""
+        with mesh_file(require_writable(path, SUFFIXES), self, comments) as sink:
+            sink.put_vertices(0, np.asarray(self.mesh.vertices))
+            sink.put_triangles(0, np.asarray(self.mesh.triangles), self.labels)
 
 
 class Realisation:
@@ -107,7 +127,7 @@ class Realisation:
         box = None if region is None else as_bounds(region, 2, "region")
         self.blade, self.closed = blade, closed
         self._started = time.perf_counter()
-        lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+        lattice = leaf_lattice(texture, blade, scale, spacing)
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
@@ -195,7 +215,7 @@ def extract_windows(
     closed: bool = False,
 ) -> LeafMesh:
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
-    lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+    lattice = leaf_lattice(texture, blade, scale, spacing)
 
     def values(flat: FloatArray) -> FloatArray:
         return texture(flat * scale)
@@ -256,16 +276,41 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMes
 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     """
-    lattice = tile_lattice(texture, scale, require_positive(spacing, "spacing"))
+    lattice = tile_lattice(texture, scale, spacing)
     vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice))
     return LeafMesh(build_mesh(vertices, triangles), labels)
 
 
-def tile_lattice(texture: Texture, scale: float, step: float) -> TileLattice:
+def tile_rows(texture: Texture, blade: Blade, scale: float) -> range:
+    """Return the numbers of the tiles along that the outline reaches into."""
+    reach = (blade.outline.bounds[:, 0] * scale - texture.cell[0, 0]) / texture.period[0]
+    return range(int(np.floor(reach[0])), int(np.ceil(reach[1])) + 1)
+
+
+def is_one_tile(texture: Texture, blade: Blade, scale: float) -> bool:
+    """Return whether all tiles over the blade are alike, or several patches are blended along it."""
+    return len({texture.tile_key(p) for p in tile_rows(texture, blade, scale)}) == 1
+
+
+def leaf_lattice(texture: Texture, blade: Blade, scale: float, spacing: float) -> TileLattice:
+    """Return the lattice of what is set down over a blade: a tile, or one row of tiles along all of it.
+
+    Where several patches are blended along the blade, the row repeats across only, and memory grows with its length.
+    """
+    lattice = tile_lattice(texture, scale, spacing)
+    if is_one_tile(texture, blade, scale):
+        return lattice
+    rows = tile_rows(texture, blade, scale)
+    (nx, ny, nz), (x, y, z) = lattice.shape, lattice.origin
+    return TileLattice((x + rows[0] * lattice.period[0], y, z), lattice.spacing, (nx * len(rows), ny, nz))
+
+
+def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
 
     The texture lies within the layers but for the first and the last one.
     """
+    step = require_positive(spacing, "spacing")
     low, high = texture.cell[:, 2] / scale
     layer = step / np.ceil(step * LAYERS / (high - low))
     first, last = np.floor(low / layer + 1e-9) - 1, np.ceil(high / layer - 1e-9) + 1

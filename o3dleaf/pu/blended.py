@@ -72,27 +72,18 @@ class Blended:
         """
         return self._evaluate(points, 2, dtype)
 
-    def jet(self, points: npt.ArrayLike, order: int = 2) -> tuple[FloatArray, ...]:
-        """Return values (n,), gradients (n, d) and, for order 2, Hessians (n, d, d) together, at the cost of the last.
+    def jets(self, points: npt.ArrayLike, level: int, *, dtype: npt.DTypeLike = np.float64) -> tuple[FloatArray, ...]:
+        """Return values (n,), gradients (n, d) and, at `level` 2, Hessians (n, d, d) at (n, d) points, in one pass.
 
         Parameters
         ----------
         points : (n, d) array_like
-        order : int
-            1 or 2.
-
-        Raises
-        ------
-        InputError
-            As `hessian`, for order 2.
+        level : {0, 1, 2}
+            The highest order of the derivatives.
+        dtype : float64 or float32
+            As for the values.
         """
-        dimension = self.index.bounds.shape[1]
-        queries = as_points(points, dim=dimension)
-        count = len(queries)
-        parts = [np.empty((count if level <= order else 0, *[dimension] * level)) for level in range(3)]
-        for first, last in blocks(count, CHUNK):
-            self._fill(queries[first:last], order, *(part[first:last] for part in parts))
-        return tuple(parts[: order + 1])
+        return self._derivatives(points, tuple(range(level + 1)), dtype)
 
     def on_lattice(
         self,
@@ -131,23 +122,25 @@ class Blended:
 
     def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         """Return the values, gradients or Hessians: the derivatives of order `level`."""
+        return self._derivatives(points, (level,), dtype)[0]
+
+    def _derivatives(
+        self, points: npt.ArrayLike, orders: tuple[int, ...], dtype: npt.DTypeLike
+    ) -> tuple[npt.NDArray[Any], ...]:
         kind = _as_kind(dtype)
         dimension = self.index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
-        result = np.empty((len(queries), *[dimension] * level), dtype=kind)
-        parts = [np.empty((0, *[dimension] * order), dtype=kind) for order in range(3)]
+        results = tuple(np.empty((len(queries), *[dimension] * order), dtype=kind) for order in orders)
         for first, last in blocks(len(queries), CHUNK):
-            parts[level] = result[first:last]
-            self._fill(queries[first:last], level, *parts)
-        return result
+            self._fill(queries[first:last], dict(zip(orders, (part[first:last] for part in results), strict=True)))
+        return results
 
-    def _fill(self, queries: FloatArray, level: int, *parts: npt.NDArray[Any]) -> None:
-        """Write values, gradients and Hessians at one chunk of points, those up to order `level` that have rows.
-
-        What that took is given back on return.
-        """
-        index = self.index
-        jets = self.local.blend(index, queries, level=level, dtype=parts[level].dtype)
+    def _fill(self, queries: FloatArray, results: dict[int, npt.NDArray[Any]]) -> None:
+        """Write the derivatives of some orders at one chunk of points; what that took is given back on return."""
+        index, level = self.index, max(results)
+        kind = results[level].dtype
+        jets = self.local.blend(index, queries, level=level, dtype=kind)
+        parts = [results.get(order, np.empty((0, *[queries.shape[1]] * order), dtype=kind)) for order in range(3)]
 
         def task(start: int, stop: int) -> None:
             unpack(start, stop, jets, queries, index.bounds, index.period, *parts)

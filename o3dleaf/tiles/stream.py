@@ -36,8 +36,15 @@ BLOCK = 1 << 17
 class Mesh(Protocol):
     """What is known of a surface before it is made."""
 
-    vertices: int
-    triangles: int
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        ...
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        ...
 
 
 class Arrays:

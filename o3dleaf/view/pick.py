@@ -1,12 +1,14 @@
 """Control points of a midrib, picked by hand in Open3D's window."""
 
 from collections.abc import Sequence
+from os import PathLike
 
 import numpy as np
 import open3d as o3d
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, O3DLeafError
+from o3dleaf.files import require_writable, whole_file
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.view.window import require_window
 
@@ -35,6 +37,15 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
     points = points_of(cloud, "cloud", least=FEWEST)
     require_window("pick_midrib", "pick the points elsewhere and give them as a file, or let find_midrib find them")
     return control_points(points, _pick(points))
+
+
+def write_midrib(path: str | PathLike[str], control: FloatArray) -> None:
+    """Write control points (k, 3) as a PLY point cloud, whole or not at all."""
+    target = require_writable(path, (".ply",))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(control))
+    with whole_file(target) as temporary:
+        if not o3d.io.write_point_cloud(temporary, cloud):
+            raise O3DLeafError(f"{target}: could not be written; free space on the disk or choose another")
 
 
 def control_points(points: FloatArray, picked: Sequence[int]) -> FloatArray:

@@ -201,3 +201,15 @@ def test_one_point_none_and_no_point():
     for bad in (np.nan, np.inf):
         with pytest.raises(InputError, match="NaN or infinite"):
             field.hessian([[0.5, bad, 0.5]])
+
+
+def test_jets_are_what_values_gradients_and_hessians_are():
+    field, queries, _ = fitted(3, 3)
+    values, gradients, hessians = field.jets(4 * queries, 2)
+    for found, expected in zip(
+        (values, gradients, hessians),
+        (field(4 * queries), field.gradient(4 * queries), field.hessian(4 * queries)),
+        strict=True,
+    ):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
+    assert len(field.jets(queries, 0)) == 1

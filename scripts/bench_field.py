@@ -1,0 +1,153 @@
+"""The field itself: rates of its parts, and its signed distance beside Open3D's RaycastingScene.
+
+python scripts/bench_field.py [--leaf MODEL] [--mesh FILE | --spacing S] [--json FILE] [--quick]
+
+Points are spread over the neighbourhood of a synthetic wheat leaf (or of the MODEL that `leaf.save` wrote), half a
+patch's height above and below it; "far" ones over a box three times the leaf's. The scene is built on FILE, a mesh
+of the whole leaf, or on the leaf's own at S mm; its time and memory are those of its build and its queries, without
+the mesh. How far the two distances are apart is measured on a window, meshed in the world at half the CT's step with
+the walls of its pockets. Compilation and reading are not counted; the index of the leaf's surface is.
+"""
+
+import argparse
+
+import numpy as np
+import open3d as o3d
+from measuring import Row, measure, resident, show, write_json
+
+import o3dleaf as o3l
+from o3dleaf.leaf.distance import SurfaceIndex
+
+WINDOW = 1.0
+"""Side of the window, in millimetres."""
+
+
+def make_leaf(quick):
+    """The synthetic leaf, in millimetres."""
+    sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)
+    volume, _ = o3l.samples.wheat_ct(**({"size": (720.0, 720.0, 480.0)} if quick else {}))
+    return o3l.create_multiscale_leaf(sample.cloud, volume, sample.midrib)
+
+
+def spread(leaf, count, rng):
+    """Flat coordinates over the outline, through the patch and half of its height beyond."""
+    low, high = leaf.blade.outline.bounds
+    bottom, top = leaf.texture.cell[:, 2] / leaf.scale
+    flat = rng.uniform([*low, 1.5 * bottom - 0.5 * top], [*high, 1.5 * top - 0.5 * bottom], (3 * count, 3))
+    return flat[leaf.blade.outline.contains(flat[:, :2])][:count]
+
+
+def rate_rows(leaf, flat):
+    """Return a row for each part of the field, at all the points."""
+    blade, points = leaf.blade, leaf.blade.lift(flat)
+    coordinates = blade.frame.to_leaf(points)
+    on = leaf.closest_points(points[: len(points) // 4])
+    calls = {
+        "world to leaf": lambda: blade.frame.to_leaf(points),
+        "leaf to world": lambda: blade.frame.to_world(coordinates),
+        "height map": lambda: blade.height_map(flat[:, :2]),
+        "outline membership": lambda: blade.outline.contains(flat[:, :2]),
+        "G, frame and tiling": lambda: leaf(points),
+        "gradient of G": lambda: leaf.gradient(points),
+        "project": lambda: leaf.project(on),
+        "normals": lambda: leaf.normals(on),
+        "mean curvature": lambda: leaf.mean_curvature(on),
+    }
+    rows = []
+    for name, call in calls.items():
+        call()
+        result, seconds, peak = measure(call, 3)
+        rows.append(Row(name, f"{len(result):,} points", seconds, peak_mb=max(peak - result.nbytes / 2**20, 0.0)))
+        print(f"{name}: {len(result) / seconds / 1e6:.2f} million points a second")
+    return rows
+
+
+def distance_rows(leaf, near, far, mesh):
+    """Return the rows of the signed distance, near and far: index and queries, scene and queries."""
+    leaf.signed_distance(near[:10])
+    index, build, memory = measure(lambda: SurfaceIndex.build(leaf))
+    leaf.__dict__["surface_index"] = index
+    tensors = [o3d.core.Tensor(part.astype(np.float32)) for part in (near, far)]
+    before = resident()
+    scene, scene_build, scene_memory = measure(lambda: scene_of(mesh))
+    kept, rows = resident() - before, []
+    for name, points, tensor in zip(("near", "far"), (near, far), tensors, strict=True):
+        found, seconds, peak = measure(lambda points=points: leaf.signed_distance(points))
+        _, theirs, _ = measure(lambda tensor=tensor: scene.compute_signed_distance(tensor))
+        print(f"{name}: {len(found) / seconds / 1e6:.2f} million distances a second, {theirs:.2f} s with the scene")
+        row = Row(f"signed distance, {name}", f"{len(found):,} points", build + seconds, peer="RaycastingScene")
+        row.peer_seconds, row.peak_mb = scene_build + theirs, memory + max(peak - found.nbytes / 2**20, 0.0)
+        row.ratio = row.peer_seconds / row.seconds
+        rows.append(row)
+    triangles = len(mesh.triangle.indices)
+    print(
+        f"index: {build:.2f} s, {memory:.0f} MB; scene of {triangles:,} triangles: {scene_build:.2f} s, "
+        f"{scene_memory:.0f} MB at most, {kept:.0f} MB kept, the mesh's own "
+        f"{(mesh.vertex.positions.numpy().nbytes + mesh.triangle.indices.numpy().nbytes) / 2**20:.0f} MB not counted"
+    )
+    return rows
+
+
+def scene_of(mesh):
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(mesh)
+    scene.compute_distance(o3d.core.Tensor(np.zeros((1, 3), dtype=np.float32)))
+    return scene
+
+
+def agreement(leaf, count, rng):
+    """Print how far our distances are from those to a fine mesh of a window, of which the middle is asked."""
+    bounds = leaf.blade.outline.bounds
+    bottom, top = leaf.texture.cell[:, 2] / leaf.scale
+    middle = np.append(bounds.mean(axis=0), 0.0)
+    corners = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (bottom, top)]) * [WINDOW, WINDOW, 1]
+    world = leaf.blade.lift(middle + corners)
+    spacing = float(np.median(leaf.texture.field.cover.radii)) / leaf.scale / 9
+    mesh = o3l.extract_isosurface(leaf, spacing, [world.min(axis=0), world.max(axis=0)])
+    scene = scene_of(o3d.t.geometry.TriangleMesh.from_legacy(mesh))
+    z = rng.uniform(1.5 * bottom - 0.5 * top, 1.5 * top - 0.5 * bottom, count)
+    flat = middle + np.column_stack([rng.uniform(-WINDOW / 2, WINDOW / 2, (count, 2)), z])
+    points = leaf.blade.lift(flat)
+    found = leaf.signed_distance(points)
+    expected = scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
+    # Nearer to the middle than the window's edge is: what is outside of it cannot be nearer.
+    asked = expected < WINDOW / 2
+    error = np.abs(np.abs(found) - expected)[asked] * 1000
+    edge = np.linalg.norm(np.diff(np.asarray(mesh.vertices)[np.asarray(mesh.triangles)[:, :2]], axis=1), axis=2)
+    print(
+        f"window mesh of {spacing * 1000:.1f} µm lattice, edges of {np.median(edge) * 1000:.1f} µm: they differ by "
+        f"{np.median(error):.2g} µm (median), {np.quantile(error, 0.99):.2g} (99 %), {error.max():.2g} (most)"
+    )
+    feet = leaf.closest_points(points[asked])
+    print(f"largest |G| at the closest points, of its spread: {np.abs(leaf(feet)).max() / leaf(points).std():.1g}")
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--leaf", metavar="MODEL", help="a leaf that was saved, in millimetres")
+    parser.add_argument("--mesh", metavar="FILE", help="mesh of the whole leaf for the scene")
+    parser.add_argument("--spacing", type=float, default=0.1, help="of the mesh made where none is given, in mm")
+    parser.add_argument("--json", metavar="FILE", help="write the rows there as well")
+    parser.add_argument("--quick", action="store_true", help="small scales, to see that it runs")
+    options = parser.parse_args(arguments)
+    rng, quick = np.random.default_rng(0), options.quick
+    leaf = o3l.load(options.leaf) if options.leaf else make_leaf(quick)
+    count = 10_000 if quick else 1_000_000
+    flat = spread(leaf, count, rng)
+    rows = rate_rows(leaf, flat)
+    if options.mesh:
+        mesh = o3d.t.io.read_triangle_mesh(options.mesh)
+    else:
+        mesh = o3d.t.geometry.TriangleMesh.from_legacy(leaf.extract_mesh(0.5 if quick else options.spacing))
+    box = leaf.bounds
+    far = box.mean(axis=0) + 3 * np.ptp(box, axis=0) * (rng.random((count, 3)) - 0.5)
+    rows += distance_rows(leaf, leaf.blade.lift(flat), far, mesh)
+    agreement(leaf, 2000 if quick else 200_000, rng)
+    show("The field of the multi-scale leaf", rows, "peer")
+    if options.json:
+        write_json(options.json, rows)
+    return rows
+
+
+if __name__ == "__main__":
+    main()
