@@ -93,8 +93,8 @@ def leaf(
     window: Annotated[float, typer.Option(help="Width of that window, in scan-unit.")] = 3.0,
     closed: Annotated[bool, typer.Option(help="One solid with a rim, instead of two open sheets.")] = False,
     fine: Annotated[
-        list[tuple[float, float, float, float, float]] | None,
-        typer.Option(help="A finer window in the mesh: ALONG0 ACROSS0 ALONG1 ACROSS1 STEP; again for more."),
+        list[str] | None,
+        typer.Option(help="A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; again for more."),
     ] = None,
     simplify: Annotated[float | None, typer.Option(help="Share of its triangles to simplify a tile to.")] = None,
     remesh: Annotated[float | None, typer.Option(help="Edge length to remesh a tile to, in scan-unit.")] = None,
@@ -143,7 +143,7 @@ def leaf(
         around=around,
         window=window,
         closed=closed,
-        fine=tuple(fine or ()),
+        fine=tuple(as_window(text) for text in fine or ()),
         simplify=simplify,
         remesh=remesh,
         tile_solid=tile_solid,
@@ -321,6 +321,14 @@ def as_period(text: str | None) -> Any:
         return None
     words = [number_or_word(word) for word in text.replace(",", " ").split()]
     return words[0] if len(words) == 1 else tuple(words)
+
+
+def as_window(text: str) -> tuple[float, ...]:
+    """Return the five numbers of a text, or raise `InputError`."""
+    numbers = [number_or_word(word) for word in text.replace(",", " ").split()]
+    if len(numbers) != 5 or any(isinstance(number, str) for number in numbers):
+        raise InputError(f"fine: is {text!r}; give five numbers, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'")
+    return tuple(numbers)
 
 
 def set_num_threads_if(threads: int | None) -> None:

@@ -254,7 +254,7 @@ PROJECTED = 1e-11
 NORMAL = 1e-9
 """The gradient of a polynomial that splines reproduce to ten digits."""
 
-CURVATURE = 1e-6
+BALL_CURVATURE = 1e-6
 """Relative: the second derivatives of the same, ball by ball in units of its radius."""
 
 BENT_CURVATURE = 1e-4

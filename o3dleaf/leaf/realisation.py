@@ -126,17 +126,18 @@ class Realisation:
         kind = METHODS.index(require_choice(method, METHODS, "method"))
         box = None if region is None else as_bounds(region, 2, "region")
         self.blade, self.closed = blade, closed
-        self._started = time.perf_counter()
         lattice = leaf_lattice(texture, blade, scale, spacing)
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
+        started = time.perf_counter()
         if closed:
             area = blade.outline.rounded if box is None else shapely.box(*box.ravel()) & blade.outline.rounded
             self.assembly = Assembly(self.tile, footprint(_sides(area), *plane, None), closed=True, reduced=reduced)
         else:
             area = footprint(_sides(blade.outline.polygon), *plane, box)
             self.assembly = Assembly(self.tile, area, closed=False, reduced=reduced)
+        self._counting = time.perf_counter() - started
 
     @property
     def spacing(self) -> tuple[float, float, float]:
@@ -174,14 +175,17 @@ class Realisation:
 
     @cached_property
     def seconds(self) -> float:
-        """What making all the vertices will take about, from a trial; a file adds what the disk takes."""
+        """What making the mesh will take about: as long as counting it, and its vertices' way to the world, from a trial.
+
+        A file adds what the disk takes.
+        """
         edges, fractions = np.resize(self.tile.edges, TRIAL), np.resize(self.tile.fractions, TRIAL)
         along, across = self.assembly.middle.tolist()
         places = lattice_positions(edges, fractions, self.tile.lattice.shape, (along, across, 0))
         flat = self.tile.lattice.positions(places)
         start = time.perf_counter()
         run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
-        return (time.perf_counter() - start) * self.vertices / TRIAL
+        return self._counting + (time.perf_counter() - start) * self.vertices / TRIAL
 
     def extract(self, progress: Progress | None = None) -> LeafMesh:
         """Return the surface as a mesh in memory."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from leaf_fields import leaf_of, texture
-from tolerances import BENT_CURVATURE, CURVATURE, NORMAL, PROJECTED
+from tolerances import BALL_CURVATURE, BENT_CURVATURE, NORMAL, PROJECTED
 
 RADIUS = 0.31
 
@@ -39,7 +39,7 @@ def test_normals_and_curvature_of_a_sphere(ball):
     way, _ = around(np.random.default_rng(1), 300, 1, 1)
     at = np.array([10.0, 0.0, 0.0]) + RADIUS * way
     assert np.abs(ball.normals(at) - way).max() <= NORMAL
-    assert np.abs(ball.mean_curvature(at) * RADIUS - 1).max() <= CURVATURE
+    assert np.abs(ball.mean_curvature(at) * RADIUS - 1).max() <= BALL_CURVATURE
 
 
 def test_curvature_of_a_cylinder_and_of_its_inside():
@@ -47,8 +47,8 @@ def test_curvature_of_a_cylinder_and_of_its_inside():
     hole = leaf_of(texture(lambda x, y, z: y**2 + z**2 - RADIUS**2))[0]
     angle = np.random.default_rng(2).uniform(0, 2 * np.pi, 200)
     at = np.stack([np.full(200, 10.1), RADIUS * np.cos(angle), RADIUS * np.sin(angle)], axis=1)
-    assert np.abs(field.mean_curvature(at) * 2 * RADIUS - 1).max() <= CURVATURE
-    assert np.abs(hole.mean_curvature(at) * 2 * RADIUS + 1).max() <= CURVATURE
+    assert np.abs(field.mean_curvature(at) * 2 * RADIUS - 1).max() <= BALL_CURVATURE
+    assert np.abs(hole.mean_curvature(at) * 2 * RADIUS + 1).max() <= BALL_CURVATURE
 
 
 @pytest.mark.parametrize("face", [1, -1])
