@@ -15,8 +15,8 @@ from .leaf.height import HeightMap as HeightMap
 from .leaf.outline import AlphaShape as AlphaShape
 from .leaf.blade import Blade as Blade
 from .leaf.distortion import Distortion as Distortion
-from .leaf.tiling import TiledField as TiledField
-from .leaf.patches import PatchBlend as PatchBlend
+from .texture.tiling import TiledField as TiledField
+from .texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
 from .models import load as load
 from .pipeline import create_blade as create_blade

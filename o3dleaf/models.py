@@ -8,9 +8,7 @@ from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.robust import RobustChoice
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
@@ -19,6 +17,8 @@ from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing
 from o3dleaf.store import read_model
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
 
 CLASSES: dict[str, type[Any]] = {
     each.__name__: each

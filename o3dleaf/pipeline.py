@@ -18,10 +18,10 @@ from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.midrib import find_midrib
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.patches import PatchBlend
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.rbf.smoothing import Amount
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
 from o3dleaf.units import unit_scale
 
 LEAF_LENGTH_MM = (5.0, 3000.0)

@@ -17,9 +17,7 @@ from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.grid import KINDS
 from o3dleaf.leaf.grid import SUFFIXES as GRIDS
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.realisation import Realisation
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
 from o3dleaf.mesh.polygonise import METHODS
 from o3dleaf.models import load
@@ -27,6 +25,8 @@ from o3dleaf.pipeline import BladeOptions, PatchOptions, create_blade, create_te
 from o3dleaf.report import summarise, write_json
 from o3dleaf.store import SUFFIX as MODEL
 from o3dleaf.store import write_model
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
 from o3dleaf.units import unit_scale
 from o3dleaf.view.maps import MEASURES, render_distortion
 from o3dleaf.view.render import Inset, render

@@ -19,12 +19,12 @@ from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.grid import write_grid
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import Progress
 from o3dleaf.store import write_model
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
 from o3dleaf.units import unit_scale
 
 

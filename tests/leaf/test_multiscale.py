@@ -8,10 +8,10 @@ from o3dleaf.leaf.frame import LeafFrame
 from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.mesh.clean import count_self_intersections
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.texture.tiling import TiledField
 from tolerances import ANALYTIC_VS_DIFFERENCE, SURFACE_ORDER
 
 PERIOD = 1.2

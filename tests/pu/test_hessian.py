@@ -8,11 +8,11 @@ from scipy.stats.qmc import Halton
 
 import reference
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalFields
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic
+from o3dleaf.texture.tiling import TiledField
 from tolerances import HESSIAN_DIFFERENCE, HESSIAN_KINK, HESSIAN_SEAM, HESSIAN_TWIN, ROUNDING
 
 BALLS = (40, 80)

@@ -7,8 +7,8 @@ import pytest
 
 from o3dleaf import lattice as sampling
 from o3dleaf.errors import InputError, MemoryBudgetError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.texture.tiling import TiledField
 
 
 def fitted(d):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic
+from o3dleaf.texture.tiling import TiledField
 from tolerances import SINGLE
 
 PLACE = 1000.0

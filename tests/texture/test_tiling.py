@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.weights import wendland
+from o3dleaf.texture.tiling import TiledField
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 

@@ -5,10 +5,10 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.errors import InputError, UnitError
-from o3dleaf.leaf.patches import PatchBlend
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.blended import CHUNK, WORKING_MEMORY
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
 from tolerances import ANALYTIC_VS_DIFFERENCE, FADE_TWIN, HESSIAN_DIFFERENCE, PERIODIC
 
 

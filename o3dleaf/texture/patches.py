@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.errors import InputError, UnitError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.parallel import blocks
 from o3dleaf.pu.blended import CHUNK, Blended
 from o3dleaf.pu.index import BallIndex
@@ -18,6 +17,7 @@ from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.jets import add_product
 from o3dleaf.rbf.loops import jet_size
 from o3dleaf.store import write_model
+from o3dleaf.texture.tiling import TiledField
 from o3dleaf.units import unit_scale
 
 AXES = {"along": 0, "up": 2}

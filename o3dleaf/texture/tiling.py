@@ -12,14 +12,14 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_number, require_choice
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.crop import best_crop, reach_of_fade
-from o3dleaf.leaf.crossfade import CrossFade
-from o3dleaf.leaf.seams import Crop, Patch, SeamEnergy
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalFits
 from o3dleaf.store import write_model
+from o3dleaf.texture.crop import best_crop, reach_of_fade
+from o3dleaf.texture.crossfade import CrossFade
+from o3dleaf.texture.seams import Crop, Patch, SeamEnergy
 
 FLIPS = {"along": (True, False), "across": (False, True), "both": (True, True)}
 
@@ -46,7 +46,7 @@ class TiledField(Blended):
     Beyond the patch's faces that extrapolates. With a crop, asked for by an offset or found by
     ``period="best"``, the tile is smaller than the patch and the data beyond its faces are real:
     :math:`F(z) = \sum_q ω(z - s^q) F(z - s^q)`, with windows ω that sum to one and fade in a narrow band
-    about each seam (`o3dleaf.leaf.crossfade`). Nothing is copied in either case.
+    about each seam (`o3dleaf.texture.crossfade`). Nothing is copied in either case.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class TiledField(Blended):
         period : "best" or (2,) array_like, optional
             Size of a tile along and across, in the field's unit; by default the extent of its bounds.
             "best", for both or for one of the two, is the one whose faces match best, of at least half
-            the patch; see `o3dleaf.leaf.crop.best_crop`. `tile` and `offset` tell what was chosen.
+            the patch; see `o3dleaf.texture.crop.best_crop`. `tile` and `offset` tell what was chosen.
         offset : (2,) array_like, optional
             Lower corner of the tile in the patch; the patch must reach beyond the tile. Left out, the
             best one is searched for with the best period, else whole patches overlap as in the paper, or
@@ -173,7 +173,7 @@ class TiledField(Blended):
         return Patch.of(self.field).energy(crop, width)
 
     def tile_key(self, p: int) -> Hashable:  # noqa: ARG002 - all periods are alike
-        """Return the same key for every period p along: see `o3dleaf.leaf.patches.PatchBlend.tile_key`."""
+        """Return the same key for every period p along: see `o3dleaf.texture.patches.PatchBlend.tile_key`."""
         return 0
 
     @property

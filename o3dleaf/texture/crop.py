@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.seams import MOST, Crop, Patch
 from o3dleaf.parallel import single_threaded_blas
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.texture.seams import MOST, Crop, Patch
 
 LEAST_SHARE = 0.5
 """A tile found by search has at least this share of the patch's extent, so that repetition shows less."""

@@ -6,8 +6,8 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.errors import InputError
-from o3dleaf.leaf.tiling import TiledField
 from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.texture.tiling import TiledField
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     FADE_TWIN,

@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.leaf import copies
 from o3dleaf.parallel import blocks, run_blocks
 from o3dleaf.pu.blended import CHUNK
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFits
 from o3dleaf.rbf.loops import jet_size
+from o3dleaf.texture import copies
 
 BLOCK = 1 << 12
 """Queries that one thread lays the copies of."""
