@@ -9,26 +9,29 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.errors import ReconstructionError
+from o3dleaf.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.topology import label_nodes
 from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.tiles.footprint import Footprint
 from o3dleaf.tiles.loops import ABOVE
-from o3dleaf.tiles.placement import Placement, place_sheets, place_solid
+from o3dleaf.tiles.placement import Nodes, Placement, place_sheets, place_solid
 from o3dleaf.tiles.reduced import Reduced
 from o3dleaf.tiles.tile import Tile
 
-STRIPS = 2
-"""Rows of tiles that are held at once, and one more: what memory is needed for, beside one tile."""
+STRIPS = 1
+"""Rows of tiles that are worked on at once; they are held with the row after them, which is the memory needed."""
 VERTICES = 1 << 15
 """Vertices that one thread takes to the world at once."""
+MOST = 2**31 - 1
+"""Vertices that the numbers of a mesh file can tell apart."""
 SHARE = 0.25
 """A piece with this share of the largest one's triangles is a face of the blade; scraps at the rim are smaller."""
 ADAXIAL, ABAXIAL, RIM = 0, 1, 2
 """Labels of triangles."""
 
 At = tuple[int, int]
+Numbers = npt.NDArray[np.int32]
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -68,7 +71,7 @@ class _Part:
     """A placement and the labels of its nodes' pieces, counted from 0 in this tile; −1: not there."""
 
     placement: Placement
-    labels: IntArray
+    labels: npt.NDArray[np.int32]
     count: int
 
     @property
@@ -209,9 +212,10 @@ class Assembly:
         """Return the counts of a part, its labels following on those given before."""
         last = next(reversed(self._shares.values()), None)
         placement, own = part.placement, part.own
-        corner = part.labels[placement.nodes[:, 0]]
+        nodes = placement.nodes
+        corner = part.labels[nodes[:, 0]]
         above = np.zeros(part.count, dtype=bool)
-        above[corner] = _sides(placement) == ADAXIAL
+        above[corner] = _sides(placement, nodes) == ADAXIAL
         return Share(
             0 if last is None else last.first_label + len(last.vertices),
             np.bincount(own[own >= 0], minlength=part.count),
@@ -264,6 +268,8 @@ class Assembly:
         starts = np.concatenate([[[0, 0]], np.cumsum(counts, axis=0)])
         self._starts = {at: (int(row[0]), int(row[1])) for at, row in zip(self._shares, starts[:-1], strict=True)}
         self.vertices, self.triangles = (int(count) for count in starts[-1])
+        if self.vertices > MOST:
+            raise MemoryBudgetError(f"spacing: {self.vertices:,} vertices are more than a mesh can number; coarsen it")
 
     def _kept_counts(self, at: At) -> tuple[int, int]:
         """Return the number of vertices and triangles of a tile that are kept."""
@@ -275,20 +281,23 @@ class Assembly:
         share = self._shares[at]
         return bool(self._kept[share.first_label : share.first_label + len(share.vertices)].all())
 
-    def _numbers(self, part: _Part, at: At) -> IntArray:
+    def _numbers(self, part: _Part, at: At) -> Numbers:
         """Return the numbers (n + e,) of a tile's own vertices, −1 for those that are not there."""
         own = part.own
         there = own >= 0
         if not self._keeps_all(at):
             there[there] = self._kept[own[there] + self._shares[at].first_label]
-        return np.where(there, self._starts[at][0] + np.cumsum(there) - 1, -1)
+        numbers = np.cumsum(there, dtype=np.int32)
+        numbers += self._starts[at][0] - 1
+        numbers[~there] = -1
+        return numbers
 
     def _emit_vertices(
         self,
         sink: Sink,
         to_world: Callable[[FloatArray], FloatArray],
         parts: dict[At, _Part],
-        numbers: dict[At, IntArray],
+        numbers: dict[At, Numbers],
         piece: tuple[At, int],
     ) -> None:
         """Put a tile's own vertices from one row on."""
@@ -297,12 +306,13 @@ class Assembly:
         if len(rows):
             sink.put_vertices(int(numbers[at][rows[0]]), to_world(parts[at].placement.positions(rows)))
 
-    def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, IntArray], at: At) -> None:
+    def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, Numbers], at: At) -> None:
         """Put the triangles of one tile."""
         part = parts[at]
         around = {shift: (parts[there].placement, numbers[there]) for shift, there in self._around(parts, at).items()}
         name = part.placement.node_numbers(numbers[at], around)
-        nodes, labels = part.placement.nodes, _sides(part.placement)
+        nodes = part.placement.nodes
+        labels = _sides(part.placement, nodes)
         if not self._keeps_all(at):
             kept = self._kept[part.labels[nodes[:, 0]] + self._shares[at].first_label]
             nodes, labels = nodes[kept], labels[kept]
@@ -327,7 +337,8 @@ def _stand_in(placement: Placement, reduced: Reduced) -> Placement:
     count = len(reduced.inner)
     names = np.zeros(count, dtype=np.int64), np.zeros(count)
     tile, at = placement.tile, placement.at
-    return Placement(tile, at, reduced.used, reduced.nodes, *names, count, inner=reduced.inner, is_whole=True)
+    cells = np.zeros(tile.lattice.shape[:2], dtype=bool)
+    return Placement(tile, at, reduced.used, cells, reduced.nodes, *names, count, inner=reduced.inner, is_whole=True)
 
 
 def _label(placement: Placement) -> _Part:
@@ -342,19 +353,22 @@ def _label(placement: Placement) -> _Part:
     there[placement.nodes] = True
     is_root = np.zeros(len(root), dtype=bool)
     is_root[root[there]] = True
-    rank = np.cumsum(is_root) - 1
-    return _Part(placement, np.where(there, rank[root], -1), int(is_root.sum()))
+    rank = np.cumsum(is_root, dtype=np.int32) - 1
+    labels = rank[root]
+    labels[~there] = -1
+    return _Part(placement, labels, int(is_root.sum()))
 
 
-def _sides(placement: Placement) -> npt.NDArray[np.uint8]:
+def _sides(placement: Placement, nodes: Nodes) -> npt.NDArray[np.uint8]:
     """Return the labels of a placement's triangles."""
     tile = placement.tile
-    rim = np.full(len(placement.rim_names), ABOVE)
+    rim = np.full(len(placement.rim_names), ABOVE, dtype=np.uint8)
     of_node = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]], rim])
     if placement.inner is not None:
         # Inside a reduced tile a piece looks where its border looks.
         of_node = of_node[placement.pieces()]
-    labels = np.where(of_node[placement.nodes[:, 0]] == ABOVE, ADAXIAL, ABAXIAL).astype(np.uint8)
-    if placement.on_rim is not None:
-        labels[placement.on_rim] = RIM
+    labels = np.where(of_node == ABOVE, ADAXIAL, ABAXIAL).astype(np.uint8)[nodes[:, 0]]
+    on_rim = placement.on_rim
+    if on_rim is not None:
+        labels[on_rim] = RIM
     return labels

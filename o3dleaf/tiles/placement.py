@@ -1,7 +1,9 @@
 """What of a tile is used in one place: all of it, the cells that an outline holds, or a solid that it cuts."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +17,7 @@ from o3dleaf.tiles.rim import cut_cells, gather_cells, label_nodes, rim_edges, u
 from o3dleaf.tiles.tile import Tile
 
 Nodes = npt.NDArray[np.int32]
+NO_NODES = np.empty((0, 3), dtype=np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +34,16 @@ class Placement:
         Number of the tile along and across.
     used : (n,) ndarray of bool or None
         Which of the tile's vertices are there; None: all.
-    nodes : (m, 3) ndarray of int32
-        The triangles.
+    cells : (nx, ny) ndarray of bool or None
+        Which cells have the tile's triangles; None: all.
+    cut : (c, 3) ndarray of int32
+        The other triangles.
     rim_names, rim_fractions : (e,) ndarrays
         Edges of the window that the rim's vertices lie on, this tile's first, and how far along.
     rim_own : int
         How many of them are this tile's.
-    on_rim : (m,) ndarray of bool or None
-        Which triangles belong to the rim; None: none.
+    cut_on_rim : (c,) ndarray of bool or None
+        Which of the other triangles belong to the rim; None: none.
     inner : (e, 3) ndarray or None
         Instead of a rim: flat positions, in tile (0, 0), of vertices inside a whole tile that was reduced.
     is_whole : bool
@@ -48,13 +53,30 @@ class Placement:
     tile: Tile
     at: tuple[int, int]
     used: BoolArray | None
-    nodes: Nodes
+    cells: BoolArray | None
+    cut: Nodes
     rim_names: IntArray
     rim_fractions: FloatArray
     rim_own: int = 0
-    on_rim: BoolArray | None = None
+    cut_on_rim: BoolArray | None = None
     inner: FloatArray | None = None
     is_whole: bool = False
+
+    @property
+    def nodes(self) -> Nodes:
+        """(m, 3) all triangles, gathered when they are asked for: what is held of a place is small."""
+        if self.cells is None:
+            return self.tile.nodes
+        plain = _kept_triangles(self.tile, self.cells)
+        return np.concatenate([plain, self.cut]) if len(self.cut) else plain
+
+    @property
+    def on_rim(self) -> BoolArray | None:
+        """(m,) which triangles belong to the rim; None: none."""
+        if self.cells is None or self.cut_on_rim is None:
+            return None
+        plain = int(np.diff(self.tile.cells)[self.cells.ravel()].sum())
+        return np.concatenate([np.zeros(plain, dtype=bool), self.cut_on_rim])
 
     @property
     def own(self) -> BoolArray:
@@ -79,7 +101,9 @@ class Placement:
         places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
         return tile.lattice.positions(places)
 
-    def node_numbers(self, own: IntArray, neighbours: dict[int, tuple["Placement", IntArray]]) -> IntArray:
+    def node_numbers(
+        self, own: npt.NDArray[Any], neighbours: Mapping[int, tuple["Placement", npt.NDArray[Any]]]
+    ) -> npt.NDArray[Any]:
         """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
 
         Parameters
@@ -89,7 +113,7 @@ class Placement:
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
-        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int64)
+        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=own.dtype)
         numbers[:vertices] = own[:vertices]
         numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
         names, shifts = self._rim_beyond
@@ -128,12 +152,12 @@ def sheets_over(tile: Tile, kept: BoolArray, at: tuple[int, int]) -> Placement |
     """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
     none = np.empty(0, dtype=np.int64), np.empty(0)
     if kept.all():
-        return Placement(tile, at, None, tile.nodes, *none, is_whole=True)
+        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_cells(tile.edges, tile.lattice.shape, kept, used)
     if not used.any():
         return None
-    return Placement(tile, at, used, _kept_triangles(tile, np.ascontiguousarray(kept[1:, 1:])), *none)
+    return Placement(tile, at, used, np.ascontiguousarray(kept[1:, 1:]), NO_NODES, *none)
 
 
 def place_solid(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
@@ -154,7 +178,7 @@ def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Place
     none = np.empty(0, dtype=np.int64), np.empty(0)
     inside = distance > 0
     if inside.all():
-        return Placement(tile, at, None, tile.nodes, *none, is_whole=True)
+        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
     if not inside.any():
         return None
     used = np.empty(len(tile.edges), dtype=bool)
@@ -163,36 +187,22 @@ def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Place
     names, fractions = _rim(tile, distance, row_of, labels)
     beyond = tile.beyond[:, 0] * 4 + tile.beyond[:, 1]
     outline = (tile.lattice.shape, tile.edges, tile.fractions, beyond), (names, fractions), distance, row_of, labels
-    count = cut_cells(tile.method, *outline, np.empty((0, 3), dtype=np.int32), np.empty(0, dtype=bool))
+    count = cut_cells(tile.method, *outline, NO_NODES, np.empty(0, dtype=bool))
     cut, on_rim = np.empty((count, 3), dtype=np.int32), np.empty(count, dtype=bool)
     cut_cells(tile.method, *outline, cut, on_rim)
     kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-    plain = _kept_triangles(tile, kept)
-    _, shifts = in_tile(names, tile.lattice.shape)
-    return _own_first(
-        tile, at, used, np.concatenate([plain, cut]), names, fractions, shifts == 0,
-        np.concatenate([np.zeros(len(plain), dtype=bool), on_rim]),
-    )  # fmt: skip
-
-
-def _own_first(  # noqa: PLR0917 - the parts of a placement
-    tile: Tile,
-    at: tuple[int, int],
-    used: BoolArray,
-    nodes: Nodes,
-    names: IntArray,
-    fractions: FloatArray,
-    own: BoolArray,
-    on_rim: BoolArray,
-) -> Placement:
-    """Return the placement with the rim's vertices in the order of `Placement`: this tile's first."""
+    own = in_tile(names, tile.lattice.shape)[1] == 0
     order = np.concatenate([np.flatnonzero(own), np.flatnonzero(~own)])
+    _renumber(cut, order, len(tile.edges) + len(tile.beyond))
+    return Placement(tile, at, used, kept, cut, names[order], fractions[order], int(own.sum()), on_rim)
+
+
+def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:
+    """Give the nodes from `start` on the numbers that they have in a new order."""
     rank = np.empty(len(order), dtype=np.int32)
     rank[order] = np.arange(len(order))
-    start = len(tile.edges) + len(tile.beyond)
     late = nodes >= start
     nodes[late] = start + rank[nodes[late] - start]
-    return Placement(tile, at, used, nodes, names[order], fractions[order], int(own.sum()), on_rim)
 
 
 def _kept_triangles(tile: Tile, kept: BoolArray) -> Nodes:

@@ -181,7 +181,7 @@ def gather_cells(kept, cells, nodes, found):
 @njit(nogil=True, cache=True)
 def label_nodes(nodes, count):
     """Return the (count,) first node of the piece that each node belongs to, by the triangles `nodes` (m, 3)."""
-    parent = np.arange(count)
+    parent = np.arange(count, dtype=np.int32)
     for t in range(len(nodes)):
         for corner in range(1, 3):
             one, other = nodes[t, 0], nodes[t, corner]

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.errors import MemoryBudgetError
 from o3dleaf.files import require_free, whole_file
 from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.parallel import blocks
@@ -28,8 +27,6 @@ TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("labe
 """A triangle of an STL file; its label is in the attribute."""
 OBJ_VERTEX_BYTES, OBJ_FACE_BYTES = 64, 32
 """Longest line of an OBJ file, nearly."""
-MOST = 2**31 - 1
-"""Vertices that the numbers of a PLY file can tell apart."""
 BLOCK = 1 << 17
 
 
@@ -77,8 +74,6 @@ class PlyFile:
 
     def __init__(self, path: Path, mesh: Mesh, comments: tuple[str, ...]) -> None:
         """Write the header; the file has its full length from the start."""
-        if mesh.vertices > MOST:
-            raise MemoryBudgetError(f"{mesh.vertices:,} vertices are more than a file can number; coarsen the spacing")
         header = _ply_header(mesh, comments)
         self.mesh = mesh
         self.first_vertex = len(header)

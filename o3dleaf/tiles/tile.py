@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +16,8 @@ from o3dleaf.parallel import Progress, blocks
 from o3dleaf.tiles.loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.tiles.runs import Runs, find_runs, solidify
 
-SLAB = 1 << 21
-"""Samples held at once while a tile is made: 16 MiB, whatever the spacing."""
+SLAB = 1 << 18
+"""Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
 
 TINY = 1e-300
 """Size of a sample that is zero: its sign is what says where it belongs."""
@@ -131,11 +132,18 @@ def extract_tile(
         )
     counts, begin = (np.concatenate(part) for part in zip(*found, strict=True))
     runs = solidify(lattice.shape, counts, begin)
-    pieces = [_march_slab(field, lattice, runs, method, start, stop) for start, stop in blocks(nx, slab)]
-    edges, fractions, sides, upward, corners, shifts, cells = (
-        np.concatenate(part) for part in zip(*pieces, strict=True)
-    )
-    nodes, beyond = _nodes(np.searchsorted(edges, corners), shifts, len(edges))
+    vertices: list[Any] = []
+    named: list[Any] = []
+    triangles: list[Any] = []
+    cells: list[Any] = []
+    for start, stop in blocks(nx, slab):
+        *own, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, start, stop)
+        vertices.append(own)
+        named.append((names, shifts))
+        triangles.append(nodes)
+        cells.append(count)
+    edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
+    nodes, beyond = _nodes(edges, named, triangles)
     return Tile(
         lattice,
         method,
@@ -145,7 +153,7 @@ def extract_tile(
         sides,
         upward,
         nodes,
-        np.concatenate([[0], np.cumsum(cells)]),
+        np.concatenate([[0], np.cumsum(np.concatenate(cells))]),
         beyond,
     )
 
@@ -164,7 +172,11 @@ def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, sta
 def _march_slab(
     field: Callable[[FloatArray], FloatArray], lattice: TileLattice, runs: Runs, method: int, start: int, stop: int
 ) -> tuple[npt.NDArray[np.generic], ...]:
-    """Return what a slab adds to the tile: its vertices, its triangles' corners by name, their number by cells."""
+    """Return what a slab adds to the tile.
+
+    Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
+    as rows of these; their number by cells.
+    """
     nx, ny, nz = lattice.shape
     i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
     labels = runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
@@ -188,14 +200,20 @@ def _march_slab(
     sides = labels[tuple(outer[:, own])]
     cells = np.zeros((stop - start, ny), dtype=np.int64)
     count_cells(method, inside, cells)
-    corners, across = names[surface.triangles], shifts[surface.triangles]
-    return names[own], surface.fractions[own], sides, upward[own], corners, across.astype(np.uint8), cells.ravel()
+    triangles = surface.triangles.astype(np.int32)
+    parts = names[own], surface.fractions[own], sides, upward[own]
+    return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
 
 
-def _nodes(corners: IntArray, shifts: npt.NDArray[np.uint8], vertices: int) -> tuple[npt.NDArray[np.int32], IntArray]:
-    """Return the corners as nodes of the tile, and the vertices of neighbours among them."""
-    outside = shifts > 0
-    keys, row = np.unique(corners[outside] * 4 + shifts[outside], return_inverse=True)
-    nodes = corners.astype(np.int32)
-    nodes[outside] = vertices + row
-    return nodes, np.stack([keys >> 2, keys & 3], axis=1)
+def _nodes(
+    edges: IntArray, named: list[tuple[IntArray, npt.NDArray[np.uint8]]], triangles: list[npt.NDArray[np.int32]]
+) -> tuple[npt.NDArray[np.int32], IntArray]:
+    """Return the corners as nodes of the tile, and the vertices of neighbours among them.
+
+    Triangles come by slabs, as rows of the names and shifts of the slab's vertices.
+    """
+    keys = [np.searchsorted(edges, names) * 4 + shifts for names, shifts in named]
+    beyond = np.unique(np.concatenate([key[key & 3 > 0] for key in keys]))
+    node_of = [np.where(key & 3, len(edges) + np.searchsorted(beyond, key), key >> 2) for key in keys]
+    nodes = np.concatenate([of.astype(np.int32)[rows] for of, rows in zip(node_of, triangles, strict=True)])
+    return nodes, np.stack([beyond >> 2, beyond & 3], axis=1)
