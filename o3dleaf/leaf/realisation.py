@@ -33,6 +33,9 @@ from o3dleaf.tiles.tile import Tile, TileLattice, extract_tile
 LAYERS = 16
 """Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
 
+LEAST_CELLS = 64
+"""Cells along each axis of what is set down as one piece."""
+
 TRIAL = 1 << 16
 """Vertices that are taken to the world to see how long all of them will take."""
 
@@ -127,6 +130,8 @@ class Realisation:
         box = None if region is None else as_bounds(region, 2, "region")
         self.blade, self.closed = blade, closed
         lattice = leaf_lattice(texture, blade, scale, spacing)
+        one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
+        self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
@@ -157,12 +162,12 @@ class Realisation:
     @property
     def voids(self) -> int:
         """Pockets of air filled in every tile."""
-        return self.tile.runs.voids
+        return self.tile.runs.voids // self._copies
 
     @property
     def specks(self) -> int:
         """Pieces of solid removed beside every tile."""
-        return self.tile.runs.specks
+        return self.tile.runs.specks // self._copies
 
     @property
     def scraps(self) -> Scraps:
@@ -297,16 +302,19 @@ def is_one_tile(texture: Texture, blade: Blade, scale: float) -> bool:
 
 
 def leaf_lattice(texture: Texture, blade: Blade, scale: float, spacing: float) -> TileLattice:
-    """Return the lattice of what is set down over a blade: a tile, or one row of tiles along all of it.
+    """Return the lattice of what is set down over a blade: a tile, some of them, or one row of tiles along all of it.
 
-    Where several patches are blended along the blade, the row repeats across only, and memory grows with its length.
+    Small tiles are taken together, as each place costs time too. Where several patches are blended along the blade,
+    the row repeats across only, and memory grows with its length.
     """
     lattice = tile_lattice(texture, scale, spacing)
-    if is_one_tile(texture, blade, scale):
-        return lattice
-    rows = tile_rows(texture, blade, scale)
     (nx, ny, nz), (x, y, z) = lattice.shape, lattice.origin
-    return TileLattice((x + rows[0] * lattice.period[0], y, z), lattice.spacing, (nx * len(rows), ny, nz))
+    along, across = (-(-LEAST_CELLS // count) for count in (nx, ny))
+    if is_one_tile(texture, blade, scale):
+        return TileLattice(lattice.origin, lattice.spacing, (nx * along, ny * across, nz))
+    rows = tile_rows(texture, blade, scale)
+    origin = x + rows[0] * float(lattice.period[0]), y, z
+    return TileLattice(origin, lattice.spacing, (nx * len(rows), ny * across, nz))
 
 
 def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
