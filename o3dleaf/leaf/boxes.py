@@ -1,6 +1,7 @@
 """A tree of boxes that lie as what they hold does: a heap over items in a row, for `o3dleaf.leaf.search`."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +10,7 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.search import GROUP
 from o3dleaf.parallel import run_blocks
 
-BLOCK = 256
+BLOCK = 64
 """Leaves of the tree that are made together: half a megabyte."""
 SLACK = 1e-6
 """Share of a box's distance from the origin and size that is added to its half sides: the roundings to float32."""
@@ -43,15 +44,20 @@ def grow_tree(count: int, hulls: Hulls) -> npt.NDArray[np.float32]:
         boxes[leaves + start : leaves + stop] = _boxes(points[rows].reshape(stop - start, -1, 3), axes)
 
     run_blocks(task, groups, BLOCK)
-    count = groups
     while leaves > 1:
-        children = boxes[leaves : leaves + count].astype(np.float64)
-        if count % 2:
-            children = np.concatenate([children, children[-1:]])
-        axes = children[:, 3:12].reshape(-1, 2, 3, 3).mean(axis=1)
-        leaves, count = leaves // 2, len(children) // 2
-        boxes[leaves : leaves + count] = _boxes(_corners(children).reshape(count, -1, 3), _orthonormal(axes))
+        leaves, groups = leaves // 2, -(-groups // 2)
+        run_blocks(partial(_join, boxes, leaves), groups, BLOCK)
     return boxes
+
+
+def _join(boxes: npt.NDArray[np.float32], first: int, start: int, stop: int) -> None:
+    """Write the boxes first + start:stop of the heap about their children, of which the last one may be empty."""
+    rows = 2 * first + np.arange(2 * start, 2 * stop)
+    if np.isinf(boxes[rows[-1], 12]):
+        rows[-1] -= 1
+    children = boxes[rows].astype(np.float64)
+    axes = _orthonormal(children[:, 3:12].reshape(-1, 2, 3, 3).mean(axis=1))
+    boxes[first + start : first + stop] = _boxes(_corners(children).reshape(stop - start, -1, 3), axes)
 
 
 def _orthonormal(directions: FloatArray) -> FloatArray:

@@ -29,6 +29,8 @@ CHUNK = 1 << 15
 """Points that are put in order together: 4 MB."""
 BLOCK = 1 << 10
 """Points that a thread looks at together: 1 MB."""
+RIM_BLOCK = 16
+"""Cells at the rim that a thread looks at together."""
 STRIP_STEPS = 2
 """Length of a strip of the rim, in steps of the sampling."""
 SETTLED = 0.05
@@ -88,12 +90,11 @@ class SurfaceIndex:
         order = np.argsort(_morton(corners - corners.min(axis=0), 31), kind="stable")
         corners, at_rim, block = corners[order], at_rim[order], block[order]
         middles, columns = _seen(leaf, tile, corners)
-        mask, places = _rim_mask(leaf, tile, corners, at_rim, block)
-        ends = _boxes(tile, block, places, mask)
+        mask, places, ends = _shown(leaf, tile, corners, at_rim, block)
         kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
         corners, ends = corners[kept], ends[:, kept]
-        cells = (block[kept], places[kept], middles[kept], columns[kept])
-        bits = np.packbits(mask, bitorder="little")
+        block, places, middles, columns = (part[kept] for part in (block, places, middles, columns))
+        cells = (block, places, middles, columns)
 
         def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
             return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
@@ -101,7 +102,7 @@ class SurfaceIndex:
         boxes, (strips, strip_boxes) = grow_tree(len(corners), hulls), rim_strips(leaf, STRIP_STEPS * tile.step)
         low, high = cells[2].min(axis=0), cells[2].max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-        return cls(tile, corners, cells, bits, boxes, strips, strip_boxes, middle, FAR * size)
+        return cls(tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)
 
     def closest(self, leaf: "MultiscaleLeaf", points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
@@ -236,18 +237,6 @@ def _cells_in(leaf: "MultiscaleLeaf", tile: Tile) -> tuple[IntArray, npt.NDArray
     return corners[held], cut.ravel()[held]
 
 
-def _boxes(tile: Tile, block: IntArray, places: IntArray, mask: npt.NDArray[np.bool_]) -> FloatArray:
-    """Return the ends (2, n, 3) of the box of the samples that each cell shows; ∞ and −∞ where there are none."""
-    middle, half = tile.extents[block].transpose(1, 0, 2)
-    ends = np.stack([middle - half, middle + half])
-    firsts = tile.places[tile.bricks]
-    for cell in np.flatnonzero(places >= 0):
-        first, last = firsts[block[cell]], firsts[block[cell] + 1]
-        part = tile.samples[:, first:last][:, mask[places[cell] : places[cell] + last - first]]
-        ends[0, cell], ends[1, cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
-    return ends
-
-
 def _seen(leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray) -> tuple[FloatArray, npt.NDArray[np.float32]]:
     """Return the middle (n, 3) of each cell in the world, at height 0, and the lift's Jacobian there in float32."""
     middles, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3), dtype=np.float32)
@@ -289,20 +278,35 @@ def _morton(places: IntArray, bits: int) -> IntArray:
     return number
 
 
-def _rim_mask(
+def _shown(
     leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, at_rim: npt.NDArray[np.bool_], block: IntArray
-) -> tuple[npt.NDArray[np.bool_], IntArray]:
-    """Return which samples of cells at the rim are in the outline, and where each cell's begin there, −1: all are."""
-    firsts = tile.places[tile.bricks]
-    counts = np.where(at_rim, firsts[block + 1] - firsts[block], 0)
-    places = np.where(at_rim, np.cumsum(counts) - counts, -1)
-    mask = np.empty(counts.sum(), dtype=bool)
-    rows = np.flatnonzero(at_rim)
-    for first, last in blocks(len(rows), BLOCK // 8):
-        part = rows[first:last]
-        cell = np.repeat(part, counts[part])
-        start = places[part[0]]
-        offset = np.arange(start, start + len(cell)) - places[cell]
-        at = tile.samples[:2, firsts[block[cell]] + offset].T + (tile.origin + (corners[cell] + 0.5) * tile.cell)
-        mask[start : start + len(cell)] = leaf.blade.outline.contains(at)
-    return mask, places
+) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
+    """Return which samples of cells at the rim are in the outline, and of each cell its place there and its box.
+
+    Returns
+    -------
+    mask : (m,) uint8 ndarray
+        Whole bytes for each cell at the rim, so that no two threads write the same one.
+    places : (n,) ndarray
+        Where each cell's bits begin, −1: it shows all samples.
+    ends : (2, n, 3) ndarray
+        The box of the samples that it shows; ∞ and −∞ where there are none.
+    """
+    firsts, rows = tile.places[tile.bricks], np.flatnonzero(at_rim)
+    sizes = np.where(at_rim, -(-(firsts[block + 1] - firsts[block]) // 8), 0)
+    places = np.where(at_rim, 8 * (np.cumsum(sizes) - sizes), -1)
+    mask = np.empty(sizes.sum(), dtype=np.uint8)
+    middle, half = tile.extents[block].transpose(1, 0, 2)
+    ends = np.stack([middle - half, middle + half])
+
+    def task(start: int, stop: int) -> None:
+        for cell in rows[start:stop]:
+            samples = tile.samples[:, firsts[block[cell]] : firsts[block[cell] + 1]]
+            held = leaf.blade.outline.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
+            first = places[cell] >> 3
+            mask[first : first + sizes[cell]] = np.packbits(held, bitorder="little")
+            part = samples[:, held]
+            ends[0, cell], ends[1, cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
+
+    run_blocks(task, len(rows), RIM_BLOCK)
+    return mask, places, ends

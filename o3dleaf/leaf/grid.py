@@ -48,11 +48,11 @@ def write_grid(
     counts = last - first + 1
     kind = np.dtype(KINDS[what])
     require_free(target, int(np.prod(counts, dtype=object)) * kind.itemsize)
-    shape = (int(counts[0]), int(counts[1]), int(counts[2]))
+    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what)
     header, footer = _envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
     with whole_file(target) as temporary, temporary.open("wb") as stream:
         stream.write(header)
-        _write_values(stream, _sampler(leaf, what), first, step, shape, kind, progress)
+        _write_values(stream, sampler, first, step, shape, kind, progress)
         stream.write(footer)
 
 
@@ -60,6 +60,7 @@ def _sampler(leaf: "MultiscaleLeaf", what: str) -> Callable[[FloatArray], npt.ND
     if what == "field":
         return leaf
     if what == "distance":
+        _ = leaf.surface_index  # refused here where it cannot be, not in the middle of a file
         return lambda points: signed_distance(leaf, points)
     return lambda points: inside(leaf, points)
 

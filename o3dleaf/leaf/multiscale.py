@@ -159,7 +159,10 @@ class MultiscaleLeaf:
         Raises
         ------
         InputError
-            If the suffix is unknown, the folder cannot be written to, or the disk cannot hold the grid.
+            If the suffix is unknown, the folder cannot be written to, or several patches are blended along the leaf
+            and distances are asked for.
+        O3DLeafError
+            If the disk has no room for the grid.
         """
         write_grid(self, path, spacing, bounds, what=what, progress=progress)
 

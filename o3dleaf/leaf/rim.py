@@ -10,13 +10,14 @@ import shapely
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.boxes import grow_tree
 from o3dleaf.leaf.surface import lift, texture_jets
-from o3dleaf.parallel import blocks
+from o3dleaf.parallel import run_blocks
 from o3dleaf.rbf.tail import IntArray
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-BLOCK = 1 << 9
+BLOCK = 1 << 6
+"""Pieces of the rim that a thread looks at together: a megabyte."""
 ROOT_STEPS = 4
 """Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
 
@@ -37,7 +38,12 @@ def rim_strips(
 ) -> tuple[tuple[npt.NDArray[np.floating], ...], npt.NDArray[np.float32]]:
     """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the tree over them."""
     middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
-    parts = [_strips(leaf, middles[a:b], halves[a:b], step) for a, b in blocks(len(middles), BLOCK)]
+    parts: list[tuple[npt.NDArray[np.floating], ...]] = [()] * -(-len(middles) // BLOCK)
+
+    def task(start: int, stop: int) -> None:
+        parts[start // BLOCK] = _strips(leaf, middles[start:stop], halves[start:stop], step)
+
+    run_blocks(task, len(middles), BLOCK)
     centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
 
     def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:

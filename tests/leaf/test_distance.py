@@ -7,9 +7,11 @@ import open3d as o3d
 import pytest
 
 from leaf_fields import leaf_of, texture
+from o3dleaf.errors import InputError
 from o3dleaf.leaf import distance
+from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.parallel import get_num_threads, set_num_threads
-from tolerances import DISTANCE_MESH, EIKONAL, LIPSCHITZ, SLAB_DISTANCE
+from tolerances import DISTANCE_MESH, EIKONAL, LIPSCHITZ, PROJECTED, SLAB_DISTANCE
 
 HALF, LENGTH, WIDTH = 0.31, 20.0, 3.0
 
@@ -156,3 +158,22 @@ def test_project_falls_back_to_the_nearest_point_where_there_is_no_way_down(roug
     found = leaf.project(x)
     assert np.all(np.isfinite(found))
     assert np.abs(leaf.signed_distance(found)).max() <= LIPSCHITZ
+
+
+def test_several_patches_have_fields_and_masks_but_no_distance(tmp_path):
+    parts = [texture(lambda x, y, z, half=half: half**2 - z**2) for half in (0.31, 0.25)]
+    leaf, lift = leaf_of(PatchBlend(parts, breaks=[10.0]))
+    for what in ("field", "mask"):
+        leaf.write_grid(tmp_path / f"{what}.nrrd", 0.5, what=what)
+    on = leaf.project(lift(np.array([3.0, 17.0]), np.zeros(2), np.full(2, 0.3)))
+    assert np.abs(leaf(on)).max() <= PROJECTED
+    far = [[0.0, 0.0, 300.0]]
+    for call in (
+        lambda: leaf.signed_distance(far),
+        lambda: leaf.closest_points(far),
+        lambda: leaf.project(far),
+        lambda: leaf.write_grid(tmp_path / "distance.nrrd", 0.5, what="distance"),
+    ):
+        with pytest.raises(InputError, match="several patches along the leaf have no one tile"):
+            call()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["field.nrrd", "mask.nrrd"]

@@ -10,7 +10,7 @@ import pytest
 import SimpleITK
 
 from leaf_fields import leaf_of, texture
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, O3DLeafError
 from o3dleaf.leaf import grid
 
 BOX = np.array([[4.0, -1.0, -0.6], [5.5, 0.4, 0.7]])
@@ -86,7 +86,7 @@ def test_memory_does_not_grow_with_the_grid(leaf, tmp_path, monkeypatch):
 
 def test_what_the_disk_cannot_hold_is_refused_in_one_line(leaf, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=1000))
-    with pytest.raises(InputError, match="GB free; coarsen") as error:
+    with pytest.raises(O3DLeafError, match="GB are free; free some, choose another disk, or coarsen") as error:
         leaf.write_grid(tmp_path / "g.vti", 0.1)
     assert "\n" not in str(error.value)
     assert list(tmp_path.iterdir()) == []
