@@ -180,7 +180,7 @@ class Realisation:
 
     @cached_property
     def seconds(self) -> float:
-        """What making the mesh will take about: as long as counting it, and its vertices' way to the world, from a trial.
+        """What making the mesh takes, about: as long as counting it, and its vertices' way to the world, by a trial.
 
         A file adds what the disk takes.
         """
