@@ -13,7 +13,7 @@ import open3d as o3d
 import shapely
 
 from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positive
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.mesh.arrays import IntArray, build_mesh, mesh_arrays
@@ -89,7 +89,7 @@ class LeafMesh:
 
     def write(self, path: str | PathLike[str], comments: tuple[str, ...] = ("o3dleaf",)) -> None:
         """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all."""
-        with mesh_file(require_writable(path, SUFFIXES), self, comments) as sink:
+        with mesh_file(path, self, comments) as sink:
             sink.put_vertices(0, np.asarray(self.mesh.vertices))
             sink.put_triangles(0, np.asarray(self.mesh.triangles), self.labels)
 
@@ -175,12 +175,17 @@ class Realisation:
         return self.assembly.scraps
 
     def bytes(self, path: str | PathLike[str]) -> int:
-        """Return the size that a file of the path's suffix will have."""
-        return file_bytes(require_writable(path, SUFFIXES).suffix.lower(), self.assembly)[0]
+        """Return the size that a file of the path's suffix will have: exactly; of OBJ at most, nearly."""
+        return file_bytes(require_writable(path, SUFFIXES).suffix.lower(), self.assembly, self._comments)[0]
+
+    @property
+    def _comments(self) -> tuple[str, ...]:
+        """What a file says of itself."""
+        return (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
 
     @cached_property
     def seconds(self) -> float:
-        """What making the mesh will take about: what counting took, and its vertices' way to the world, from a trial.
+        """What making the mesh takes, about: as long as counting it, and its vertices' way to the world, by a trial.
 
         A file adds what the disk takes.
         """
@@ -208,9 +213,7 @@ class Realisation:
         O3DLeafError
             If the disk has no room for it, or writing fails.
         """
-        target = require_writable(path, SUFFIXES)
-        comments = (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
-        with mesh_file(target, self.assembly, comments) as sink:
+        with mesh_file(path, self.assembly, self._comments) as sink:
             self.assembly.emit(sink, self.blade.lift, progress)
 
 
@@ -333,6 +336,15 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
 
 
 def _sides(area: shapely.Geometry) -> FloatArray:
-    """Return the sides (s, 4) of all rings of an area."""
-    rings = [ring.coords for part in shapely.get_parts(area) for ring in (part.exterior, *part.interiors)]
+    """Return the sides (s, 4) of all rings of an area.
+
+    Raises
+    ------
+    ReconstructionError
+        If it has none.
+    """
+    parts = [part for part in shapely.get_parts(area) if part.area > 0]
+    if not parts:
+        raise ReconstructionError("the region lies outside the outline; choose another region")
+    rings = [ring.coords for part in parts for ring in (part.exterior, *part.interiors)]
     return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

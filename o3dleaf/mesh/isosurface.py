@@ -41,7 +41,7 @@ def extract_isosurface(
     isovalue : float
         The field is larger than this inside.
     method : {"cubes", "tetrahedra"}
-        Marching cubes (scikit-image) or marching tetrahedra (twice the triangles, free of
+        Marching cubes or marching tetrahedra (twice the triangles, free of
         self-intersection whatever the field).
     progress : callable, optional
         ``progress(done, total)`` in lattice points.

@@ -127,7 +127,8 @@ class Assembly:
         """
         self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
         shape = np.array(tile.lattice.shape[:2])
-        self._low, self._high = footprint.box[0] // shape, -(-footprint.box[1] // shape)
+        # Vertices in the last column belong to the tile that begins there.
+        self._low, self._high = footprint.box[0] // shape, footprint.box[1] // shape + 1
         self._whole: _Part | None = None
         self._shares: dict[At, Share] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]

@@ -66,7 +66,7 @@ class Footprint:
         shape = tuple((np.asarray(high) + HALO - first).tolist())
         inside, touched = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
         near = self._near(first[0], first[0] + shape[0])
-        mark_inside(near, first + 0.5, inside)
+        mark_inside(near, first, 0.5, inside)
         mark_touched(near, first, touched)
         kept = inside & ~touched
         for axis in range(2):
@@ -92,13 +92,14 @@ class Footprint:
         first = np.asarray(low, dtype=np.int64)
         shape = tuple((np.asarray(high) - first).tolist())
         inside, reach = np.zeros(shape, dtype=bool), 2 * float(self.spacing.max())
-        near = self._near(first[0] - 3, first[0] + shape[0] + 3)
-        mark_inside(near, first.astype(np.float64), inside)
+        margin = reach / self.spacing[0] + 1
+        near = self._near(first[0] - margin, first[0] + shape[0] + margin)
+        mark_inside(near, first, 0.0, inside)
         distance = np.full(shape, reach)
         splat_distances(near, first, self.spacing, distance)
         return np.where(inside, distance, -distance)
 
-    def _near(self, first: int, last: int) -> FloatArray:
+    def _near(self, first: float, last: float) -> FloatArray:
         """Return the sides that reach between two rows."""
         x = self.rings[:, [0, 2]]
         near: FloatArray = self.rings[(x.min(axis=1) <= last) & (x.max(axis=1) >= first)]

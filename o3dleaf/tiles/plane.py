@@ -9,17 +9,20 @@ from numba import njit
 
 
 @njit(nogil=True, cache=True)
-def mark_inside(sides, first, inside):
-    """Write which of the points first + (i, j) have an odd number of sides beyond them along y."""
+def mark_inside(sides, first, shift, inside):
+    """Write which of the points first + (i, j) + shift have an odd number of sides before them along y.
+
+    `first` are whole numbers, taken off last: a point has the same answer in every window, to the last bit.
+    """
     rows, columns = inside.shape
     for s in range(len(sides)):
         x0, y0, x1, y1 = sides[s]
         if x0 > x1:
             x0, y0, x1, y1 = x1, y1, x0, y0
         # Half-open, x0 <= x < x1, so that a common end counts once.
-        for i in range(max(0, math.ceil(x0 - first[0])), min(rows, math.ceil(x1 - first[0]))):
-            y = y0 + (y1 - y0) * ((first[0] + i - x0) / (x1 - x0))
-            j = max(0, math.ceil(y - first[1]))
+        for i in range(max(0, math.ceil(x0 - shift) - first[0]), min(rows, math.ceil(x1 - shift) - first[0])):
+            y = y0 + (y1 - y0) * ((first[0] + i + shift - x0) / (x1 - x0))
+            j = max(0, math.ceil(y - shift) - first[1])
             if j < columns:
                 inside[i, j] = not inside[i, j]
     for i in range(rows):

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.files import require_free, whole_file
+from o3dleaf.files import require_free, require_writable, whole_file
 from o3dleaf.mesh.arrays import IntArray
+from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import blocks
 
 LABELS = ("adaxial", "abaxial", "rim")
@@ -79,8 +80,12 @@ class PlyFile:
         self.first_vertex = len(header)
         self.first_face = self.first_vertex + VERTEX_BYTES * mesh.vertices
         self.file = os.open(path, os.O_RDWR)
-        _write_at(self.file, header, 0)
-        os.ftruncate(self.file, self.first_face + FACE.itemsize * mesh.triangles)
+        try:
+            _write_at(self.file, header, 0)
+            os.ftruncate(self.file, self.first_face + FACE.itemsize * mesh.triangles)
+        except BaseException:
+            self.close()
+            raise
 
     def put_vertices(self, start: int, vertices: FloatArray) -> None:
         """Write the vertices number start, ..."""
@@ -122,11 +127,13 @@ def mesh_file(path: str | PathLike[str], mesh: Mesh, comments: tuple[str, ...] =
 
     Raises
     ------
+    InputError
+        If the suffix is unknown or the folder cannot be written to.
     O3DLeafError
         If the disk has no room for it, said before anything is written, or writing fails.
     """
-    target = Path(path)
-    require_free(target, sum(file_bytes(target.suffix.lower(), mesh)))
+    target = require_writable(path, SUFFIXES)
+    require_free(target, sum(file_bytes(target.suffix.lower(), mesh, comments)))
     with whole_file(target) as temporary:
         if target.suffix.lower() == ".ply":
             with _opened(temporary, mesh, comments) as file:
@@ -144,9 +151,9 @@ def mesh_file(path: str | PathLike[str], mesh: Mesh, comments: tuple[str, ...] =
             scratch.unlink(missing_ok=True)
 
 
-def file_bytes(suffix: str, mesh: Mesh) -> tuple[int, int]:
-    """Return the size of a file, exact but for text and some lines of header, and of the scratch file beside it."""
-    binary = VERTEX_BYTES * mesh.vertices + FACE.itemsize * mesh.triangles
+def file_bytes(suffix: str, mesh: Mesh, comments: tuple[str, ...] = ()) -> tuple[int, int]:
+    """Return the size of a file, exact but for OBJ, and that of the scratch file beside it."""
+    binary = len(_ply_header(mesh, comments)) + VERTEX_BYTES * mesh.vertices + FACE.itemsize * mesh.triangles
     if suffix == ".ply":
         return binary, 0
     if suffix == ".stl":

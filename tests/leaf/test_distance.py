@@ -5,11 +5,11 @@ import tracemalloc
 import numpy as np
 import open3d as o3d
 import pytest
+from o3dleaf.leaf.patches import PatchBlend
 
 from leaf_fields import leaf_of, texture
 from o3dleaf.errors import InputError
 from o3dleaf.leaf import distance
-from o3dleaf.leaf.patches import PatchBlend
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from tolerances import DISTANCE_MESH, EIKONAL, LIPSCHITZ, PROJECTED, SLAB_DISTANCE
 

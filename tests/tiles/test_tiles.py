@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from o3dleaf.errors import ReconstructionError
+from o3dleaf.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
 from o3dleaf.mesh.polygonise import METHODS, march
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
+from o3dleaf.tiles import assembly as assembly_module
 from o3dleaf.tiles import tile as tile_module
 from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM, Assembly
 from o3dleaf.tiles.block import extract_block
@@ -236,3 +237,9 @@ def test_a_reduced_tile_fits_its_copies_and_the_tiles_that_are_cut(kind, closed)
 def test_a_reduced_tile_whose_border_moved_is_refused():
     with pytest.raises(ReconstructionError, match="border"):
         reduce_tile(extract_tile(layer, LATTICE), lambda vertices, triangles: (vertices + 1e-12, triangles))
+
+
+def test_more_vertices_than_a_file_can_number_are_refused(monkeypatch):
+    monkeypatch.setattr(assembly_module, "MOST", 10_000)
+    with pytest.raises(MemoryBudgetError, match="more than a mesh can number"):
+        assemble(extract_tile(layer, LATTICE), outline())
