@@ -11,6 +11,8 @@ import open3d as o3d
 import pytest
 
 from o3dleaf.ct import Volume, write_volume
+from o3dleaf.mesh.files import read_triangle_mesh
+from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.samples import wheat_ct, wheat_scan
 
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
@@ -89,6 +91,20 @@ CASES = {
     "an unknown threshold": (("{scan}", "--ct", "{ct}", "--level", "best"), "best"),
     "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
     "no threads": (("{scan}", "--threads", "0"), "threads"),
+    "a solid of a blade without thickness": (("{scan}", "--closed"), "give ct"),
+    "one window in two ways": (("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"), "one of them"),
+    "a fine window of four numbers": (("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2"), "five numbers"),
+    "a fine window in a window": (
+        ("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2 0.1", "--region", "1", "1", "2", "2"),
+        "the whole leaf",
+    ),
+    "a grid of an unknown kind": (("{scan}", "--ct", "{ct}", "--grid", "grid.txt"), "suffix"),
+    "an unknown part of a grid": (("{scan}", "--ct", "{ct}", "--grid-of", "colour"), "colour"),
+    "an unknown distortion": (("{scan}", "--distortion", "taste"), "taste"),
+    "a share of triangles above one": (("{scan}", "--ct", "{ct}", "--simplify", "3"), "share"),
+    "an unknown period": (("{scan}", "--ct", "{ct}", "--period", "worst"), "period"),
+    "an unknown offset": (("{scan}", "--ct", "{ct}", "--offset", "down"), "down"),
+    "a point beside the leaf": (("{scan}", "--around", "0", "0", "900"), "beside the blade"),
 }
 
 
@@ -136,6 +152,52 @@ def test_a_leaf_from_files(files, tmp_path):
     assert len(mesh.triangles) == summary["mesh"]["triangles"]
 
 
+def test_a_closed_window_with_all_that_can_be_written_beside_it(files, tmp_path):
+    scan = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
+    middle = scan[np.argmin(np.linalg.norm(scan - np.median(scan, axis=0), axis=1))]
+    result = run(
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.05,
+        "--around", *middle, "--window", 1.5, "--closed", "--period", "best", "--offset", "normal",
+        "--tile-solid", tmp_path / "tile.stl", "--distortion", "thickness", "--no-picture", "-o", tmp_path / "leaf.stl",
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "triangles at 0.0" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.stl", "tile.stl", "leaf.distortion.png", "leaf.json"}
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    assert summary["mesh"]["watertight"]
+    assert summary["surface"]["closed"]
+    assert summary["surface"]["triangles"] == len(o3d.io.read_triangle_mesh(tmp_path / "leaf.stl").triangles)
+    assert not summary["frame"]["folded"]
+    assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl")).volume > 0
+
+
+def test_a_leaf_with_a_fine_window_and_a_grid(files, tmp_path):
+    result = run(
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
+        "--fine", "95 -1 96 0.5 0.1", "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
+        "--no-picture", "-o", tmp_path / "leaf.obj", "-q",
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.obj", "leaf.nrrd", "leaf.json"}
+    report = json.loads((tmp_path / "leaf.json").read_text())["mesh"]
+    assert report["manifold"]
+    assert (report["components"], report["boundary_loops"]) == (2, 2)
+    assert {line for line in (tmp_path / "leaf.obj").read_text().splitlines() if line[:1] == "g"} == {
+        "g adaxial",
+        "g abaxial",
+    }
+
+
+def test_a_patch_tells_its_seam_and_writes_a_block(files, tmp_path):
+    result = run(
+        "patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--tile-solid", tmp_path / "t.ply", "--spacing", 24
+    )
+    assert result.returncode == 0, result.stderr
+    assert "seam energy" in result.stdout
+    assert mesh_report(read_triangle_mesh(tmp_path / "t.ply")).watertight
+    assert "both or none" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
+
+
 def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
     result = run("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
     assert result.returncode == 0, result.stderr
@@ -170,7 +232,7 @@ def test_view_without_a_screen_says_so(files, monkeypatch):
     assert "no screen" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "view"])
+@pytest.mark.parametrize("command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view"])
 def test_each_command_has_help(command):
     result = run(command, "--help")
     assert result.returncode == 0
@@ -203,7 +265,7 @@ def test_demo_writes_mesh_picture_summary_and_model(files, tmp_path):
 
 
 def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
-    words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.03", "-o", tmp_path / "leaf.ply"]
+    words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.012", "-o", tmp_path / "leaf.ply"]
     process = subprocess.Popen([str(PROGRAM), *map(str, words)], stderr=subprocess.PIPE, text=True)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(timeout=8)
