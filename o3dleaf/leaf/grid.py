@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_bounds, as_step, require_choice
 from o3dleaf.files import require_free, require_writable, whole_file
-from o3dleaf.leaf.distance import inside, signed_distance
+from o3dleaf.leaf.distance import signed_distance
+from o3dleaf.leaf.solid import Solid
 from o3dleaf.parallel import Progress, blocks
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ def write_grid(
     bounds: npt.ArrayLike | None = None,
     *,
     what: str = "field",
+    closed: bool = False,
     progress: Progress | None = None,
 ) -> None:
     """Sample the leaf on a regular grid and write it as one file; see `MultiscaleLeaf.write_grid`."""
@@ -48,7 +50,7 @@ def write_grid(
     counts = last - first + 1
     kind = np.dtype(KINDS[what])
     require_free(target, int(np.prod(counts, dtype=object)) * kind.itemsize)
-    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what)
+    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what, closed=closed)
     header, footer = _envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
     with whole_file(target) as temporary, temporary.open("wb") as stream:
         stream.write(header)
@@ -56,13 +58,14 @@ def write_grid(
         stream.write(footer)
 
 
-def _sampler(leaf: "MultiscaleLeaf", what: str) -> Callable[[FloatArray], npt.NDArray[Any]]:
+def _sampler(leaf: "MultiscaleLeaf", what: str, *, closed: bool) -> Callable[[FloatArray], npt.NDArray[Any]]:
     if what == "field":
         return leaf
     if what == "distance":
-        _ = leaf.surface_index  # refused here where it cannot be, not in the middle of a file
-        return lambda points: signed_distance(leaf, points)
-    return lambda points: inside(leaf, points)
+        leaf.index_of(closed=closed)  # refused here where it cannot be, not in the middle of a file
+        return lambda points: signed_distance(leaf, points, closed=closed)
+    solid = leaf.index_of(closed=True).solid if closed else Solid(leaf.blade.outline.polygon, None)
+    return lambda points: solid.holds(leaf, points)
 
 
 def _write_values(  # noqa: PLR0917 - a grid is where it starts, its step and its shape

@@ -103,32 +103,59 @@ class MultiscaleLeaf:
 
     @cached_property
     def surface_index(self) -> SurfaceIndex:
-        """What finds the nearest point of the surface, made when it is first asked for and kept.
+        """What finds the nearest point of the surface, pockets and specks too; see `index_of`."""
+        return self._build_index(closed=False)
+
+    @cached_property
+    def solid_index(self) -> SurfaceIndex:
+        """The same of the closed solid."""
+        return self._build_index(closed=True)
+
+    def index_of(self, *, closed: bool = False) -> SurfaceIndex:
+        """Return what finds the nearest point of the surface, made when it is first asked for and kept.
 
         Raises
         ------
         InputError
             If several patches are blended along the leaf: it holds one tile.
         """
+        return self.solid_index if closed else self.surface_index
+
+    def _build_index(self, *, closed: bool) -> SurfaceIndex:
         if not is_one_tile(self.texture, self.blade, self.scale):
             raise InputError(
                 "texture: several patches along the leaf have no one tile to measure to; extract a mesh and ask "
                 "Open3D's RaycastingScene"
             )
-        return SurfaceIndex.build(self)
+        return SurfaceIndex.build(self, closed=closed)
 
-    def signed_distance(self, x: npt.ArrayLike) -> FloatArray:
+    def signed_distance(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n,) distances of (n, 3) world points to the leaf's surface, in `unit`; negative inside.
 
         The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
         hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
         the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
-        """
-        return signed_distance(self, x)
 
-    def closest_points(self, x: npt.ArrayLike) -> FloatArray:
+        Parameters
+        ----------
+        x : (n, 3) array_like
+        closed : bool
+            True: to the solid that ``extract_mesh(closed=True)`` draws and a droplet meets: the outline is rounded,
+            air that the blade encloses is leaf, and specks beside it are not. Half the distance of the data is the
+            step at which it is told what is enclosed.
+
+        Raises
+        ------
+        InputError
+            If several patches are blended along the leaf.
+        ReconstructionError
+            If it is to be closed, and air reaches through the blade.
+        """
+        return signed_distance(self, x, closed=closed)
+
+    def closest_points(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
-        return closest_points(self, x)[0]
+        return closest_points(self, x, closed=closed)[0]
 
     def write_grid(
         self,
@@ -137,6 +164,7 @@ class MultiscaleLeaf:
         bounds: npt.ArrayLike | None = None,
         *,
         what: str = "field",
+        closed: bool = False,
         progress: Progress | None = None,
     ) -> None:
         """Sample the leaf at the whole multiples of `spacing` in a box of the world, into one file.
@@ -153,6 +181,8 @@ class MultiscaleLeaf:
             Lower, then upper corner, in `unit`; the leaf's own by default.
         what : {"field", "distance", "mask"}
             G (float32), the signed distance (float32), or 1 in the leaf and 0 outside it (uint8).
+        closed : bool
+            Of distance and mask: that of the closed solid, as in `signed_distance`.
         progress : callable, optional
             ``progress(done, total)`` in grid points.
 
@@ -164,7 +194,7 @@ class MultiscaleLeaf:
         O3DLeafError
             If the disk has no room for the grid.
         """
-        write_grid(self, path, spacing, bounds, what=what, progress=progress)
+        write_grid(self, path, spacing, bounds, what=what, closed=closed, progress=progress)
 
     def project(self, x: npt.ArrayLike) -> FloatArray:
         r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.
