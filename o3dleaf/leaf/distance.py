@@ -88,6 +88,7 @@ class SurfaceIndex:
         tile = Tile.sample(leaf, closed=closed)
         outline = leaf.blade.outline
         solid = Solid(outline.rounded if closed else outline.polygon, tile.filled)
+        strips, strip_boxes = rim_strips(leaf, solid, STRIP_STEPS * tile.step)
         corners, at_rim = _cells_in(solid, tile)
         block = (corners[:, 0] % tile.shape[0]) * tile.shape[1] + corners[:, 1] % tile.shape[1]
         kept = tile.bricks[block + 1] > tile.bricks[block]
@@ -106,7 +107,6 @@ class SurfaceIndex:
             return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
 
         boxes = grow_tree(len(corners), hulls)
-        strips, strip_boxes = rim_strips(leaf, solid, STRIP_STEPS * tile.step)
         low, high = cells[2].min(axis=0), cells[2].max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
         return cls(solid, tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)

@@ -17,8 +17,8 @@ from o3dleaf.rbf.tail import IntArray
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-BLOCK = 1 << 6
-"""Pieces of the rim that a thread looks at together: a megabyte."""
+BLOCK = 1 << 5
+"""Pieces of the rim that a thread looks at together: half a megabyte."""
 ROOT_STEPS = 4
 """Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
 

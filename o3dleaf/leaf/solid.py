@@ -4,7 +4,6 @@ In the closed one air pockets are filled, specks beside the blade are left out, 
 """
 
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ import shapely
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.outline import in_polygon
+from o3dleaf.leaf.search import look_up
 from o3dleaf.leaf.surface import texture_jets
 from o3dleaf.rbf.tail import IntArray
 from o3dleaf.tiles.loops import INSIDE
@@ -66,22 +66,14 @@ class Filled:
         point; where none has, to what the nearest corner does.
         """
         values = texture_jets(leaf, flat, 0)[0]
-        place = (flat - self.origin) / self.steps
-        place[:, 2] = np.clip(place[:, 2], 0, self.codes.shape[2] - 1)
-        corner = np.floor(place).astype(np.int64)
-        best, held = np.full(len(flat), np.inf), np.zeros(len(flat), dtype=bool)
-        for offset in product((0, 1), repeat=3):
-            code = self._at(corner + offset)
-            # More than the square of a cell's diagonal: after all corners of the point's own sign.
-            score = np.sum((corner + offset - place) ** 2, axis=1) + 4 * ((code & 1) != (values > 0))
-            nearer = score < best
-            best[nearer], held[nearer] = score[nearer], code[nearer] > 1
+        held = np.empty(len(flat), dtype=bool)
+        look_up((flat - self.origin) / self.steps, values, self.codes, held)
         return np.where(held, np.abs(values), -np.abs(values))
 
     def _at(self, places: IntArray) -> npt.NDArray[np.uint8]:
-        """Return the codes at lattice points (n, 3); the last layer stands for those above it."""
-        nx, ny, nz = self.codes.shape
-        return np.asarray(self.codes[places[:, 0] % nx, places[:, 1] % ny, np.minimum(places[:, 2], nz - 1)])
+        """Return the codes at lattice points (n, 3)."""
+        nx, ny, _ = self.codes.shape
+        return np.asarray(self.codes[places[:, 0] % nx, places[:, 1] % ny, places[:, 2]])
 
 
 @dataclass(frozen=True, eq=False)
