@@ -86,10 +86,11 @@ def distance_rows(leaf, near, far, mesh):
         _, theirs, _ = measure(lambda tensor=tensor: scene.compute_signed_distance(tensor))
         print(f"{name}: {len(points) / seconds / 1e6:.3f} million distances a second, {theirs:.2f} s with the scene")
         row = Row(f"signed distance, {name}", f"{len(points):,} points", build + seconds, peer="RaycastingScene")
-        row.peer_seconds, row.peak_mb = scene_build + theirs, held(leaf, points)
+        row.peer_seconds = scene_build + theirs
         row.ratio = row.peer_seconds / row.seconds
         rows.append(row)
-    kept, ours = resident() - before, max(row.peak_mb for row in rows)
+    kept, ours = resident() - before, held(leaf, points)
+    rows[-1].peak_mb = ours
     parts = mesh.vertex.positions.numpy().nbytes + mesh.triangle.indices.numpy().nbytes
     print(
         f"index: {build:.2f} s, at most {ours:.1f} MB with its queries; scene of {len(mesh.triangle.indices):,} "

@@ -102,6 +102,9 @@ class Solid:
     def holds(self, leaf: "MultiscaleLeaf", points: FloatArray) -> Bools:
         """Return which of the (n, 3) world points lie in the leaf."""
         flat = leaf.blade.flatten(points)
-        held = self.contains(flat[:, :2])
+        low, high = leaf.texture.cell[:, 2] / leaf.scale
+        # What the top or bottom of the patch cuts is closed there, as in the meshes, not where the field falls to 0.
+        held: Bools = (flat[:, 2] >= low) & (flat[:, 2] <= high)
+        held[held] = self.contains(flat[held, :2])
         held[held] = self.values(leaf, flat[held]) > 0
         return held
