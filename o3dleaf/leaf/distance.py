@@ -17,6 +17,7 @@ from o3dleaf.checks import FloatArray, as_points
 from o3dleaf.leaf import newton, search
 from o3dleaf.leaf.boxes import grow_tree
 from o3dleaf.leaf.rim import rim_pieces, rim_strips
+from o3dleaf.leaf.solid import Solid
 from o3dleaf.leaf.surface import lift, texture_jets, thickness
 from o3dleaf.leaf.tile import Tile
 from o3dleaf.parallel import blocks, run_blocks
@@ -51,6 +52,8 @@ class SurfaceIndex:
 
     Attributes
     ----------
+    solid : Solid
+        What it is the surface of.
     tile : Tile
     corners : (n, 2) int64 ndarray
         Each cell's place in the plane, in cells from the tile's corner.
@@ -68,6 +71,7 @@ class SurfaceIndex:
         Of the leaf: its box's centre, and the distance beyond which it is seen as from infinity.
     """
 
+    solid: Solid
     tile: Tile
     corners: IntArray
     cells: tuple[npt.NDArray[np.generic], ...]
@@ -79,10 +83,13 @@ class SurfaceIndex:
     reach: float
 
     @classmethod
-    def build(cls, leaf: "MultiscaleLeaf") -> "SurfaceIndex":
-        """Sample the tile, lay the cells, and put up the rim."""
-        tile = Tile.sample(leaf)
-        corners, at_rim = _cells_in(leaf, tile)
+    def build(cls, leaf: "MultiscaleLeaf", *, closed: bool = False) -> "SurfaceIndex":
+        """Sample the tile, lay the cells, and put up the rim, of the leaf or of the closed solid."""
+        tile = Tile.sample(leaf, closed=closed)
+        outline = leaf.blade.outline
+        solid = Solid(outline.rounded if closed else outline.polygon, tile.filled)
+        strips, strip_boxes = rim_strips(leaf, solid, STRIP_STEPS * tile.step)
+        corners, at_rim = _cells_in(solid, tile)
         block = (corners[:, 0] % tile.shape[0]) * tile.shape[1] + corners[:, 1] % tile.shape[1]
         kept = tile.bricks[block + 1] > tile.bricks[block]
         corners, at_rim, block = corners[kept], at_rim[kept], block[kept]
@@ -90,7 +97,7 @@ class SurfaceIndex:
         order = np.argsort(_morton(corners - corners.min(axis=0), 31), kind="stable")
         corners, at_rim, block = corners[order], at_rim[order], block[order]
         middles, columns = _seen(leaf, tile, corners)
-        mask, places, ends = _shown(leaf, tile, corners, at_rim, block)
+        mask, places, ends = _shown(solid, tile, corners, at_rim, block)
         kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > LEAST_VOLUME)
         corners, ends = corners[kept], ends[:, kept]
         block, places, middles, columns = (part[kept] for part in (block, places, middles, columns))
@@ -99,10 +106,10 @@ class SurfaceIndex:
         def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
             return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
 
-        boxes, (strips, strip_boxes) = grow_tree(len(corners), hulls), rim_strips(leaf, STRIP_STEPS * tile.step)
+        boxes = grow_tree(len(corners), hulls)
         low, high = cells[2].min(axis=0), cells[2].max(axis=0)
         middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-        return cls(tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)
+        return cls(solid, tile, corners, cells, mask, boxes, strips, strip_boxes, middle, FAR * size)
 
     def closest(self, leaf: "MultiscaleLeaf", points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
@@ -118,7 +125,7 @@ class SurfaceIndex:
         near = np.flatnonzero(sample >= 0)
         flat = self.tile.samples[:, sample[near]].T.astype(np.float64)
         flat[:, :2] += self.tile.origin + (self.corners[cell[near]] + 0.5) * self.tile.cell
-        found = refine(leaf, seen[near], flat, self.tile.step)
+        found = refine(leaf, self.solid, seen[near], flat, self.tile.step)
         nearer = np.sum((found - seen[near]) ** 2, axis=1) < square[near]
         feet[near[nearer]] = found[nearer]
         return feet, _lengths(points - feet)
@@ -133,7 +140,7 @@ class SurfaceIndex:
         return np.where((length > reach)[:, np.newaxis], moved, points)
 
 
-def refine(leaf: "MultiscaleLeaf", points: FloatArray, start: FloatArray, step: float) -> FloatArray:
+def refine(leaf: "MultiscaleLeaf", solid: Solid, points: FloatArray, start: FloatArray, step: float) -> FloatArray:
     """Return the points of the surface closest to `points`, by Newton's method from samples beside them.
 
     The first step's second derivatives are kept. Where it leads out of the outline, away from the surface, or
@@ -155,14 +162,14 @@ def refine(leaf: "MultiscaleLeaf", points: FloatArray, start: FloatArray, step: 
         if not len(todo):
             break
     good = np.sum((feet - points) ** 2, axis=1) <= np.sum((first - points) ** 2, axis=1)
-    good &= leaf.blade.outline.contains(flat[:, :2])
+    good &= solid.contains(flat[:, :2])
     good[todo] = False
     return np.where(good[:, np.newaxis], feet, first)
 
 
-def closest_points(leaf: "MultiscaleLeaf", x: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+def closest_points(leaf: "MultiscaleLeaf", x: npt.ArrayLike, *, closed: bool = False) -> tuple[FloatArray, FloatArray]:
     """Return the closest points of the leaf's surface to (n, 3) world points, and the distances to them."""
-    points, index = as_points(x, "x", dim=3), leaf.surface_index
+    points, index = as_points(x, "x", dim=3), leaf.index_of(closed=closed)
     feet, distances = np.empty_like(points), np.empty(len(points))
 
     def task(rows: IntArray) -> None:
@@ -172,16 +179,16 @@ def closest_points(leaf: "MultiscaleLeaf", x: npt.ArrayLike) -> tuple[FloatArray
     return feet, distances
 
 
-def signed_distance(leaf: "MultiscaleLeaf", x: npt.ArrayLike) -> FloatArray:
+def signed_distance(leaf: "MultiscaleLeaf", x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
     """Return the signed distances (n,) of (n, 3) world points; see `MultiscaleLeaf.signed_distance`."""
-    points, index = as_points(x, "x", dim=3), leaf.surface_index
+    points, index = as_points(x, "x", dim=3), leaf.index_of(closed=closed)
     distances = np.empty(len(points))
 
     def task(rows: IntArray) -> None:
         distances[rows] = index.closest(leaf, points[rows])[1]
         # Straight up from a point of the leaf its surface is not farther than the patch is thick.
         near = rows[distances[rows] <= 1.1 * thickness(leaf)]
-        distances[near[inside(leaf, points[near])]] *= -1
+        distances[near[index.solid.holds(leaf, points[near])]] *= -1
 
     _in_order(index, points, task)
     return distances
@@ -204,14 +211,6 @@ def _run_rows(task: Callable[[IntArray], None], rows: IntArray) -> None:
     run_blocks(lambda start, stop: task(rows[start:stop]), len(rows), BLOCK)
 
 
-def inside(leaf: "MultiscaleLeaf", points: FloatArray) -> npt.NDArray[np.bool_]:
-    """Return whether the points lie in the leaf: G > 0, and in the outline."""
-    flat = leaf.blade.flatten(points)
-    held = leaf.blade.outline.contains(flat[:, :2])
-    held[held] = texture_jets(leaf, flat[held], 0)[0] > 0
-    return held
-
-
 def _lengths(vectors: FloatArray) -> FloatArray:
     """Return the lengths of (n, 3) vectors of any finite size."""
     largest = np.abs(vectors).max(axis=1, initial=0.0)
@@ -220,20 +219,20 @@ def _lengths(vectors: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.norm(vectors / scale[:, np.newaxis], axis=1) * largest, dtype=np.float64)
 
 
-def _cells_in(leaf: "MultiscaleLeaf", tile: Tile) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+def _cells_in(solid: Solid, tile: Tile) -> tuple[IntArray, npt.NDArray[np.bool_]]:
     """Return the cells (n, 2) that the outline holds or cuts, and which it may cut."""
-    outline = leaf.blade.outline
-    first, last = np.floor((outline.bounds - tile.origin) / tile.cell).astype(np.int64)
+    bounds = np.reshape(solid.outline.bounds, (2, 2))
+    first, last = np.floor((bounds - tile.origin) / tile.cell).astype(np.int64)
     first, shape = first - 2, last - first + 5
     i, j = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
     corners = np.stack([i, j], axis=-1).reshape(-1, 2) + first
     cut = np.zeros(shape, dtype=bool)
-    edge, half = rim_pieces(outline.polygon, tile.step)
+    edge, half = rim_pieces(solid.outline, tile.step)
     ends = np.floor((edge + half - tile.origin) / tile.cell).astype(np.int64) - first
     for di in (-1, 0, 1):
         for dj in (-1, 0, 1):  # a piece may cut the corner of a cell that holds neither of its ends
             cut[ends[:, 0] + di, ends[:, 1] + dj] = True
-    held = outline.contains(tile.origin + (corners + 0.5) * tile.cell) | cut.ravel()
+    held = solid.contains(tile.origin + (corners + 0.5) * tile.cell) | cut.ravel()
     return corners[held], cut.ravel()[held]
 
 
@@ -279,7 +278,7 @@ def _morton(places: IntArray, bits: int) -> IntArray:
 
 
 def _shown(
-    leaf: "MultiscaleLeaf", tile: Tile, corners: IntArray, at_rim: npt.NDArray[np.bool_], block: IntArray
+    solid: Solid, tile: Tile, corners: IntArray, at_rim: npt.NDArray[np.bool_], block: IntArray
 ) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
     """Return which samples of cells at the rim are in the outline, and of each cell its place there and its box.
 
@@ -302,7 +301,7 @@ def _shown(
     def task(start: int, stop: int) -> None:
         for cell in rows[start:stop]:
             samples = tile.samples[:, firsts[block[cell]] : firsts[block[cell] + 1]]
-            held = leaf.blade.outline.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
+            held = solid.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
             first = places[cell] >> 3
             mask[first : first + sizes[cell]] = np.packbits(held, bitorder="little")
             part = samples[:, held]

@@ -13,8 +13,10 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, as_bounds, as_step, require_choice
 from o3dleaf.files import require_free, require_writable, whole_file
-from o3dleaf.leaf.distance import inside, signed_distance
-from o3dleaf.parallel import Progress, blocks
+from o3dleaf.leaf.around import Around
+from o3dleaf.leaf.distance import signed_distance
+from o3dleaf.leaf.solid import Solid
+from o3dleaf.parallel import Progress, blocks, run_blocks
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -24,6 +26,8 @@ KINDS: dict[str, type[Any]] = {"field": np.float32, "distance": np.float32, "mas
 """What can be written, and the numbers that it is kept in."""
 SLAB = 1 << 18
 """Points asked for at once."""
+BLOCK = 1 << 13
+"""Points of a mask that a thread looks at together: empty air costs it nothing but telling that it is."""
 VTK_TYPES = {"float32": "Float32", "uint8": "UInt8"}
 NRRD_TYPES = {"float32": "float", "uint8": "uint8"}
 
@@ -37,6 +41,7 @@ def write_grid(
     bounds: npt.ArrayLike | None = None,
     *,
     what: str = "field",
+    closed: bool = False,
     progress: Progress | None = None,
 ) -> None:
     """Sample the leaf on a regular grid and write it as one file; see `MultiscaleLeaf.write_grid`."""
@@ -48,7 +53,7 @@ def write_grid(
     counts = last - first + 1
     kind = np.dtype(KINDS[what])
     require_free(target, int(np.prod(counts, dtype=object)) * kind.itemsize)
-    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what)
+    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what, closed=closed)
     header, footer = _envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
     with whole_file(target) as temporary, temporary.open("wb") as stream:
         stream.write(header)
@@ -56,13 +61,26 @@ def write_grid(
         stream.write(footer)
 
 
-def _sampler(leaf: "MultiscaleLeaf", what: str) -> Callable[[FloatArray], npt.NDArray[Any]]:
+def _sampler(leaf: "MultiscaleLeaf", what: str, *, closed: bool) -> Callable[[FloatArray], npt.NDArray[Any]]:
     if what == "field":
         return leaf
     if what == "distance":
-        _ = leaf.surface_index  # refused here where it cannot be, not in the middle of a file
-        return lambda points: signed_distance(leaf, points)
-    return lambda points: inside(leaf, points)
+        leaf.index_of(closed=closed)  # refused here where it cannot be, not in the middle of a file
+        return lambda points: signed_distance(leaf, points, closed=closed)
+    solid = leaf.index_of(closed=True).solid if closed else Solid(leaf.blade.outline.polygon, None)
+    around = Around.of(leaf)
+
+    def mask(points: FloatArray) -> npt.NDArray[np.bool_]:
+        held = np.zeros(len(points), dtype=bool)
+
+        def task(start: int, stop: int) -> None:
+            rows = start + around.rows(points[start:stop])
+            held[rows] = solid.holds(leaf, points[rows])
+
+        run_blocks(task, len(points), BLOCK)
+        return held
+
+    return mask
 
 
 def _write_values(  # noqa: PLR0917 - a grid is where it starts, its step and its shape

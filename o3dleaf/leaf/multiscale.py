@@ -21,11 +21,14 @@ from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.outline import AlphaShape
 from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
 from o3dleaf.mesh.files import SUFFIXES
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, blocks
 from o3dleaf.store import write_model
 from o3dleaf.texture.patches import PatchBlend
 from o3dleaf.texture.tiling import TiledField
 from o3dleaf.units import unit_scale
+
+CHUNK = 1 << 17
+"""Points asked for together: gradients hold 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
 
 class MultiscaleLeaf:
@@ -93,42 +96,77 @@ class MultiscaleLeaf:
 
     def __call__(self, x: npt.ArrayLike) -> FloatArray:
         """Return G(x) at (n, 3) world points, in the unit of CT intensity; < 0 outside."""
-        return self.texture(self.blade.flatten(x) * self.scale)
+        points = as_points(x, "x", dim=3)
+        values = np.empty(len(points))
+        for first, last in blocks(len(points), CHUNK):
+            values[first:last] = self.texture(self.blade.flatten(points[first:last]) * self.scale)
+        return values
 
     def gradient(self, x: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
         points = as_points(x, "x", dim=3)
-        flat = self.blade.flatten(points)
-        return self.blade.pull_back(flat, self.texture.gradient(flat * self.scale) * self.scale, points)
+        gradients = np.empty_like(points)
+        for first, last in blocks(len(points), CHUNK):
+            flat = self.blade.flatten(points[first:last])
+            inner = self.texture.gradient(flat * self.scale) * self.scale
+            gradients[first:last] = self.blade.pull_back(flat, inner, points[first:last])
+        return gradients
 
     @cached_property
     def surface_index(self) -> SurfaceIndex:
-        """What finds the nearest point of the surface, made when it is first asked for and kept.
+        """What finds the nearest point of the surface, pockets and specks too; see `index_of`."""
+        return self._build_index(closed=False)
+
+    @cached_property
+    def solid_index(self) -> SurfaceIndex:
+        """The same of the closed solid."""
+        return self._build_index(closed=True)
+
+    def index_of(self, *, closed: bool = False) -> SurfaceIndex:
+        """Return what finds the nearest point of the surface, made when it is first asked for and kept.
 
         Raises
         ------
         InputError
             If several patches are blended along the leaf: it holds one tile.
         """
+        return self.solid_index if closed else self.surface_index
+
+    def _build_index(self, *, closed: bool) -> SurfaceIndex:
         if not is_one_tile(self.texture, self.blade, self.scale):
             raise InputError(
                 "texture: several patches along the leaf have no one tile to measure to; extract a mesh and ask "
                 "Open3D's RaycastingScene"
             )
-        return SurfaceIndex.build(self)
+        return SurfaceIndex.build(self, closed=closed)
 
-    def signed_distance(self, x: npt.ArrayLike) -> FloatArray:
+    def signed_distance(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n,) distances of (n, 3) world points to the leaf's surface, in `unit`; negative inside.
 
         The leaf is where G > 0 and (along, across) is in the outline: its surface is the two faces with their
         hairs, the rim, and the walls of the air pockets, which are outside. At every finite point it is finite; to
         the surface's samples it is a true minimum, and beside the nearest of them Newton's method finds the foot.
-        """
-        return signed_distance(self, x)
 
-    def closest_points(self, x: npt.ArrayLike) -> FloatArray:
+        Parameters
+        ----------
+        x : (n, 3) array_like
+        closed : bool
+            True: to the solid that ``extract_mesh(closed=True)`` draws and a droplet meets: the outline is rounded,
+            air that the blade encloses is leaf, and specks beside it are not. Half the distance of the data is the
+            step at which it is told what is enclosed.
+
+        Raises
+        ------
+        InputError
+            If several patches are blended along the leaf.
+        ReconstructionError
+            If it is to be closed, and air reaches through the blade.
+        """
+        return signed_distance(self, x, closed=closed)
+
+    def closest_points(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
-        return closest_points(self, x)[0]
+        return closest_points(self, x, closed=closed)[0]
 
     def write_grid(
         self,
@@ -137,6 +175,7 @@ class MultiscaleLeaf:
         bounds: npt.ArrayLike | None = None,
         *,
         what: str = "field",
+        closed: bool = False,
         progress: Progress | None = None,
     ) -> None:
         """Sample the leaf at the whole multiples of `spacing` in a box of the world, into one file.
@@ -153,6 +192,8 @@ class MultiscaleLeaf:
             Lower, then upper corner, in `unit`; the leaf's own by default.
         what : {"field", "distance", "mask"}
             G (float32), the signed distance (float32), or 1 in the leaf and 0 outside it (uint8).
+        closed : bool
+            Of distance and mask: that of the closed solid, as in `signed_distance`.
         progress : callable, optional
             ``progress(done, total)`` in grid points.
 
@@ -164,7 +205,7 @@ class MultiscaleLeaf:
         O3DLeafError
             If the disk has no room for the grid.
         """
-        write_grid(self, path, spacing, bounds, what=what, progress=progress)
+        write_grid(self, path, spacing, bounds, what=what, closed=closed, progress=progress)
 
     def project(self, x: npt.ArrayLike) -> FloatArray:
         r"""Return the (n, 3) points of the surface G = 0 that Newton's method along the gradient reaches from x.

@@ -87,6 +87,7 @@ class AlphaShape:
         width = BLUR * spacing / step
         while not (rounded := shapely.Polygon(gaussian_filter1d(points, width, axis=0, mode="wrap"))).is_valid:
             width /= 2
+        shapely.prepare(rounded)
         return rounded
 
     @property
@@ -101,15 +102,18 @@ class AlphaShape:
 
     def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Return for each of the (n, 2) points whether it lies in the outline or on it."""
-        queries = as_points(points, dim=2)
-        inside = np.empty(len(queries), dtype=bool)
-        polygon = self.polygon
+        return in_polygon(self.polygon, as_points(points, dim=2))
 
-        def task(start: int, stop: int) -> None:
-            inside[start:stop] = shapely.intersects_xy(polygon, queries[start:stop, 0], queries[start:stop, 1])
 
-        run_blocks(task, len(queries), BLOCK)
-        return inside
+def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return for each of the (n, 2) points whether it lies in a polygon or on it."""
+    inside = np.empty(len(points), dtype=bool)
+
+    def task(start: int, stop: int) -> None:
+        inside[start:stop] = shapely.intersects_xy(polygon, points[start:stop, 0], points[start:stop, 1])
+
+    run_blocks(task, len(points), BLOCK)
+    return inside
 
 
 def triangle_areas(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:

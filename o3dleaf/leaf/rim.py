@@ -9,15 +9,16 @@ import shapely
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf.boxes import grow_tree
-from o3dleaf.leaf.surface import lift, texture_jets
+from o3dleaf.leaf.solid import Solid
+from o3dleaf.leaf.surface import lift
 from o3dleaf.parallel import run_blocks
 from o3dleaf.rbf.tail import IntArray
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
-BLOCK = 1 << 6
-"""Pieces of the rim that a thread looks at together: a megabyte."""
+BLOCK = 1 << 5
+"""Pieces of the rim that a thread looks at together: half a megabyte."""
 ROOT_STEPS = 4
 """Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
 
@@ -34,14 +35,14 @@ def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, Float
 
 
 def rim_strips(
-    leaf: "MultiscaleLeaf", step: float
+    leaf: "MultiscaleLeaf", solid: Solid, step: float
 ) -> tuple[tuple[npt.NDArray[np.floating], ...], npt.NDArray[np.float32]]:
     """Return the rim's strips, as `o3dleaf.leaf.search.nearest_strips` wants them, and the tree over them."""
-    middles, halves = rim_pieces(leaf.blade.outline.polygon, step)
+    middles, halves = rim_pieces(solid.outline, step)
     parts: list[tuple[npt.NDArray[np.floating], ...]] = [()] * -(-len(middles) // BLOCK)
 
     def task(start: int, stop: int) -> None:
-        parts[start // BLOCK] = _strips(leaf, middles[start:stop], halves[start:stop], step)
+        parts[start // BLOCK] = _strips(leaf, solid, middles[start:stop], halves[start:stop], step)
 
     run_blocks(task, len(middles), BLOCK)
     centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -55,14 +56,14 @@ def rim_strips(
 
 
 def _strips(
-    leaf: "MultiscaleLeaf", middles: FloatArray, halves: FloatArray, step: float
+    leaf: "MultiscaleLeaf", solid: Solid, middles: FloatArray, halves: FloatArray, step: float
 ) -> tuple[npt.NDArray[np.floating], ...]:
-    """Return the strips over some pieces of the rim: one for each interval of heights in which F > 0."""
+    """Return the strips over some pieces of the rim: one for each interval of heights that lies in the leaf."""
     low, high = leaf.texture.cell[:, 2] / leaf.scale
     heights = np.linspace(low - step, high + step, int(np.ceil((high - low) / step)) + 3)
 
     def field(piece: IntArray, z: FloatArray) -> FloatArray:
-        return texture_jets(leaf, np.column_stack([middles[piece], z]), 0)[0]
+        return solid.values(leaf, np.column_stack([middles[piece], z]))
 
     count = len(heights)
     values = field(np.repeat(np.arange(len(middles)), count), np.tile(heights, len(middles))).reshape(-1, count)

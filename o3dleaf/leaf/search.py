@@ -224,3 +224,25 @@ def strip_distance(x, centre, edge, up, ends, foot):
         if case == 0:
             break
     return best
+
+
+@njit(nogil=True, cache=True)
+def look_up(places, values, codes, held):
+    """Write whether points are held: what the nearest corner of their cell says at which the field has their sign.
+
+    places: (n, 3), in steps of the lattice. codes: (nx, ny, nz), 1 where the field is positive, plus 2 where the
+    lattice is held; the first two axes are periodic. Where no corner has the sign, the nearest one says.
+    """
+    nx, ny, nz = codes.shape
+    for i in range(len(places)):
+        z = min(max(places[i, 2], 0.0), nz - 1.0)
+        x0, y0, z0 = math.floor(places[i, 0]), math.floor(places[i, 1]), math.floor(z)
+        best = np.inf
+        for corner in range(8):
+            x, y, k = x0 + (corner & 1), y0 + (corner >> 1 & 1), z0 + (corner >> 2)
+            code = codes[int(x) % nx, int(y) % ny, min(int(k), nz - 1)]
+            score = (x - places[i, 0]) ** 2 + (y - places[i, 1]) ** 2 + (k - z) ** 2
+            if (code & 1) != (values[i] > 0.0):
+                score += 4.0  # more than the square of a cell's diagonal
+            if score < best:
+                best, held[i] = score, code > 1

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.lattice import Lattice, sample_lattice
+from o3dleaf.leaf.solid import Filled
 from o3dleaf.leaf.surface import CHUNK, lift_bends, texture_jets
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.parallel import blocks
@@ -60,6 +61,8 @@ class Tile:
         First sample of each brick.
     samples : (3, n) float32 ndarray
         Relative to the middle of their block at height 0.
+    filled : Filled or None
+        What is enclosed, if pockets were filled.
     """
 
     origin: FloatArray
@@ -71,19 +74,20 @@ class Tile:
     boxes: Singles
     places: IntArray
     samples: Singles
+    filled: Filled | None
 
     @classmethod
-    def sample(cls, leaf: "MultiscaleLeaf") -> "Tile":
-        """Sample the leaf's texture.
+    def sample(cls, leaf: "MultiscaleLeaf", *, closed: bool = False) -> "Tile":
+        """Sample the leaf's texture with its pockets and specks or, closed, without them.
 
         Raises
         ------
         ReconstructionError
-            If the texture has no surface.
+            If the texture has no surface, or pockets cannot be filled: air reaches through the blade.
         """
         low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
         step = _step(leaf)
-        points = _surface_points(leaf, step)
+        points, filled = _surface_points(leaf, step, closed=closed)
         shape = np.maximum(np.round(period / max(_straight(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
         cell = period / shape
         relative = points - [*low[:2], 0.0]
@@ -100,9 +104,9 @@ class Tile:
         boxes = _as_boxes(least, most)
         bricks = np.searchsorted(block[starts], np.arange(shape.prod() + 1))
         extents = np.zeros((len(bricks) - 1, 2, 3), dtype=np.float32)
-        filled = np.flatnonzero(np.diff(bricks))
-        bounds = [merge.reduceat(ends, bricks[filled]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
-        extents[filled] = _as_boxes(*bounds)
+        some = np.flatnonzero(np.diff(bricks))
+        bounds = [merge.reduceat(ends, bricks[some]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
+        extents[some] = _as_boxes(*bounds)
         return cls(
             low[:2],
             cell,
@@ -113,6 +117,7 @@ class Tile:
             boxes,
             np.append(starts, len(samples)),
             np.ascontiguousarray(samples.T),
+            filled,
         )
 
 
@@ -148,35 +153,52 @@ def _least_cell(leaf: "MultiscaleLeaf") -> float:
     return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MOST_CELLS))
 
 
-def _surface_points(leaf: "MultiscaleLeaf", step: float) -> FloatArray:
+def _surface_points(leaf: "MultiscaleLeaf", step: float, *, closed: bool) -> tuple[FloatArray, Filled | None]:
     """Return points (n, 3) of F = 0 over one period: the vertices of marching cubes, moved onto it."""
     low, high = leaf.texture.cell / leaf.scale
     counts = np.ceil((high - low) / step).astype(np.int64)
     steps = (high - low) / counts
-    parts = [_slab_points(leaf, low, steps, counts, slab) for slab in blocks(int(counts[0]), SLAB)]
-    points = np.concatenate(parts)
-    if not len(points):
+    positive = np.empty((*counts[:2], counts[2] + 3), dtype=bool) if closed else None
+    parts = [_slab_vertices(leaf, low, steps, counts, slab, positive) for slab in blocks(int(counts[0]), SLAB)]
+    vertices = np.concatenate(parts)
+    if not len(vertices):
         raise ReconstructionError(
             "the texture has no surface: its values are all above 0, or all below; check the level"
         )
+    # Beyond the patch a field falls with the distance: the lattice has a layer below it.
+    origin = low - steps * [0, 0, 1]
+    filled = None if positive is None else Filled.fill(origin, steps, positive)
+    if filled is not None:
+        vertices = vertices[filled.bounds(vertices)]
+    points = origin + vertices * steps
     for _ in range(2):
         for first, last in blocks(len(points), CHUNK):
             part = points[first:last]
             values, slopes = texture_jets(leaf, part, 1)
             square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
             part += np.clip(-(values / square)[:, np.newaxis] * slopes, -step / 4, step / 4)
-    return points
+    return points, filled
 
 
-def _slab_points(
-    leaf: "MultiscaleLeaf", low: FloatArray, steps: FloatArray, counts: IntArray, slab: tuple[int, int]
+def _slab_vertices(
+    leaf: "MultiscaleLeaf",
+    low: FloatArray,
+    steps: FloatArray,
+    counts: IntArray,
+    slab: tuple[int, int],
+    positive: npt.NDArray[np.bool_] | None,
 ) -> FloatArray:
-    """Return the vertices of marching cubes over some layers of cells, those on the last faces left to the next."""
+    """Return the vertices of marching cubes over some layers of cells, in steps, those on the last faces left out.
+
+    They are the next slab's, or the first one's. Signs are written into their layers of `positive`.
+    """
     thick = slab[1] - slab[0]
-    # Beyond the patch a field falls with the distance: a layer above and below closes what its faces cut.
+    # A layer above and below the patch closes what its faces cut.
     origin = low + steps * [slab[0], 0, -1]
     lattice = Lattice(tuple(origin), tuple(steps), (thick + 1, int(counts[1]) + 1, int(counts[2]) + 3))
     samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32, block=CHUNK)
+    if positive is not None:
+        positive[slab[0] : slab[1]] = samples[:-1, :-1] > 0
     vertices, _ = polygonise(samples, 0.0)
     inner = np.all(vertices[:, :2] < [thick - 1e-9, counts[1] - 1e-9], axis=1)
-    return lattice.positions(vertices[inner])
+    return vertices[inner] + [slab[0], 0, 0]

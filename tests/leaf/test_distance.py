@@ -8,10 +8,10 @@ import pytest
 from o3dleaf.leaf.patches import PatchBlend
 
 from leaf_fields import leaf_of, texture
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.leaf import distance
 from o3dleaf.parallel import get_num_threads, set_num_threads
-from tolerances import DISTANCE_MESH, EIKONAL, LIPSCHITZ, PROJECTED, SLAB_DISTANCE
+from tolerances import CLOSED_MESH, DISTANCE_MESH, EIKONAL, FILLED, LIPSCHITZ, PROJECTED, SLAB_DISTANCE
 
 HALF, LENGTH, WIDTH = 0.31, 20.0, 3.0
 
@@ -177,3 +177,44 @@ def test_several_patches_have_fields_and_masks_but_no_distance(tmp_path):
         with pytest.raises(InputError, match="several patches along the leaf have no one tile"):
             call()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["field.nrrd", "mask.nrrd"]
+
+
+@pytest.fixture(scope="module")
+def pocked():
+    """A slab with a pocket in the middle of every tile and a speck above it."""
+
+    def function(x, y, z):
+        pocket, speck = np.sqrt(x**2 + y**2 + z**2), np.sqrt(x**2 + y**2 + (z - 0.6) ** 2)
+        return np.maximum(np.minimum(HALF - np.abs(z), pocket - 0.16), 0.1 - speck)
+
+    return leaf_of(texture(function, half=0.8, n=31))[0]
+
+
+def test_the_closed_solid_has_its_pockets_filled_and_no_specks(pocked):
+    rng = np.random.default_rng(10)
+    x = about(pocked, rng, 4000, 0.1)
+    x = x[np.all(np.abs(x[:, :2] - [LENGTH / 2, 0]) < [LENGTH / 2 - 1, WIDTH - 1], axis=1)]
+    found, face = pocked.signed_distance(x, closed=True), np.abs(x[:, 2]) - HALF
+    assert np.abs(found - face).max() <= FILLED
+    assert np.array_equal(found < 0, face < 0)
+    middles = np.array([[8.0, 0, 0], [8.0, 0, 0.6]])  # a pocket's, filled, and a speck's, dropped
+    assert pocked.signed_distance(middles) == pytest.approx([0.16, -0.1], abs=FILLED)
+    assert pocked.signed_distance(middles, closed=True) == pytest.approx([-HALF, 0.6 - HALF], abs=FILLED)
+
+
+def test_the_closed_distance_is_that_to_the_closed_mesh(rough):
+    leaf, _ = rough
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(leaf.extract_mesh(0.04, closed=True)))
+    x = about(leaf, np.random.default_rng(11), 4000, 1.0)  # its rim and its rounded corners too
+    expected = scene.compute_signed_distance(o3d.core.Tensor(x.astype(np.float32))).numpy()
+    error = np.abs(leaf.signed_distance(x, closed=True) - expected)
+    assert np.quantile(error, 0.99) <= CLOSED_MESH[0]
+    assert error.max() <= CLOSED_MESH[1]
+
+
+def test_air_that_reaches_through_the_blade_cannot_be_filled():
+    leaf = leaf_of(texture(lambda x, y, z: np.minimum(HALF - np.abs(z), np.hypot(x, y) - 0.3), n=21))[0]
+    assert leaf.signed_distance([[8.0, 0.0, 0.0]]) == pytest.approx(0.3, abs=FILLED)
+    with pytest.raises(ReconstructionError, match="air reaches through the blade"):
+        leaf.signed_distance([[8.0, 0.0, 0.0]], closed=True)

@@ -12,6 +12,7 @@ import SimpleITK
 from leaf_fields import leaf_of, texture
 from o3dleaf.errors import InputError, O3DLeafError
 from o3dleaf.leaf import grid
+from o3dleaf.leaf.around import Around
 
 BOX = np.array([[4.0, -1.0, -0.6], [5.5, 0.4, 0.7]])
 STEP = np.array([0.11, 0.07, 0.13])
@@ -106,3 +107,16 @@ def test_other_formats_and_contents_are_refused(leaf, tmp_path):
         leaf.write_grid(tmp_path / "g.raw", 0.5)
     with pytest.raises(InputError, match="what"):
         leaf.write_grid(tmp_path / "g.vti", 0.5, what="colour")
+
+
+def test_empty_air_is_left_out_of_a_mask_and_nothing_else(tmp_path):
+    bent, _ = leaf_of(texture(lambda x, y, z: 0.31**2 - z**2), bend=10.0)
+    box = bent.bounds + [[-1.0], [1.0]]
+    bent.write_grid(tmp_path / "g.nrrd", 0.15, box, what="mask")
+    values, origin, spacing = read_nrrd(tmp_path / "g.nrrd")
+    axes = [origin[k] + spacing[k] * np.arange(values.shape[k]) for k in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    held = (bent(points) > 0) & bent.blade.outline.contains(bent.blade.flatten(points)[:, :2])
+    assert np.array_equal(values.ravel(), held)
+    asked = Around.of(bent).rows(points)
+    assert held.sum() < len(asked) < len(points) / 2
