@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ STRIPS = 2
 VERTICES = 1 << 15
 """Vertices that one thread takes to the world at once."""
 SHARE = 0.25
-"""A piece with this share of the largest one's triangles is a face of the blade; scraps at the rim are smaller."""
+"""A piece with this share of the largest one's size is a face of the blade; scraps at the rim are smaller."""
 ADAXIAL, ABAXIAL, RIM = 0, 1, 2
 """Labels of triangles."""
 
@@ -246,18 +246,9 @@ class Assembly:
         above = np.concatenate([share.above for share in shares])
         piece = label_nodes(first, second, len(triangles))
         size = np.bincount(piece, triangles)
-        groups = [np.unique(piece)]
-        if not self.closed:
-            looks_up = np.bincount(piece, triangles * above) > size / 2
-            groups = [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
-        large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
-        if large != [1] * len(groups) and not keep_scraps:
-            what = "pieces, not one solid" if self.closed else "sheets, not two (adaxial, abaxial)"
-            raise ReconstructionError(
-                f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
-            )
         kept = np.full(len(size), keep_scraps)
-        kept[[group[np.argmax(size[group])] for group in groups if len(group)]] = True
+        if not keep_scraps:
+            kept[faces_among(size, None if self.closed else np.bincount(piece, triangles * above) > size / 2)] = True
         self._kept = kept[piece]
         gone = ~kept & (size > 0)
         self.scraps = Scraps(int(gone.sum()), int(size[gone].sum()))
@@ -310,6 +301,31 @@ class Assembly:
         first = self._starts[at][1]
         for start, stop in blocks(len(nodes), 2 * VERTICES):
             sink.put_triangles(first + start, name[nodes[start:stop]], labels[start:stop])
+
+
+def faces_among(size: npt.NDArray[Any], looks_up: BoolArray | None) -> list[int]:
+    """Return which pieces are the two sheets, or the one solid; the others are scraps.
+
+    Parameters
+    ----------
+    size : (l,) ndarray
+        Of each piece.
+    looks_up : (l,) ndarray of bool, optional
+        Which pieces look at the air above; None: a solid.
+
+    Raises
+    ------
+    ReconstructionError
+        If more than one piece of a kind, or none, is as large as a face.
+    """
+    groups = [np.arange(len(size))] if looks_up is None else [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
+    large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
+    if large != [1] * len(groups):
+        what = "pieces, not one solid" if looks_up is None else "sheets, not two (adaxial, abaxial)"
+        raise ReconstructionError(
+            f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
+        )
+    return [int(group[np.argmax(size[group])]) for group in groups]
 
 
 def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
