@@ -15,7 +15,7 @@ from o3dleaf.mesh.topology import label_nodes
 from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.tiles.footprint import Footprint
 from o3dleaf.tiles.loops import ABOVE
-from o3dleaf.tiles.placement import Placement, place_sheets, place_solid
+from o3dleaf.tiles.placement import Numbers, Placement, place_sheets, place_solid
 from o3dleaf.tiles.reduced import Reduced
 from o3dleaf.tiles.tile import Tile
 
@@ -127,6 +127,7 @@ class Assembly:
         # Vertices in the last column belong to the tile that begins there.
         self._low, self._high = footprint.box[0] // shape, footprint.box[1] // shape + 1
         self._whole: _Part | None = None
+        self._whole_rank: IntArray | None = None
         self._shares: dict[At, Share] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for parts, rows in self._windows():
@@ -223,10 +224,11 @@ class Assembly:
     def _links(self, parts: dict[At, _Part], at: At) -> tuple[IntArray, IntArray]:
         """Return the pieces of a tile and of its neighbours that have a vertex in common, as pairs of numbers."""
         part, base = parts[at], self._shares[at].first_label
-        own = {there: np.where(parts[there].own >= 0, parts[there].own + self._shares[there].first_label, -1)
-               for there in self._around(parts, at).values()}  # fmt: skip
-        shifted = {shift: (parts[there].placement, own[there]) for shift, there in self._around(parts, at).items()}
-        there = part.placement.node_numbers(np.full(len(part.own), -1), shifted)
+        around = {
+            shift: (parts[there].placement, Numbers(parts[there].own, self._shares[there].first_label))
+            for shift, there in self._around(parts, at).items()
+        }
+        there = part.placement.node_numbers(None, around)
         linked = (there >= 0) & (part.labels >= 0)
         pairs = np.unique(np.stack([part.labels[linked] + base, there[linked]]), axis=1)
         return pairs[0], pairs[1]
@@ -267,29 +269,34 @@ class Assembly:
         share = self._shares[at]
         return bool(self._kept[share.first_label : share.first_label + len(share.vertices)].all())
 
-    def _numbers(self, part: _Part, at: At) -> IntArray:
-        """Return the numbers (n + e,) of a tile's own vertices, −1 for those that are not there."""
+    def _numbers(self, part: _Part, at: At) -> Numbers:
+        """Return the numbers of a tile's own vertices; whole tiles share what they can."""
+        keeps_all = self._keeps_all(at)
+        if part.placement.is_whole and keeps_all:
+            if self._whole_rank is None:
+                self._whole_rank = _rank(part.own >= 0)
+            return Numbers(self._whole_rank, self._starts[at][0])
         own = part.own
         there = own >= 0
-        if not self._keeps_all(at):
+        if not keeps_all:
             there[there] = self._kept[own[there] + self._shares[at].first_label]
-        return np.where(there, self._starts[at][0] + np.cumsum(there) - 1, -1)
+        return Numbers(_rank(there), self._starts[at][0])
 
     def _emit_vertices(
         self,
         sink: Sink,
         to_world: Callable[[FloatArray], FloatArray],
         parts: dict[At, _Part],
-        numbers: dict[At, IntArray],
+        numbers: dict[At, Numbers],
         piece: tuple[At, int],
     ) -> None:
         """Put a tile's own vertices from one row on."""
         at, start = piece
         rows = start + np.flatnonzero(numbers[at][start : start + VERTICES] >= 0)
         if len(rows):
-            sink.put_vertices(int(numbers[at][rows[0]]), to_world(parts[at].placement.positions(rows)))
+            sink.put_vertices(int(numbers[at][rows[:1]][0]), to_world(parts[at].placement.positions(rows)))
 
-    def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, IntArray], at: At) -> None:
+    def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, Numbers], at: At) -> None:
         """Put the triangles of one tile."""
         part = parts[at]
         around = {shift: (parts[there].placement, numbers[there]) for shift, there in self._around(parts, at).items()}
@@ -326,6 +333,11 @@ def faces_among(size: npt.NDArray[Any], looks_up: BoolArray | None) -> list[int]
             f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
         )
     return [int(group[np.argmax(size[group])]) for group in groups]
+
+
+def _rank(there: BoolArray) -> IntArray:
+    """Return the place of each vertex among those that are there, −1 for the others."""
+    return np.where(there, np.cumsum(there) - 1, -1)
 
 
 def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

@@ -18,6 +18,28 @@ Nodes = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers of a placement's own vertices (n + e,), read as an array; whole tiles share all but the first one.
+
+    Attributes
+    ----------
+    rank : (n + e,) ndarray of int64
+        What is added to `start`; −1: not there.
+    start : int
+    """
+
+    rank: IntArray
+    start: int
+
+    def __len__(self) -> int:
+        return len(self.rank)
+
+    def __getitem__(self, rows: IntArray | slice) -> IntArray:
+        rank = self.rank[rows]
+        return np.where(rank >= 0, rank + self.start, -1)
+
+
+@dataclass(frozen=True, eq=False)
 class Placement:
     """A tile in one place.
 
@@ -79,19 +101,20 @@ class Placement:
         places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
         return tile.lattice.positions(places)
 
-    def node_numbers(self, own: IntArray, neighbours: dict[int, tuple["Placement", IntArray]]) -> IntArray:
+    def node_numbers(self, own: Numbers | None, neighbours: dict[int, tuple["Placement", Numbers]]) -> IntArray:
         """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
 
         Parameters
         ----------
-        own : (n + e,) ndarray
+        own : Numbers, optional
         neighbours : dict
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
         numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int64)
-        numbers[:vertices] = own[:vertices]
-        numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
+        if own is not None:
+            numbers[:vertices] = own[:vertices]
+            numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
         names, shifts = self._rim_beyond
         for shift, (other, given) in neighbours.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)
