@@ -1,17 +1,19 @@
 """A whole leaf realised: windows of one surface, closed solids, levels, blends; counted before it is made."""
 
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import open3d as o3d
 import pytest
+import shapely
 
 from leaf_fields import leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.patches import PatchBlend
-from o3dleaf.leaf.realisation import LAYERS, tile_lattice
+from o3dleaf.leaf.realisation import LAYERS, _sides, is_one_tile, leaf_lattice, tile_lattice
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.tiles import assembly
@@ -332,3 +334,25 @@ def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, mon
     size = (tmp_path / f"leaf{suffix}").stat().st_size
     assert needed[1] < 1.05 * needed[0]
     assert needed[1] - needed[0] < 0.02 * size
+
+
+def test_the_row_of_tiles_under_a_blend_reaches_over_all_of_the_blade(blend_leaf):
+    """Also where the blade begins before the midrib does."""
+    for bounds in ([[-7.3, -3.0], [5.0, 3.0]], [[0.0, -3.0], [20.0, 3.0]], [[4.1, -3.0], [12.0, 3.0]]):
+        blade = SimpleNamespace(outline=SimpleNamespace(bounds=np.array(bounds)))
+        lattice = leaf_lattice(blend_leaf.texture, blade, 1.0, 0.1)
+        period = blend_leaf.texture.period[0]
+        start, stop = lattice.origin[0], lattice.origin[0] + lattice.period[0]
+        if not is_one_tile(blend_leaf.texture, blade, 1.0):
+            assert bounds[0][0] - period <= start <= bounds[0][0]
+            assert bounds[1][0] <= stop <= bounds[1][0] + 2 * period
+        assert (start - blend_leaf.texture.cell[0, 0]) / period == pytest.approx(round(start / period))
+
+
+def test_the_sides_of_an_area_are_those_of_all_its_rings():
+    ring = shapely.box(0, 0, 4, 4) - shapely.box(1, 1, 2, 3)
+    assert len(_sides(ring)) == 8
+    assert len(_sides(shapely.union(ring, shapely.box(6, 6, 7, 7)))) == 12
+    assert len(_sides(shapely.GeometryCollection([ring, shapely.LineString([(5, 5), (6, 6)])]))) == 8
+    steps = _sides(ring)[:, 2:] - _sides(ring)[:, :2]
+    assert np.abs(steps.sum(axis=0)).max() == 0
