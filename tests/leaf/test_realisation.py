@@ -356,3 +356,13 @@ def test_the_sides_of_an_area_are_those_of_all_its_rings():
     assert len(_sides(shapely.GeometryCollection([ring, shapely.LineString([(5, 5), (6, 6)])]))) == 8
     steps = _sides(ring)[:, 2:] - _sides(ring)[:, :2]
     assert np.abs(steps.sum(axis=0)).max() == 0
+
+
+def test_two_windows_with_one_cell_between_are_both_set_in(leaf):
+    windows = [([[6.0, -0.5], [7.0, 0.5]], 0.125), ([[7.25, -0.25], [8.0, 0.25]], 0.0625)]
+    report = mesh_report(leaf.extract_levels(0.25, windows).mesh)
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_loops, report.holes, report.genus) == (2, 2, 0, 0)
+    with pytest.raises(InputError, match="make it smaller or move it"):
+        leaf.extract_levels(0.25, [windows[0], ([[7.0, -0.25], [8.0, 0.25]], 0.125)])
