@@ -272,7 +272,7 @@ def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
         if inner is not None:
             within &= ((middle[:, :2] < inner[0] - 0.3) | (middle[:, :2] > inner[1] + 0.3)).any(axis=1)
         within &= found.labels != RIM
-        assert 0.5 * spacing < np.median(size[within]) <= 1.6 * spacing
+        assert 0.9 * spacing < np.median(size[within]) <= 1.6 * spacing
     assert np.all((middle[:, 2] > 0)[found.labels != RIM] == (found.labels == ADAXIAL)[found.labels != RIM])
     coarse = leaf.realise(0.25, closed=closed).extract()
     far = leaf.blade.flatten(arrays(coarse)[0])[:, 0] > 10
