@@ -261,7 +261,10 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     lattice = parent.tile.lattice
     ratio = 2 ** max(1, round(np.log2(max(lattice.spacing[:2]) / step)))
     low, high = columns(parent)
-    box = np.stack([np.floor(low + 1e-9), np.ceil(high - 1e-9)]).astype(np.int64) * ratio
+    box = np.stack([np.floor(low + 1e-9), np.ceil(high - 1e-9)]).astype(np.int64)
+    # A cell beside each curtain, and one at least between them.
+    box[1] = ratio * np.maximum(box[1], box[0] + (2 if ratio == 2 else 1))
+    box[0] *= ratio
     (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
     fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
     parent.children.append(Level(extract_tile(values, fine), parent.footprint, box, ratio=ratio))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from o3dleaf.mesh.topology import label_nodes
 from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.tiles.footprint import Footprint
 from o3dleaf.tiles.loops import ABOVE
-from o3dleaf.tiles.placement import Nodes, Placement, place_sheets, place_solid
+from o3dleaf.tiles.placement import Nodes, Numbers, Placement, place_sheets, place_solid
 from o3dleaf.tiles.reduced import Reduced
 from o3dleaf.tiles.tile import Tile
 
@@ -26,12 +26,11 @@ VERTICES = 1 << 15
 MOST = 2**31 - 1
 """Vertices that the numbers of a mesh file can tell apart."""
 SHARE = 0.25
-"""A piece with this share of the largest one's triangles is a face of the blade; scraps at the rim are smaller."""
+"""A piece with this share of the largest one's size is a face of the blade; scraps at the rim are smaller."""
 ADAXIAL, ABAXIAL, RIM = 0, 1, 2
 """Labels of triangles."""
 
 At = tuple[int, int]
-Numbers = npt.NDArray[np.int32]
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -42,7 +41,7 @@ class Sink(Protocol):
     def put_vertices(self, start: int, vertices: FloatArray) -> None:
         """Take the (n, 3) vertices number start, start + 1, ..."""
 
-    def put_triangles(self, start: int, triangles: IntArray, labels: npt.NDArray[np.uint8]) -> None:
+    def put_triangles(self, start: int, triangles: npt.NDArray[np.integer[Any]], labels: npt.NDArray[np.uint8]) -> None:
         """Take the (m, 3) triangles number start, ... and their labels."""
 
 
@@ -75,7 +74,7 @@ class _Part:
     count: int
 
     @property
-    def own(self) -> IntArray:
+    def own(self) -> npt.NDArray[np.int32]:
         """(n + e,) labels of the own vertices."""
         tile, rim = self.placement.tile, self.placement.rim_own
         start = len(tile.edges) + len(tile.beyond)
@@ -130,6 +129,7 @@ class Assembly:
         # Vertices in the last column belong to the tile that begins there.
         self._low, self._high = footprint.box[0] // shape, footprint.box[1] // shape + 1
         self._whole: _Part | None = None
+        self._whole_rank: npt.NDArray[np.int32] | None = None
         self._shares: dict[At, Share] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for parts, rows in self._windows():
@@ -227,10 +227,11 @@ class Assembly:
     def _links(self, parts: dict[At, _Part], at: At) -> tuple[IntArray, IntArray]:
         """Return the pieces of a tile and of its neighbours that have a vertex in common, as pairs of numbers."""
         part, base = parts[at], self._shares[at].first_label
-        own = {there: np.where(parts[there].own >= 0, parts[there].own + self._shares[there].first_label, -1)
-               for there in self._around(parts, at).values()}  # fmt: skip
-        shifted = {shift: (parts[there].placement, own[there]) for shift, there in self._around(parts, at).items()}
-        there = part.placement.node_numbers(np.full(len(part.own), -1), shifted)
+        around = {
+            shift: (parts[there].placement, Numbers(parts[there].own, self._shares[there].first_label))
+            for shift, there in self._around(parts, at).items()
+        }
+        there = part.placement.node_numbers(None, around)
         linked = (there >= 0) & (part.labels >= 0)
         pairs = np.unique(np.stack([part.labels[linked] + base, there[linked]]), axis=1)
         return pairs[0], pairs[1]
@@ -250,18 +251,9 @@ class Assembly:
         above = np.concatenate([share.above for share in shares])
         piece = label_nodes(first, second, len(triangles))
         size = np.bincount(piece, triangles)
-        groups = [np.unique(piece)]
-        if not self.closed:
-            looks_up = np.bincount(piece, triangles * above) > size / 2
-            groups = [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
-        large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
-        if large != [1] * len(groups) and not keep_scraps:
-            what = "pieces, not one solid" if self.closed else "sheets, not two (adaxial, abaxial)"
-            raise ReconstructionError(
-                f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
-            )
         kept = np.full(len(size), keep_scraps)
-        kept[[group[np.argmax(size[group])] for group in groups if len(group)]] = True
+        if not keep_scraps:
+            kept[faces_among(size, None if self.closed else np.bincount(piece, triangles * above) > size / 2)] = True
         self._kept = kept[piece]
         gone = ~kept & (size > 0)
         self.scraps = Scraps(int(gone.sum()), int(size[gone].sum()))
@@ -283,15 +275,17 @@ class Assembly:
         return bool(self._kept[share.first_label : share.first_label + len(share.vertices)].all())
 
     def _numbers(self, part: _Part, at: At) -> Numbers:
-        """Return the numbers (n + e,) of a tile's own vertices, −1 for those that are not there."""
+        """Return the numbers of a tile's own vertices; whole tiles share what they can."""
+        keeps_all = self._keeps_all(at)
+        if part.placement.is_whole and keeps_all:
+            if self._whole_rank is None:
+                self._whole_rank = _rank(part.own >= 0)
+            return Numbers(self._whole_rank, self._starts[at][0])
         own = part.own
         there = own >= 0
-        if not self._keeps_all(at):
+        if not keeps_all:
             there[there] = self._kept[own[there] + self._shares[at].first_label]
-        numbers = np.cumsum(there, dtype=np.int32)
-        numbers += self._starts[at][0] - 1
-        numbers[~there] = -1
-        return numbers
+        return Numbers(_rank(there), self._starts[at][0])
 
     def _emit_vertices(
         self,
@@ -305,7 +299,7 @@ class Assembly:
         at, start = piece
         rows = start + np.flatnonzero(numbers[at][start : start + VERTICES] >= 0)
         if len(rows):
-            sink.put_vertices(int(numbers[at][rows[0]]), to_world(parts[at].placement.positions(rows)))
+            sink.put_vertices(int(numbers[at][rows[:1]][0]), to_world(parts[at].placement.positions(rows)))
 
     def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, Numbers], at: At) -> None:
         """Put the triangles of one tile."""
@@ -320,6 +314,38 @@ class Assembly:
         first = self._starts[at][1]
         for start, stop in blocks(len(nodes), 2 * VERTICES):
             sink.put_triangles(first + start, name[nodes[start:stop]], labels[start:stop])
+
+
+def faces_among(size: npt.NDArray[Any], looks_up: BoolArray | None) -> list[int]:
+    """Return which pieces are the two sheets, or the one solid; the others are scraps.
+
+    Parameters
+    ----------
+    size : (l,) ndarray
+        Of each piece.
+    looks_up : (l,) ndarray of bool, optional
+        Which pieces look at the air above; None: a solid.
+
+    Raises
+    ------
+    ReconstructionError
+        If more than one piece of a kind, or none, is as large as a face.
+    """
+    groups = [np.arange(len(size))] if looks_up is None else [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
+    large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
+    if large != [1] * len(groups):
+        what = "pieces, not one solid" if looks_up is None else "sheets, not two (adaxial, abaxial)"
+        raise ReconstructionError(
+            f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
+        )
+    return [int(group[np.argmax(size[group])]) for group in groups]
+
+
+def _rank(there: BoolArray) -> npt.NDArray[np.int32]:
+    """Return the place of each vertex among those that are there, −1 for the others."""
+    rank = np.cumsum(there, dtype=np.int32) - 1
+    rank[~there] = -1
+    return rank
 
 
 def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

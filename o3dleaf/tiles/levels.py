@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError, ReconstructionError
-from o3dleaf.mesh.arrays import IntArray, drop_unused_vertices
+from o3dleaf.mesh.arrays import IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.mesh.polygonise import march
 from o3dleaf.mesh.topology import EdgeTable, label_triangles
-from o3dleaf.tiles.assembly import RIM, Assembly
+from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM, Assembly, faces_among
 from o3dleaf.tiles.footprint import Footprint, box_footprint
 from o3dleaf.tiles.loops import INSIDE
 from o3dleaf.tiles.stream import Arrays
@@ -85,12 +85,15 @@ def extract_levels(root: Level, values: Values) -> tuple[FloatArray, IntArray, L
     ------
     InputError
         If a window reaches the edge of its parent or of the outline.
+    ReconstructionError
+        If it is not two sheets, or not one solid.
     """
     part = _with_children(root, values)
     labels = _resolve(part)
-    piece = label_triangles(part.triangles)
-    size = np.bincount(piece)
-    kept = np.isin(piece, np.argsort(-size, kind="stable")[: 1 if root.closed else 2])
+    piece, area = label_triangles(part.triangles), triangle_areas(part.positions, part.triangles)
+    size = np.bincount(piece, area)
+    looks_up = None if root.closed else np.bincount(piece, area * (labels == ADAXIAL)) > size / 2
+    kept = np.isin(piece, faces_among(size, looks_up))
     vertices, triangles = drop_unused_vertices(part.positions, part.triangles[kept])
     return vertices, triangles, labels[kept]
 
@@ -305,7 +308,7 @@ def _resolve(part: Part) -> Labels:
     rows = np.flatnonzero(labels != RIM)
     piece = label_triangles(part.triangles[rows])
     known = labels[rows] != UNKNOWN
-    votes = np.bincount(piece[known], np.where(labels[rows][known] == 0, 1.0, -1.0), piece.max(initial=0) + 1)
+    votes = np.bincount(piece[known], np.where(labels[rows][known] == ADAXIAL, 1.0, -1.0), piece.max(initial=0) + 1)
     unknown = rows[~known]
-    labels[unknown] = np.where(votes[piece[~known]] >= 0, 0, 1)
+    labels[unknown] = np.where(votes[piece[~known]] >= 0, ADAXIAL, ABAXIAL)
     return labels

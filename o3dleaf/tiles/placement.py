@@ -1,9 +1,7 @@
 """What of a tile is used in one place: all of it, the cells that an outline holds, or a solid that it cuts."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +16,28 @@ from o3dleaf.tiles.tile import Tile
 
 Nodes = npt.NDArray[np.int32]
 NO_NODES = np.empty((0, 3), dtype=np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers of a placement's own vertices (n + e,), read as an array; whole tiles share all but the first one.
+
+    Attributes
+    ----------
+    rank : (n + e,) ndarray of int32
+        What is added to `start`; −1: not there.
+    start : int
+    """
+
+    rank: npt.NDArray[np.int32]
+    start: int
+
+    def __len__(self) -> int:
+        return len(self.rank)
+
+    def __getitem__(self, rows: IntArray | slice) -> npt.NDArray[np.int32]:
+        rank = self.rank[rows]
+        return np.where(rank >= 0, rank + self.start, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,20 +122,21 @@ class Placement:
         return tile.lattice.positions(places)
 
     def node_numbers(
-        self, own: npt.NDArray[Any], neighbours: Mapping[int, tuple["Placement", npt.NDArray[Any]]]
-    ) -> npt.NDArray[Any]:
+        self, own: Numbers | None, neighbours: dict[int, tuple["Placement", Numbers]]
+    ) -> npt.NDArray[np.int32]:
         """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
 
         Parameters
         ----------
-        own : (n + e,) ndarray
+        own : Numbers, optional
         neighbours : dict
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
-        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=own.dtype)
-        numbers[:vertices] = own[:vertices]
-        numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
+        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int32)
+        if own is not None:
+            numbers[:vertices] = own[:vertices]
+            numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
         names, shifts = self._rim_beyond
         for shift, (other, given) in neighbours.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)

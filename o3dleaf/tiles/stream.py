@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.files import require_free, require_writable, whole_file
-from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import blocks
 
@@ -64,7 +63,7 @@ class Arrays:
         """Keep the vertices number start, ..."""
         self.vertices[start : start + len(vertices)] = vertices
 
-    def put_triangles(self, start: int, triangles: IntArray, labels: npt.NDArray[np.uint8]) -> None:
+    def put_triangles(self, start: int, triangles: npt.NDArray[np.integer[Any]], labels: npt.NDArray[np.uint8]) -> None:
         """Keep the triangles number start, ..."""
         self.triangles[start : start + len(triangles)] = triangles
         self.labels[start : start + len(triangles)] = labels
@@ -92,7 +91,7 @@ class PlyFile:
         data = np.ascontiguousarray(vertices, dtype="<f8")
         _write_at(self.file, data, self.first_vertex + VERTEX_BYTES * start)
 
-    def put_triangles(self, start: int, triangles: IntArray, labels: npt.NDArray[np.uint8]) -> None:
+    def put_triangles(self, start: int, triangles: npt.NDArray[np.integer[Any]], labels: npt.NDArray[np.uint8]) -> None:
         """Write the faces number start, ..."""
         faces = np.empty(len(triangles), dtype=FACE)
         faces["count"], faces["corners"], faces["label"] = 3, triangles, labels

@@ -5,12 +5,12 @@ import tracemalloc
 import numpy as np
 import open3d as o3d
 import pytest
-from o3dleaf.leaf.patches import PatchBlend
 
 from leaf_fields import leaf_of, texture
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.leaf import distance
 from o3dleaf.parallel import get_num_threads, set_num_threads
+from o3dleaf.texture.patches import PatchBlend
 from tolerances import CLOSED_MESH, DISTANCE_MESH, EIKONAL, FILLED, LIPSCHITZ, PROJECTED, SLAB_DISTANCE
 
 HALF, LENGTH, WIDTH = 0.31, 20.0, 3.0

@@ -192,3 +192,27 @@ def test_cells_are_those_inside_that_no_side_touches_and_meet_in_no_corner():
     outside[-5 - low[0] : 6 - low[0], -4 - low[1] : 3 - low[1]] = False
     assert not clipped.cells(low, high)[outside].any()
     assert clipped.cells(low, high)[~outside].sum() > 60
+
+
+@both
+def test_hairs_that_leave_the_patch_are_closed_at_its_top_and_bottom(method):
+    """A bar in the air that leaves it too is a speck."""
+
+    def hairy(points):
+        x, y, z = points.T
+        up, down = (0.12 - np.hypot((x - a) % PERIOD - 0.6, (y - b) % PERIOD - 0.6) for a, b in ((0, 0), (0.5, 0.4)))
+        hairs = np.maximum(np.where(z > 0, up, -1), np.where(z < 0, down, -1))
+        return np.maximum(solid_layer(points), hairs)
+
+    def bar(points):
+        return 0.1 - np.hypot((points[:, 0] - 0.3) % PERIOD - 0.6, points[:, 2] - 0.42)
+
+    tile = extract_tile(lambda points: np.maximum(hairy(points), bar(points)), LATTICE, method)
+    points = LATTICE.positions(np.stack(np.meshgrid(*map(np.arange, LATTICE.shape), indexing="ij"), -1).reshape(-1, 3))
+    expected = (hairy(points) > 0).reshape(-1, LATTICE.shape[2])
+    assert expected[:, [0, -1]].any(axis=0).all()
+    expected[:, [0, -1]] = False
+    assert np.array_equal(tile.runs.expand(np.arange(24 * 20)) == INSIDE, expected)
+    assert tile.runs.specks == 1
+    report = summary(assemble(tile, outline(), closed=True)[1])
+    assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)

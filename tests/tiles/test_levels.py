@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.polygonise import polygonise
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.tiles.footprint import footprint
@@ -110,3 +110,13 @@ def test_a_window_that_reaches_the_rim_is_refused():
     root.children[0] = Level(root.children[0].tile, root.footprint, np.array([[120, 0], [140, 12]]) * 4, False, 4)
     with pytest.raises(InputError, match="reaches the rim"):
         extract_levels(root, layer)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_an_outline_of_two_parts_is_refused_though_one_has_a_fine_window(closed):
+    root = nested((2, 2), closed=closed)
+    sides = np.concatenate([outline(), outline() + [20, 0, 20, 0]])
+    plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
+    two = Level(root.tile, plane, root.box, closed, children=root.children)
+    with pytest.raises(ReconstructionError, match="2 pieces" if closed else "4 sheets"):
+        extract_levels(two, layer)
