@@ -246,9 +246,7 @@ def test_a_reduced_tile_longer_than_wide_is_set_down_in_its_places():
     lattice = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (48, 20, 31))
     tile = extract_tile(solid_layer, lattice)
     plane = footprint(outline(), np.array(lattice.origin[:2]), np.array(lattice.spacing[:2]), None)
-    same = Assembly(
-        tile, plane, closed=True, reduced=reduce_tile(tile, lambda vertices, triangles: (vertices, triangles))
-    )
+    same = Assembly(tile, plane, closed=True, reduced=reduce_tile(tile, lambda *mesh: mesh))
     found = Arrays(same)
     same.emit(found, lambda flat: flat)
     _, plain = assemble(tile, outline(), closed=True)
