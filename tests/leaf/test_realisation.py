@@ -366,3 +366,8 @@ def test_two_windows_with_one_cell_between_are_both_set_in(leaf):
     assert (report.components, report.boundary_loops, report.holes, report.genus) == (2, 2, 0, 0)
     with pytest.raises(InputError, match="make it smaller or move it"):
         leaf.extract_levels(0.25, [windows[0], ([[7.0, -0.25], [8.0, 0.25]], 0.125)])
+
+
+def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(leaf):
+    with pytest.raises(InputError, match="the rim cuts"):
+        leaf.extract_levels(0.25, [([[6.2, -1.6], [9.1, -1.1]], 0.125)], closed=True)

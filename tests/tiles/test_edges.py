@@ -6,9 +6,13 @@ import pytest
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.mesh.polygonise import METHODS, march
 from o3dleaf.mesh.quality import mesh_report
+from o3dleaf.tiles import assembly as assembly_module
+from o3dleaf.tiles.assembly import Assembly
 from o3dleaf.tiles.block import extract_block
 from o3dleaf.tiles.footprint import Footprint, footprint
 from o3dleaf.tiles.loops import INSIDE
+from o3dleaf.tiles.reduced import reduce_tile
+from o3dleaf.tiles.stream import Arrays
 from o3dleaf.tiles.tile import TileLattice, extract_tile
 from tile_fields import LATTICE, PERIOD, area, assemble, layer, outline, solid_layer
 
@@ -216,3 +220,36 @@ def test_hairs_that_leave_the_patch_are_closed_at_its_top_and_bottom(method):
     assert tile.runs.specks == 1
     report = summary(assemble(tile, outline(), closed=True)[1])
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_tiles_of_many_blocks_are_the_tile_of_one(monkeypatch, closed):
+    tile = extract_tile(layer, LATTICE)
+    _, whole = assemble(tile, outline(), closed=closed)
+    monkeypatch.setattr(assembly_module, "VERTICES", 100)
+    _, parts = assemble(tile, outline(), closed=closed)
+    for name in ("vertices", "triangles", "labels"):
+        assert np.array_equal(getattr(whole, name), getattr(parts, name))
+
+
+def test_scraps_are_what_is_missing():
+    tile = extract_tile(layer, LATTICE)
+    sides = np.concatenate([outline(), ring([[20, 20], [20.4, 20], [20.4, 20.4], [20, 20.4]])])
+    plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
+    less, everything = (Assembly(tile, plane, closed=True, keep_scraps=keep) for keep in (False, True))
+    assert less.scraps.pieces == 1
+    assert less.scraps.triangles == everything.triangles - less.triangles > 100
+    assert (everything.scraps.pieces, everything.scraps.triangles) == (0, 0)
+
+
+def test_a_reduced_tile_longer_than_wide_is_set_down_in_its_places():
+    lattice = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (48, 20, 31))
+    tile = extract_tile(solid_layer, lattice)
+    plane = footprint(outline(), np.array(lattice.origin[:2]), np.array(lattice.spacing[:2]), None)
+    same = Assembly(tile, plane, closed=True, reduced=reduce_tile(tile, lambda *mesh: mesh))
+    found = Arrays(same)
+    same.emit(found, lambda flat: flat)
+    _, plain = assemble(tile, outline(), closed=True)
+    assert (found.vertices.shape, found.triangles.shape) == (plain.vertices.shape, plain.triangles.shape)
+    rows = [each.vertices[np.lexsort(np.round(each.vertices, 9).T)] for each in (found, plain)]
+    assert np.abs(rows[0] - rows[1]).max() < 1e-12
