@@ -129,7 +129,8 @@ class Realisation:
         kind = METHODS.index(require_choice(method, METHODS, "method"))
         box = None if region is None else as_bounds(region, 2, "region")
         self.blade, self.closed = blade, closed
-        lattice = leaf_lattice(texture, blade, scale, spacing)
+        # Only whole pieces are reduced: they are kept small.
+        lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
@@ -307,15 +308,17 @@ def is_one_tile(texture: Texture, blade: Blade, scale: float) -> bool:
     return len({texture.tile_key(p) for p in tile_rows(texture, blade, scale)}) == 1
 
 
-def leaf_lattice(texture: Texture, blade: Blade, scale: float, spacing: float) -> TileLattice:
+def leaf_lattice(
+    texture: Texture, blade: Blade, scale: float, spacing: float, *, together: bool = False
+) -> TileLattice:
     """Return the lattice of what is set down over a blade: a tile, some of them, or one row of tiles along all of it.
 
-    Small tiles are taken together, as each place costs time too. Where several patches are blended along the blade,
-    the row repeats across only, and memory grows with its length.
+    `together`, small tiles make one piece, as each place costs time too. Where several patches are blended along the
+    blade, the row repeats across only, and memory grows with its length.
     """
     lattice = tile_lattice(texture, scale, spacing)
     (nx, ny, nz), (x, y, z) = lattice.shape, lattice.origin
-    along, across = (-(-LEAST_CELLS // count) for count in (nx, ny))
+    along, across = (-(-LEAST_CELLS // count) if together else 1 for count in (nx, ny))
     if is_one_tile(texture, blade, scale):
         return TileLattice(lattice.origin, lattice.spacing, (nx * along, ny * across, nz))
     rows = tile_rows(texture, blade, scale)
