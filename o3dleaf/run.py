@@ -216,7 +216,7 @@ class LeafRun:
                 leaf.extract_tile(self.spacing).write(self.tile_solid)
         if self.grid is not None:
             with journal.stage("write grid") as progress:
-                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, progress=progress)
+                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed, progress=progress)
 
 
 def read_patch(

@@ -260,7 +260,12 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
             if (low < child.box[1]).all() and (high > child.box[0]).all():
                 raise InputError("levels: two windows cross; set the finer one into the other, and name it later")
     lattice = parent.tile.lattice
-    ratio = 2 ** max(1, round(np.log2(max(lattice.spacing[:2]) / step)))
+    around = max(lattice.spacing[:2])
+    ratio = 2 ** round(np.log2(around / step))
+    if ratio < 2:
+        raise InputError(
+            f"levels: a window at {step:g} is no finer than the {around:.4g} around it; give half of that or less"
+        )
     low, high = columns(parent)
     box = np.stack([np.floor(low + 1e-9), np.ceil(high - 1e-9)]).astype(np.int64)
     # A cell beside each curtain, and one at least between them.

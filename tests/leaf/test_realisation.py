@@ -371,3 +371,8 @@ def test_two_windows_with_one_cell_between_are_both_set_in(leaf):
 def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(leaf):
     with pytest.raises(InputError, match="the rim cuts"):
         leaf.extract_levels(0.25, [([[6.2, -1.6], [9.1, -1.1]], 0.125)], closed=True)
+
+
+def test_a_window_that_is_no_finer_than_what_is_around_it_is_refused(leaf):
+    with pytest.raises(InputError, match="no finer"):
+        leaf.extract_levels(0.1, [([[8, -1], [10, 1]], 0.09)])
