@@ -14,8 +14,8 @@ from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.topology import label_nodes
 from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.tiles.footprint import Footprint
-from o3dleaf.tiles.loops import ABOVE
-from o3dleaf.tiles.placement import Nodes, Numbers, Placement, place_sheets, place_solid
+from o3dleaf.tiles.parts import ADAXIAL, Part, label_part, sides_of, stand_in
+from o3dleaf.tiles.placement import Numbers, place_sheets, place_solid
 from o3dleaf.tiles.reduced import Reduced
 from o3dleaf.tiles.tile import Tile
 
@@ -27,8 +27,6 @@ MOST = 2**31 - 1
 """Vertices that the numbers of a mesh file can tell apart."""
 SHARE = 0.25
 """A piece with this share of the largest one's size is a face of the blade; scraps at the rim are smaller."""
-ADAXIAL, ABAXIAL, RIM = 0, 1, 2
-"""Labels of triangles."""
 
 At = tuple[int, int]
 T = TypeVar("T")
@@ -63,23 +61,6 @@ class Share:
     vertices: IntArray
     triangles: IntArray
     above: BoolArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A placement and the labels of its nodes' pieces, counted from 0 in this tile; −1: not there."""
-
-    placement: Placement
-    labels: npt.NDArray[np.int32]
-    count: int
-
-    @property
-    def own(self) -> npt.NDArray[np.int32]:
-        """(n + e,) labels of the own vertices."""
-        tile, rim = self.placement.tile, self.placement.rim_own
-        start = len(tile.edges) + len(tile.beyond)
-        labels = np.concatenate([self.labels[: len(tile.edges)], self.labels[start : start + rim]])
-        return np.where(self.placement.own, labels, -1)
 
 
 @dataclass(frozen=True)
@@ -128,7 +109,7 @@ class Assembly:
         shape = np.array(tile.lattice.shape[:2])
         # Vertices in the last column belong to the tile that begins there.
         self._low, self._high = footprint.box[0] // shape, footprint.box[1] // shape + 1
-        self._whole: _Part | None = None
+        self._whole: Part | None = None
         self._whole_rank: npt.NDArray[np.int32] | None = None
         self._shares: dict[At, Share] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
@@ -181,9 +162,9 @@ class Assembly:
                 found[numbers[numbers >= 0]] = names[numbers >= 0]
         return found
 
-    def _windows(self) -> Iterator[tuple[dict[At, _Part], list[At]]]:
+    def _windows(self) -> Iterator[tuple[dict[At, Part], list[At]]]:
         """Yield the parts of a few rows of tiles and of the row after them, and which of them are to be done."""
-        parts: dict[At, _Part] = {}
+        parts: dict[At, Part] = {}
         low, high = self._low, self._high
         for start, stop in blocks(int(high[0] - low[0]), STRIPS):
             rows = range(int(low[0]) + start, int(low[0]) + stop + 1)
@@ -196,27 +177,27 @@ class Assembly:
                     self._shares[at] = self._share(parts[at])
             yield parts, [at for at in sorted(parts) if at[0] < rows[-1]]
 
-    def _part(self, at: At) -> _Part | None:
+    def _part(self, at: At) -> Part | None:
         """Return what of the tile is in one place, and its pieces; the whole tile's are found once."""
         placement = (place_solid if self.closed else place_sheets)(self.tile, self.footprint, at)
         if placement is None:
             return None
         if not placement.is_whole:
-            return _label(placement)
+            return label_part(placement)
         if self.reduced is not None:
-            placement = _stand_in(placement, self.reduced)
+            placement = stand_in(placement, self.reduced)
         if self._whole is None:
-            self._whole = _label(placement)
-        return _Part(placement, self._whole.labels, self._whole.count)
+            self._whole = label_part(placement)
+        return Part(placement, self._whole.labels, self._whole.count)
 
-    def _share(self, part: _Part) -> Share:
+    def _share(self, part: Part) -> Share:
         """Return the counts of a part, its labels following on those given before."""
         last = next(reversed(self._shares.values()), None)
         placement, own = part.placement, part.own
         nodes = placement.nodes
         corner = part.labels[nodes[:, 0]]
         above = np.zeros(part.count, dtype=bool)
-        above[corner] = _sides(placement, nodes) == ADAXIAL
+        above[corner] = sides_of(placement, nodes) == ADAXIAL
         return Share(
             0 if last is None else last.first_label + len(last.vertices),
             np.bincount(own[own >= 0], minlength=part.count),
@@ -224,7 +205,7 @@ class Assembly:
             above,
         )
 
-    def _links(self, parts: dict[At, _Part], at: At) -> tuple[IntArray, IntArray]:
+    def _links(self, parts: dict[At, Part], at: At) -> tuple[IntArray, IntArray]:
         """Return the pieces of a tile and of its neighbours that have a vertex in common, as pairs of numbers."""
         part, base = parts[at], self._shares[at].first_label
         around = {
@@ -237,7 +218,7 @@ class Assembly:
         return pairs[0], pairs[1]
 
     @staticmethod
-    def _around(parts: dict[At, _Part], at: At) -> dict[int, At]:
+    def _around(parts: dict[At, Part], at: At) -> dict[int, At]:
         """Return the neighbours that a tile's triangles lean on, by shift."""
         places = {shift: (at[0] + (shift & 1), at[1] + (shift >> 1)) for shift in (1, 2, 3)}
         return {shift: there for shift, there in places.items() if there in parts}
@@ -274,7 +255,7 @@ class Assembly:
         share = self._shares[at]
         return bool(self._kept[share.first_label : share.first_label + len(share.vertices)].all())
 
-    def _numbers(self, part: _Part, at: At) -> Numbers:
+    def _numbers(self, part: Part, at: At) -> Numbers:
         """Return the numbers of a tile's own vertices; whole tiles share what they can."""
         keeps_all = self._keeps_all(at)
         if part.placement.is_whole and keeps_all:
@@ -291,7 +272,7 @@ class Assembly:
         self,
         sink: Sink,
         to_world: Callable[[FloatArray], FloatArray],
-        parts: dict[At, _Part],
+        parts: dict[At, Part],
         numbers: dict[At, Numbers],
         piece: tuple[At, int],
     ) -> None:
@@ -301,13 +282,13 @@ class Assembly:
         if len(rows):
             sink.put_vertices(int(numbers[at][rows[:1]][0]), to_world(parts[at].placement.positions(rows)))
 
-    def _emit_triangles(self, sink: Sink, parts: dict[At, _Part], numbers: dict[At, Numbers], at: At) -> None:
+    def _emit_triangles(self, sink: Sink, parts: dict[At, Part], numbers: dict[At, Numbers], at: At) -> None:
         """Put the triangles of one tile."""
         part = parts[at]
         around = {shift: (parts[there].placement, numbers[there]) for shift, there in self._around(parts, at).items()}
         name = part.placement.node_numbers(numbers[at], around)
         nodes = part.placement.nodes
-        labels = _sides(part.placement, nodes)
+        labels = sides_of(part.placement, nodes)
         if not self._keeps_all(at):
             kept = self._kept[part.labels[nodes[:, 0]] + self._shares[at].first_label]
             nodes, labels = nodes[kept], labels[kept]
@@ -357,45 +338,3 @@ def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
     run_blocks(work, len(items), 1)
     return cast("list[R]", found)
-
-
-def _stand_in(placement: Placement, reduced: Reduced) -> Placement:
-    """Return a whole placement of the tile that was reduced."""
-    count = len(reduced.inner)
-    names = np.zeros(count, dtype=np.int64), np.zeros(count)
-    tile, at = placement.tile, placement.at
-    cells = np.zeros(tile.lattice.shape[:2], dtype=bool)
-    return Placement(tile, at, reduced.used, cells, reduced.nodes, *names, count, inner=reduced.inner, is_whole=True)
-
-
-def _label(placement: Placement) -> _Part:
-    """Return a placement with its pieces numbered from 0."""
-    root = placement.pieces()
-    own = placement.own
-    tile = placement.tile
-    start = len(tile.edges) + len(tile.beyond)
-    there = np.zeros(len(root), dtype=bool)
-    there[: len(tile.edges)] = own[: len(tile.edges)]
-    there[start : start + placement.rim_own] = True
-    there[placement.nodes] = True
-    is_root = np.zeros(len(root), dtype=bool)
-    is_root[root[there]] = True
-    rank = np.cumsum(is_root, dtype=np.int32) - 1
-    labels = rank[root]
-    labels[~there] = -1
-    return _Part(placement, labels, int(is_root.sum()))
-
-
-def _sides(placement: Placement, nodes: Nodes) -> npt.NDArray[np.uint8]:
-    """Return the labels of a placement's triangles."""
-    tile = placement.tile
-    rim = np.full(len(placement.rim_names), ABOVE, dtype=np.uint8)
-    of_node = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]], rim])
-    if placement.inner is not None:
-        # Inside a reduced tile a piece looks where its border looks.
-        of_node = of_node[placement.pieces()]
-    labels = np.where(of_node == ABOVE, ADAXIAL, ABAXIAL).astype(np.uint8)[nodes[:, 0]]
-    on_rim = placement.on_rim
-    if on_rim is not None:
-        labels[on_rim] = RIM
-    return labels

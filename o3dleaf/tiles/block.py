@@ -11,8 +11,8 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.mesh.polygonise import METHODS, lattice_positions
-from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.loops import ABOVE, INSIDE
+from o3dleaf.tiles.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.placement import in_tile
 from o3dleaf.tiles.tile import Tile
 

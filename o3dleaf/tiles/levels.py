@@ -19,9 +19,10 @@ from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.arrays import IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.mesh.polygonise import march
 from o3dleaf.mesh.topology import EdgeTable, label_triangles
-from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM, Assembly, faces_among
+from o3dleaf.tiles.assembly import Assembly, faces_among
 from o3dleaf.tiles.footprint import Footprint, box_footprint
 from o3dleaf.tiles.loops import INSIDE
+from o3dleaf.tiles.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.stream import Arrays
 from o3dleaf.tiles.tile import TINY, Tile
 

@@ -17,7 +17,7 @@ from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.texture.patches import PatchBlend
 from o3dleaf.tiles import assembly
-from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.tiles.parts import ABAXIAL, ADAXIAL, RIM
 
 HALF = 0.2037
 """Mean half thickness of the blade; its ridges run across, the tile is 2 by 2 and 1 high."""

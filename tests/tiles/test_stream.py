@@ -12,7 +12,7 @@ import pytest
 from o3dleaf.errors import InputError, O3DLeafError
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.tiles import stream
-from o3dleaf.tiles.assembly import RIM
+from o3dleaf.tiles.parts import RIM
 from o3dleaf.tiles.stream import LABELS, Arrays, file_bytes, mesh_file
 from o3dleaf.tiles.tile import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline

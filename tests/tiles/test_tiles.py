@@ -12,10 +12,11 @@ from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.tiles import assembly as assembly_module
 from o3dleaf.tiles import tile as tile_module
-from o3dleaf.tiles.assembly import ABAXIAL, ADAXIAL, RIM, Assembly
+from o3dleaf.tiles.assembly import Assembly
 from o3dleaf.tiles.block import extract_block
 from o3dleaf.tiles.footprint import footprint
 from o3dleaf.tiles.loops import INSIDE
+from o3dleaf.tiles.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.reduced import reduce_tile
 from o3dleaf.tiles.stream import Arrays
 from o3dleaf.tiles.tile import extract_tile
