@@ -192,8 +192,9 @@ def test_a_flat_period_is_a_closed_block_whose_opposite_walls_match():
 def test_a_blade_with_a_hole_through_it_and_a_flooded_one_are_refused():
     with pytest.raises(ReconstructionError, match="one sheet"):
         extract_tile(lambda at: np.minimum(solid_layer(at), -ball(at * [1, 1, 0], [0.5, 0.6, 0], 0.2)), LATTICE)
-    with pytest.raises(ReconstructionError, match="no air"):
-        extract_tile(lambda at: np.ones(len(at)), LATTICE)
+    for flooded in (lambda at: np.ones(len(at)), lambda at: 0.1 - at[:, 2], lambda at: 0.1 + at[:, 2]):
+        with pytest.raises(ReconstructionError, match="no air"):
+            extract_tile(flooded, LATTICE)
     with pytest.raises(ReconstructionError, match="no solid"):
         extract_tile(lambda at: -np.ones(len(at)), LATTICE)
 
