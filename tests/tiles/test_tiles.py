@@ -63,6 +63,19 @@ def test_voids_are_filled_and_specks_removed_across_the_sides_of_the_period_too(
     assert np.array_equal(tile.nodes, plain.nodes)
 
 
+def test_the_largest_piece_is_the_blade_by_its_samples_not_by_its_place_or_its_runs():
+    """Specks below the blade come first in every column; a cloud of them has more runs than the blade."""
+
+    def specked(points):
+        waves = np.cos(8 * np.pi / PERIOD * (points[:, :2] - LATTICE.origin[:2]))
+        below = waves.prod(axis=1)
+        return np.maximum(solid_layer(points), np.where(np.abs(points[:, 2] + 0.3) < 0.02, below, -1.0))
+
+    tile = extract_tile(specked, LATTICE)
+    assert tile.runs.specks > 10
+    assert np.array_equal(tile.edges, extract_tile(solid_layer, LATTICE).edges)
+
+
 def test_what_is_inside_is_what_the_labelling_of_a_whole_period_says():
     """The twin: scipy's labels of 3 × 3 periods, of which the middle one is looked at."""
     rng = np.random.default_rng(3)
