@@ -18,9 +18,6 @@ BLOCK = 1 << 18
 LARGEST = 1 << 29
 """Samples that a lattice may hold (4 GiB): beyond it, a spacing is more likely mistyped than meant."""
 
-OUTSIDE = -1e30
-"""Value of a lattice point that is not asked for: outside for any level, and finite in float32 too."""
-
 
 @dataclass(frozen=True)
 class Lattice:
@@ -102,8 +99,7 @@ class Lattice:
     def columns(self) -> FloatArray:
         """Return the (nx * ny, 2) positions (x, y) of the lattice's columns, y running fastest.
 
-        What an outline says of them, reshaped to (nx, ny), is the `keep` of `sample_lattice`. In d
-        dimensions a column is what has its first d − 1 coordinates in common.
+        In d dimensions a column is what has its first d − 1 coordinates in common.
         """
         shape = self.shape[:-1]
         columns = np.empty((*shape, len(shape)))
@@ -116,7 +112,6 @@ def sample_lattice(
     field: Callable[[FloatArray], npt.NDArray[Any]],
     lattice: Lattice,
     *,
-    keep: npt.ArrayLike | None = None,
     dtype: npt.DTypeLike = np.float64,
     block: int = BLOCK,
     progress: Progress | None = None,
@@ -129,15 +124,12 @@ def sample_lattice(
         Called with about `block` points at a time from this thread; it spreads them over threads itself.
     lattice : Lattice
         The points, in the unit of the field.
-    keep : (nx, ny) array_like of bool, optional
-        The columns to ask; the points of all others get the value `OUTSIDE`. Hand the same mask to
-        `polygonise`, which leaves out the walls that the jump would make.
     dtype : float64 or float32
         Of the result.
     block : int
         Points asked for at once; the result does not depend on it.
     progress : callable, optional
-        ``progress(done, total)`` in lattice points that are asked for.
+        ``progress(done, total)`` in lattice points.
 
     Returns
     -------
@@ -147,31 +139,19 @@ def sample_lattice(
     Raises
     ------
     InputError
-        If `keep` has another shape than the lattice's columns, or the field returns NaN.
+        If the field returns NaN.
     """
     depth = lattice.ticks(-1)
-    chosen = np.flatnonzero(check_keep(keep, lattice.shape[:-1]))
     columns = lattice.columns()
-    samples = np.full((len(columns), len(depth)), OUTSIDE, dtype)
+    samples = np.empty((len(columns), len(depth)), dtype)
     piece = min(block, len(depth))
-    for first, last in blocks(len(chosen), max(block // piece, 1)):
-        rows = chosen[first:last]
+    for first, last in blocks(len(columns), max(block // piece, 1)):
         for start, stop in blocks(len(depth), piece):
             points = np.empty((last - first, stop - start, len(lattice.shape)))
-            points[..., :-1] = columns[rows, np.newaxis]
+            points[..., :-1] = columns[first:last, np.newaxis]
             points[..., -1] = depth[start:stop]
             found = np.asarray(field(points.reshape(-1, len(lattice.shape))))
-            samples[rows, start:stop] = require_finite(found, "field values").reshape(points.shape[:2])
+            samples[first:last, start:stop] = require_finite(found, "field values").reshape(points.shape[:2])
         if progress:
-            progress(last * len(depth), len(chosen) * len(depth))
+            progress(last * len(depth), samples.size)
     return samples.reshape(lattice.shape)
-
-
-def check_keep(keep: npt.ArrayLike | None, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """Return the mask of columns as an array of `shape` (all of them where it is None), or raise `InputError`."""
-    if keep is None:
-        return np.ones(shape, dtype=bool)
-    mask = np.asarray(keep)
-    if mask.shape != shape or mask.dtype != np.bool_:
-        raise InputError(f"keep: is {mask.dtype} of shape {mask.shape}; give one bool a column, shape {shape}")
-    return mask

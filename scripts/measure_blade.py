@@ -19,6 +19,20 @@ import o3dleaf as o3l
 WHEAT = Path(__file__).resolve().parents[2] / "shared" / "data" / "wheat"
 
 
+REACH = 4.0
+"""Half the length, in mm, over which the scan's extent across is taken for the local width."""
+
+
+def farthest(scan, midrib, other):
+    """Largest distance from one midrib to points of the other, in local half widths of the scan about the first."""
+    frame, axis = (o3l.LeafFrame.fit(scan, control, unit="mm") for control in (midrib, other))
+    leaf = frame.to_leaf(np.asarray(scan.points))
+    along = frame.to_leaf(axis.stations(np.linspace(0, axis.length, 200))[0])
+    away = np.linalg.norm(along[:, 1:], axis=1)
+    near = [leaf[np.abs(leaf[:, 0] - t) <= REACH, 1] for t in along[:, 0]]
+    return max(gap / (np.ptp(np.quantile(across, (0.02, 0.98))) / 2) for gap, across in zip(away, near, strict=True))
+
+
 def measure(scan, midrib, spacing):
     points = np.asarray(scan.points)
     blade = o3l.create_blade(scan, midrib, unit="mm")
@@ -41,6 +55,8 @@ def measure(scan, midrib, spacing):
         "bandwidth mm": blade.height_map.choice.bandwidth,
         "scan noise mm": blade.height_map.choice.noise,
         "alpha mm": blade.outline.alpha,
+        "least thickness": blade.distortion().thickness.min(),
+        "least Jacobian": blade.appraise(scan).least_jacobian,
         "components": report.components,
         "holes": report.holes,
         "manifold": report.manifold,
@@ -58,6 +74,11 @@ def main():
     print(f"{'':>20}{'picked midrib':>16}{'found midrib':>16}")
     for name, value in picked.items():
         print(f"{name:>20}{value:>16.4g}{found[name]:>16.4g}")
+    control = o3l.find_midrib(scan)
+    there, back = farthest(scan, midrib, control), farthest(scan, control, midrib)
+    print(
+        f"the found midrib is within {there:.2f} local half widths of the picked one, and that within {back:.2f} of it"
+    )
 
 
 if __name__ == "__main__":

@@ -52,15 +52,22 @@ def reciprocal(columns, cofactors):
 
 
 @njit(nogil=True, cache=True)
+def pull(inner, cofactors, pulled):
+    """Write the world gradient of a function of z with gradient `inner` (3,), and return the square of its length."""
+    square = 0.0
+    for k in range(3):
+        pulled[k] = inner[0] * cofactors[0, k] + inner[1] * cofactors[1, k] + inner[2] * cofactors[2, k]
+        square += pulled[k] * pulled[k]
+    return square
+
+
+@njit(nogil=True, cache=True)
 def pull_back(start, stop, columns, inner, gradients):
     """Write the world gradients of functions of z whose gradients by z are `inner` (n, 3)."""
     cofactors = np.empty((3, 3))
     for i in range(start, stop):
         reciprocal(columns[i], cofactors)
-        for k in range(3):
-            gradients[i, k] = (
-                inner[i, 0] * cofactors[0, k] + inner[i, 1] * cofactors[1, k] + inner[i, 2] * cofactors[2, k]
-            )
+        pull(inner[i], cofactors, gradients[i])
 
 
 @njit(nogil=True, cache=True)
@@ -69,10 +76,7 @@ def gradient_steps(start, stop, columns, values, inner, most, steps):
     cofactors, pulled, step = np.empty((3, 3)), np.empty(3), np.empty(3)
     for i in range(start, stop):
         reciprocal(columns[i], cofactors)
-        square = 0.0
-        for k in range(3):
-            pulled[k] = inner[i, 0] * cofactors[0, k] + inner[i, 1] * cofactors[1, k] + inner[i, 2] * cofactors[2, k]
-            square += pulled[k] * pulled[k]
+        square = pull(inner[i], cofactors, pulled)
         if square == 0.0:
             steps[i] = 0.0
             continue
@@ -94,10 +98,7 @@ def mean_curvatures(start, stop, columns, inner, bends, lift_bends, curvatures):
     cofactors, pulled, turned = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for i in range(start, stop):
         reciprocal(columns[i], cofactors)
-        square = 0.0
-        for k in range(3):
-            pulled[k] = inner[i, 0] * cofactors[0, k] + inner[i, 1] * cofactors[1, k] + inner[i, 2] * cofactors[2, k]
-            square += pulled[k] * pulled[k]
+        square = pull(inner[i], cofactors, pulled)
         curvatures[i] = 0.0
         if square == 0.0:
             continue
@@ -126,10 +127,7 @@ def closest_steps(points, world, columns, values, inner, bends, longest, steps):
     u, v, pushed = np.empty(3), np.empty(3), np.empty((2, 3))
     for i in range(len(points)):
         reciprocal(columns[i], cofactors)
-        square = 0.0
-        for k in range(3):
-            normal[k] = inner[i, 0] * cofactors[0, k] + inner[i, 1] * cofactors[1, k] + inner[i, 2] * cofactors[2, k]
-            square += normal[k] * normal[k]
+        square = pull(inner[i], cofactors, normal)
         steps[i] = 0.0
         if square == 0.0:
             continue

@@ -16,18 +16,14 @@ import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, require_choice, require_finite
 from o3dleaf.errors import InputError
-from o3dleaf.lattice import check_keep
 from o3dleaf.mesh.arrays import BoolArray, IntArray
-from o3dleaf.mesh.clip import discard_triangles
 from o3dleaf.mesh.loops import count_planes, march_planes, place_vertices
 from o3dleaf.parallel import run_blocks
 
 METHODS = ("cubes", "tetrahedra")
 
 
-def polygonise(
-    samples: npt.ArrayLike, level: float, method: str = "cubes", keep: npt.ArrayLike | None = None
-) -> tuple[FloatArray, IntArray]:
+def polygonise(samples: npt.ArrayLike, level: float, method: str = "cubes") -> tuple[FloatArray, IntArray]:
     """Return the surface where the samples on a lattice cross a level.
 
     Parameters
@@ -38,9 +34,6 @@ def polygonise(
         The isovalue.
     method : {"cubes", "tetrahedra"}
         The extractor.
-    keep : (nx, ny) array_like of bool, optional
-        Columns whose samples are true ones. A vertex that leans on another column is left out with
-        its triangles, so that the surface ends there, open.
 
     Returns
     -------
@@ -60,10 +53,7 @@ def polygonise(
     require_finite(values, "samples")
     kind = METHODS.index(require_choice(method, METHODS, "method"))
     crossings = march(values - level, values > level, kind)
-    vertices, triangles = crossings.positions(), crossings.triangles
-    if keep is None:
-        return vertices, triangles
-    return discard_triangles(vertices, triangles, _lean_on(vertices, check_keep(keep, values.shape[:2])))
+    return crossings.positions(), crossings.triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +113,3 @@ def march(values: FloatArray, inside: BoolArray, method: int) -> Crossings:
     mesh = np.empty(crossed, dtype=np.int64), np.empty(crossed), np.empty((drawn, 3), dtype=np.int64)
     run_blocks(lambda a, b: march_planes(method, values, inside, (a, b), (offsets[0], offsets[1]), mesh), planes, block)
     return Crossings(values.shape, *mesh)
-
-
-def _lean_on(vertices: FloatArray, keep: BoolArray) -> BoolArray:
-    """Return which vertices interpolate samples of kept columns only."""
-    (i, j), (u, v) = (bound(vertices[:, :2]).astype(np.int64).T for bound in (np.floor, np.ceil))
-    return np.asarray(keep[i, j] & keep[i, v] & keep[u, j] & keep[u, v])

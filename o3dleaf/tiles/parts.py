@@ -9,8 +9,9 @@ from o3dleaf.tiles.loops import ABOVE
 from o3dleaf.tiles.placement import Nodes, Placement
 from o3dleaf.tiles.reduced import Reduced
 
-ADAXIAL, ABAXIAL, RIM = 0, 1, 2
-"""Labels of triangles."""
+LABELS = ("adaxial", "abaxial", "rim")
+"""Names of the labels of triangles, in their order."""
+ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
 
 
 @dataclass(frozen=True, eq=False)

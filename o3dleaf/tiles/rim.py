@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.mesh.cells import COUNTS, CUBE_EDGES, DIRECTIONS, LEAST_FRACTION, MOST_TRIANGLES, cell_triangles
-from o3dleaf.tiles.loops import INSIDE
+from o3dleaf.tiles.loops import INSIDE, root, unite
 
 
 @njit(nogil=True, cache=True)
@@ -183,18 +183,8 @@ def label_nodes(nodes, count):
     """Return the (count,) first node of the piece that each node belongs to, by the triangles `nodes` (m, 3)."""
     parent = np.arange(count, dtype=np.int32)
     for t in range(len(nodes)):
-        for corner in range(1, 3):
-            one, other = nodes[t, 0], nodes[t, corner]
-            while parent[one] != one:
-                parent[one] = parent[parent[one]]
-                one = parent[one]
-            while parent[other] != other:
-                parent[other] = parent[parent[other]]
-                other = parent[other]
-            if one < other:
-                parent[other] = one
-            else:
-                parent[one] = other
+        unite(parent, nodes[t, 0], nodes[t, 1])
+        unite(parent, nodes[t, 0], nodes[t, 2])
     for node in range(count):
-        parent[node] = parent[parent[node]]
+        parent[node] = root(parent, node)
     return parent

@@ -18,8 +18,8 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.files import require_free, require_writable, whole_file
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.parallel import blocks
+from o3dleaf.tiles.parts import LABELS
 
-LABELS = ("adaxial", "abaxial", "rim")
 VERTEX_BYTES = 24
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,)), ("label", "u1")])
 """A face of a PLY file, packed."""

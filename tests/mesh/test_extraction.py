@@ -6,7 +6,7 @@ from scipy import ndimage
 
 from mesh_fields import CENTRE, Analytic, hashed_noise, sphere, torus, wavy_sheets
 from o3dleaf.errors import InputError, MemoryBudgetError, ReconstructionError
-from o3dleaf.lattice import OUTSIDE, Lattice, sample_lattice
+from o3dleaf.lattice import Lattice, sample_lattice
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.cells import LEAST_FRACTION
 from o3dleaf.mesh.components import connected_components
@@ -159,13 +159,11 @@ def test_vertices_of_an_open_rim_lie_on_the_box(method):
 @pytest.mark.parametrize("block", [1, 17, 1000, 1 << 20])
 def test_samples_do_not_depend_on_the_block(block):
     lattice = Lattice.covering([[-1.0, -0.5, -0.3], [1.0, 0.5, 0.3]], 0.13)
-    keep = np.add.outer(np.arange(lattice.shape[0]), np.arange(lattice.shape[1])) % 3 > 0
     calls = []
-    samples = sample_lattice(torus(), lattice, keep=keep, block=block, progress=lambda *done: calls.append(done))
+    samples = sample_lattice(torus(), lattice, block=block, progress=lambda *done: calls.append(done))
     whole = torus()(lattice.positions(np.argwhere(np.ones(lattice.shape)))).reshape(lattice.shape)
-    assert np.array_equal(samples[keep], whole[keep])
-    assert (samples[~keep] == OUTSIDE).all()
-    assert calls[-1] == (keep.sum() * lattice.shape[2],) * 2
+    assert np.array_equal(samples, whole)
+    assert calls[-1] == (whole.size,) * 2
 
 
 @both
@@ -180,18 +178,6 @@ def test_the_mesh_does_not_depend_on_the_number_of_threads(method):
         set_num_threads(threads)
     assert np.array_equal(meshes[0][0], meshes[1][0])
     assert np.array_equal(meshes[0][1], meshes[1][1])
-
-
-@both
-def test_columns_left_out_leave_an_open_rim_and_the_rest_as_it_was(method):
-    field, lattice = wavy_sheets(), Lattice.covering([[-1, -1, -0.6], [1, 1, 0.6]], 0.1)
-    keep = (np.linalg.norm(lattice.columns(), axis=1) < 0.8).reshape(lattice.shape[:2])
-    whole, _ = polygonise(sample_lattice(field, lattice), 0.0, method)
-    vertices, triangles = polygonise(sample_lattice(field, lattice, keep=keep), 0.0, method, keep)
-    assert len(triangles) > 100
-    assert {tuple(v) for v in vertices} <= {tuple(v) for v in whole}
-    assert keep[tuple(np.floor(vertices[:, :2]).astype(int).T)].all()
-    assert mesh_report((vertices, triangles)).components == 2
 
 
 def test_a_lattice_covers_its_box_with_whole_multiples_of_the_spacing():
@@ -230,8 +216,6 @@ def test_samples_that_are_no_lattice_are_refused():
         polygonise(np.zeros((3, 3)), 0.0)
     with pytest.raises(InputError, match="NaN"):
         polygonise(np.full((3, 3, 3), np.nan), 0.0)
-    with pytest.raises(InputError, match="keep"):
-        sample_lattice(sphere(), Lattice.covering([[0] * 3, [1] * 3], 0.5), keep=np.ones((2, 2), dtype=bool))
     with pytest.raises(InputError, match="field values"):
         sample_lattice(Analytic(lambda x, y, z: x * np.nan), Lattice.covering([[0] * 3, [1] * 3], 0.5))
     empty = polygonise(np.ones((3, 3, 3)), 0.0)
