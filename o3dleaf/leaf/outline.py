@@ -188,3 +188,18 @@ def _first(start: int, last: int, holds: Callable[[int], bool]) -> int:
         middle = (low + high) // 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
+
+
+def sides_of(area: shapely.Geometry) -> FloatArray:
+    """Return the sides (s, 4) of all rings of an area.
+
+    Raises
+    ------
+    ReconstructionError
+        If it has none.
+    """
+    parts = [part for part in shapely.get_parts(area) if part.area > 0]
+    if not parts:
+        raise ReconstructionError("the region lies outside the outline; choose another region")
+    rings = [ring.coords for part in parts for ring in (part.exterior, *part.interiors)]
+    return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

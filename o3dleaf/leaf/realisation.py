@@ -13,9 +13,10 @@ import open3d as o3d
 import shapely
 
 from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positive
-from o3dleaf.errors import InputError, ReconstructionError
+from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.outline import sides_of
 from o3dleaf.mesh.arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
 from o3dleaf.mesh.files import SUFFIXES
@@ -133,15 +134,15 @@ class Realisation:
         lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-        self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress)
+        self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=True)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
         started = time.perf_counter()
         if closed:
             area = blade.outline.rounded if box is None else shapely.box(*box.ravel()) & blade.outline.rounded
-            self.assembly = Assembly(self.tile, footprint(_sides(area), *plane, None), closed=True, reduced=reduced)
+            self.assembly = Assembly(self.tile, footprint(sides_of(area), *plane, None), closed=True, reduced=reduced)
         else:
-            area = footprint(_sides(blade.outline.polygon), *plane, box)
+            area = footprint(sides_of(blade.outline.polygon), *plane, box)
             self.assembly = Assembly(self.tile, area, closed=False, reduced=reduced)
         self._counting = time.perf_counter() - started
 
@@ -234,8 +235,8 @@ def extract_windows(
         return texture(flat * scale)
 
     plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-    area = footprint(_sides(blade.outline.rounded if closed else blade.outline.polygon), *plane, None)
-    root = Level(extract_tile(values, lattice), area, area.box, closed)
+    area = footprint(sides_of(blade.outline.rounded if closed else blade.outline.polygon), *plane, None)
+    root = Level(extract_tile(values, lattice, sharpen=True), area, area.box, closed)
     for region, step in levels:
         _set_in(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), values)
     vertices, triangles, labels = _extract_levels(root, values)
@@ -273,7 +274,7 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     box[0] *= ratio
     (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
     fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
-    parent.children.append(Level(extract_tile(values, fine), parent.footprint, box, ratio=ratio))
+    parent.children.append(Level(extract_tile(values, fine, sharpen=True), parent.footprint, box, ratio=ratio))
 
 
 def _reducing(simplify: float | None, remesh: float | None) -> Reduce:
@@ -298,7 +299,9 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMes
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     """
     lattice = tile_lattice(texture, scale, spacing)
-    vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice))
+    vertices, triangles, labels = extract_block(
+        extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=True)
+    )
     return LeafMesh(build_mesh(vertices, triangles), labels)
 
 
@@ -344,18 +347,3 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     count = np.maximum(np.round(period / step), 1).astype(int)
     origin = *(texture.cell[0, :2] / scale).tolist(), float(first * layer)
     return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
-
-
-def _sides(area: shapely.Geometry) -> FloatArray:
-    """Return the sides (s, 4) of all rings of an area.
-
-    Raises
-    ------
-    ReconstructionError
-        If it has none.
-    """
-    parts = [part for part in shapely.get_parts(area) if part.area > 0]
-    if not parts:
-        raise ReconstructionError("the region lies outside the outline; choose another region")
-    rings = [ring.coords for part in parts for ring in (part.exterior, *part.interiors)]
-    return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

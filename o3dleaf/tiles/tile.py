@@ -11,7 +11,8 @@ from o3dleaf.checks import FloatArray, require_finite
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.lattice import BLOCK
 from o3dleaf.mesh.arrays import IntArray
-from o3dleaf.mesh.polygonise import march
+from o3dleaf.mesh.cells import LEAST_FRACTION
+from o3dleaf.mesh.polygonise import lattice_positions, march
 from o3dleaf.parallel import Progress, blocks
 from o3dleaf.tiles.loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.tiles.runs import Runs, find_runs, solidify
@@ -19,6 +20,10 @@ from o3dleaf.tiles.runs import Runs, find_runs, solidify
 SLAB = 1 << 18
 """Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
 
+MOST_STEPS = 12
+"""Steps towards a field's zero along an edge: a smooth field takes three."""
+SETTLED = 1e-4
+"""Share of an edge by which the last of them moves a vertex."""
 TINY = 1e-300
 """Size of a sample that is zero: its sign is what says where it belongs."""
 
@@ -93,7 +98,12 @@ class Tile:
 
 
 def extract_tile(
-    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, method: int = 0, progress: Progress | None = None
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    method: int = 0,
+    progress: Progress | None = None,
+    *,
+    sharpen: bool = False,
 ) -> Tile:
     """Sample one period of a field, fill its voids, and polygonise it.
 
@@ -109,6 +119,8 @@ def extract_tile(
         Place in `o3dleaf.mesh.polygonise.METHODS`.
     progress : callable, optional
         ``progress(done, total)`` in samples of the first pass.
+    sharpen : bool
+        Put the vertices where the field itself is zero along their edges, not its linear interpolant.
 
     Raises
     ------
@@ -144,6 +156,8 @@ def extract_tile(
         cells.append(count)
     edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
     nodes, beyond = _nodes(edges, named, triangles)
+    if sharpen:
+        fractions = _sharpened(field, lattice, edges, fractions, upward)
     return Tile(
         lattice,
         method,
@@ -203,6 +217,45 @@ def _march_slab(
     triangles = surface.triangles.astype(np.int32)
     parts = names[own], surface.fractions[own], sides, upward[own]
     return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
+
+
+def _sharpened(
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    edges: IntArray,
+    fractions: FloatArray,
+    upward: npt.NDArray[np.bool_],
+) -> FloatArray:
+    """Return where the field is zero along each edge, by the Illinois variant of regula falsi.
+
+    Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
+    """
+    found = fractions.copy()
+    for first, last in blocks(len(edges), BLOCK):
+        part = edges[first:last]
+
+        def at(rows: IntArray, share: FloatArray, part: IntArray = part) -> FloatArray:
+            return field(lattice.positions(lattice_positions(part[rows], share, lattice.shape)))
+
+        every = np.arange(len(part))
+        ends = [np.zeros(len(part)), np.ones(len(part))]
+        values = [at(every, share) for share in ends]
+        low = upward[first:last]
+        rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
+        a, b, fa, fb = (each[rows] for each in (*ends, *values))
+        for _ in range(MOST_STEPS):
+            share = (a * fb - b * fa) / (fb - fa)
+            found[first + rows] = np.clip(share, LEAST_FRACTION, 1 - LEAST_FRACTION)
+            f = at(rows, share)
+            crossed = (f > 0) != (fb > 0)
+            a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
+            b, fb = share, f
+            # The secant's next step, which says how far the zero still is.
+            going = np.abs(fb * (b - a)) > SETTLED * np.abs(fb - fa)
+            rows, a, b, fa, fb = (each[going] for each in (rows, a, b, fa, fb))
+            if not len(rows):
+                break
+    return found
 
 
 def _nodes(

@@ -1,0 +1,232 @@
+"""A mesh, or a part of one with its border locked, that passes make into better triangles."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import InputError
+from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.remesh.blocks import Charted
+from o3dleaf.remesh.ground import Ground, Masks
+from o3dleaf.remesh.halfedges import CREASE, LOCKED, link_twins
+from o3dleaf.remesh.passes import (
+    collapse_short,
+    cure_slivers,
+    fill_shifts,
+    fill_tries,
+    flip_edges,
+    mark_long,
+    move_vertices,
+    split_edges,
+)
+
+ROOM = 3
+"""Triangles that there is room for, of those that there are: splitting adds some."""
+SWEEPS = 8
+SHARE = 0.7
+"""Of the way to the middle of its triangles that a vertex goes at once."""
+
+
+RELAXED = ((15.0, 1.25, 0.2), (5.0, 1.5, -0.2))
+"""Angles below which, and how much, slivers may have more: longer edges, sharper turns."""
+
+
+TRIES = (0.3, 0.1, 0.5, 0.2)
+"""Shares of the edges along which the corners of slivers are moved, one after another."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What an edit may do.
+
+    Attributes
+    ----------
+    shortest, longest : float
+        Edges shorter are collapsed, longer ones split, and none is made longer.
+    deviation : float
+        How far what is taken away may lie from what is left.
+    fair, flat : float
+        Score that is good enough, and least cosine to the normals before; see `o3dleaf.remesh.passes`.
+    """
+
+    shortest: float
+    longest: float
+    deviation: float
+    fair: float = 0.5
+    flat: float = 0.6
+
+    def relaxed(self) -> tuple["Limits", ...]:
+        """Return what is allowed where nothing less would do."""
+        return tuple(
+            replace(self, longest=longer * self.longest, fair=float(np.sin(np.radians(angle))), flat=flat)
+            for angle, longer, flat in RELAXED
+        )
+
+    def coarser(self, factor: float) -> "Limits":
+        """Return limits for longer edges, which may lie further away."""
+        return replace(
+            self, shortest=factor * self.shortest, longest=factor * self.longest, deviation=factor**2 * self.deviation
+        )
+
+    @property
+    def loose(self) -> "Limits":
+        """What is allowed on the way to the ground."""
+        return replace(self, longest=2 * self.longest, fair=0.05, flat=-0.2)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """What the compiled passes take."""
+        return self.fair, self.flat, self.deviation, self.longest
+
+
+class Piece:
+    """Half-edges with places, charts and labels."""
+
+    def __init__(self, mesh: Charted, locked: BoolArray) -> None:
+        """Take a mesh, of which the border and the `locked` (n,) vertices stay.
+
+        Raises
+        ------
+        InputError
+            If an edge has three triangles, or two that run along it in one direction.
+        """
+        triangles, labels = mesh.triangles, mesh.labels
+        n, m = len(mesh.places), len(triangles)
+        room_n, room_m = n + m * (ROOM - 1) // 2 + 16, m * ROOM + 32
+        self.places, self.charts = np.zeros((room_n, 3)), np.zeros((room_n, 3))
+        self.places[:n], self.charts[:n] = mesh.places, mesh.charts
+        self.grounded = np.ones(room_n, dtype=bool)
+        self.grounded[:n] = mesh.grounded
+        self.labels = np.zeros(room_m, dtype=np.uint8)
+        self.labels[:m] = labels
+        origin, twin = np.full(3 * room_m, -1, dtype=np.int64), np.full(3 * room_m, -1, dtype=np.int64)
+        ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+        order = np.argsort(np.minimum(*ends) * (n + 1) + np.maximum(*ends), kind="stable")
+        if not link_twins(triangles, order, origin[: 3 * m], twin[: 3 * m]):
+            raise InputError("mesh: has an edge with three triangles, or triangles that run against one another; clean it first")
+        crease = np.zeros(3 * room_m, dtype=bool)
+        inner = twin[: 3 * m] >= 0
+        crease[: 3 * m] = inner & (labels[twin[: 3 * m] // 3] != np.repeat(labels, 3))
+        outgoing = np.full(room_n, -1, dtype=np.int64)
+        outgoing[triangles.ravel()] = np.arange(3 * m)
+        kind = np.zeros(room_n, dtype=np.uint8)
+        sharp = np.bincount(ends[0][crease[: 3 * m]], minlength=n)
+        kind[:n][sharp == 2] = CREASE
+        kind[:n][(sharp != 0) & (sharp != 2)] = LOCKED
+        kind[:n][locked] = LOCKED
+        kind[ends[0][~inner]], kind[ends[1][~inner]] = LOCKED, LOCKED
+        self.mesh = origin, twin, crease, outgoing, kind
+        self.vertices, self.triangles = n, m
+
+    def improve(self, ground: Ground, limits: Limits, rounds: int) -> None:
+        """Bring vertices to the ground, then edges to their length and triangles into shape, in some rounds."""
+        self._bring(ground, limits)
+        for _ in range(rounds):
+            self._split_long(ground, limits)
+            self._collapse_short(limits)
+            flip_edges(self._used(), self.places, limits.numbers, SWEEPS)
+            self._relax(ground, limits)
+            self._relax(ground, limits)
+        for _ in range(2):
+            cure_slivers(self._used(), self.labels[: self.triangles], self.places, limits.numbers, SWEEPS)
+            self._relax(ground, limits)
+        for part in limits.relaxed():
+            for share in TRIES:
+                cure_slivers(self._used(), self.labels[: self.triangles], self.places, part.numbers, SWEEPS)
+                self._attempt(ground, part, share)
+
+    def _used(self) -> tuple[Any, ...]:
+        origin, twin, crease, outgoing, kind = self.mesh
+        half, n = 3 * self.triangles, self.vertices
+        return origin[:half], twin[:half], crease[:half], outgoing[:n], kind[:n]
+
+    def _masks(self) -> Masks:
+        """Return which labels the triangles around each vertex have, as bits."""
+        origin = self.mesh[0][: 3 * self.triangles]
+        there = origin >= 0
+        masks = np.zeros(self.vertices, dtype=np.uint8)
+        np.bitwise_or.at(masks, origin[there], np.repeat((1 << self.labels[: self.triangles]).astype(np.uint8), 3)[there])
+        return masks
+
+    def _bring(self, ground: Ground, limits: Limits) -> None:
+        """Move vertices to the ground that are not known to be on it."""
+        mesh = self._used()
+        rows = np.flatnonzero((mesh[3] >= 0) & (mesh[4] != LOCKED) & ~self.grounded[: self.vertices])
+        self._move(ground, limits, rows, np.zeros((len(rows), 3)))
+
+    def _relax(self, ground: Ground, limits: Limits) -> int:
+        """Move vertices towards the middle of their triangles, on the ground."""
+        shifts = np.zeros((self.vertices, 3))
+        mesh = self._used()
+        fill_shifts(mesh, self.places, SHARE, shifts)
+        rows = np.flatnonzero((mesh[3] >= 0) & (mesh[4] != LOCKED))
+        return self._move(ground, limits, rows, shifts[rows])
+
+    def _attempt(self, ground: Ground, limits: Limits, share: float) -> int:
+        """Move the corners of triangles that are not fair along the edges there, where that makes them better."""
+        mesh = self._used()
+        none = np.empty(0, dtype=np.int64), np.empty((0, 3))
+        count = fill_tries(mesh, self.places, limits.fair, share, *none)
+        rows, shifts = np.empty(count, dtype=np.int64), np.empty((count, 3))
+        fill_tries(mesh, self.places, limits.fair, share, rows, shifts)
+        return self._move(ground, limits, rows, shifts)
+
+    def _move(self, ground: Ground, limits: Limits, rows: IntArray, shifts: FloatArray) -> int:
+        """Move vertices by shifts and onto the ground, where they get there and nothing gets worse."""
+        mesh = self._used()
+        charts, places, found = ground.settle(self.charts[rows], shifts, self._masks()[rows], mesh[4][rows] == CREASE)
+        near = found & (np.linalg.norm(places - self.places[rows], axis=1) <= limits.longest)
+        rows, charts, places = rows[near], charts[near], places[near]
+        moved = np.zeros(len(rows), dtype=bool)
+        for part, loose in ((limits, False), (limits.loose, True)):
+            some = np.flatnonzero(self.grounded[rows] != loose)
+            found = np.zeros(len(some), dtype=bool)
+            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, found)
+            moved[some] = found
+        # Of several ways for one vertex the last that was taken counts, as numpy's assignment has it.
+        self.charts[rows[moved]] = charts[moved]
+        self.grounded[rows[moved]] = True
+        return int(moved.sum())
+
+    def _split_long(self, ground: Ground, limits: Limits) -> None:
+        for _ in range(3):
+            mesh = self._used()
+            halves = np.empty(len(mesh[0]) // 3, dtype=np.int64)
+            halves = halves[: mark_long(mesh, self.places, limits.longest, halves)]
+            room = min(len(self.places) - self.vertices, (len(self.labels) - self.triangles) // 2)
+            halves = halves[:room]
+            if not len(halves):
+                return
+            origin, twin = mesh[:2]
+            a, b = origin[halves], origin[twin[halves]]
+            masks = (1 << self.labels[halves // 3]) | (1 << self.labels[twin[halves] // 3])
+            middle = (self.places[a] + self.places[b]) / 2
+            charts, places, found = ground.settle((self.charts[a] + self.charts[b]) / 2, np.zeros((len(a), 3)), masks.astype(np.uint8), mesh[2][halves])
+            near = found & (np.linalg.norm(places - middle, axis=1) <= limits.longest / 2)
+            halves, charts, places = halves[near], charts[near], places[near]
+            n, m = self.vertices, self.triangles
+            done = split_edges(self.mesh, self.labels, self.places, halves, places, limits.numbers, n, m)
+            self.charts[n : n + done] = charts[halves[:done]]
+            self.vertices, self.triangles = n + done, m + 2 * done
+            if not done:
+                return
+
+    def _collapse_short(self, limits: Limits) -> int:
+        mesh = self._used()
+        origin = mesh[0]
+        there = np.flatnonzero(origin >= 0)
+        ends = origin[there], origin[there - there % 3 + (there + 1) % 3]
+        length = np.linalg.norm(self.places[ends[0]] - self.places[ends[1]], axis=1)
+        short = there[length < limits.shortest]
+        order = short[np.argsort(length[length < limits.shortest], kind="stable")]
+        return collapse_short(mesh, self.labels, self.places, order, limits.shortest, limits.numbers)
+
+    def result(self) -> Charted:
+        """Return what there is now: vertices keep their rows, new ones follow; some are in no triangle any more."""
+        corners = self._used()[0].reshape(-1, 3)
+        there = corners[:, 0] >= 0
+        n, labels = self.vertices, self.labels[: self.triangles]
+        return Charted(self.places[:n], self.charts[:n], corners[there], labels[there], self.grounded[:n])

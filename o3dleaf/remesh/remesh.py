@@ -1,0 +1,132 @@
+"""Remeshing: any manifold mesh into triangles that a solver accepts, every vertex on the surface."""
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.checks import require_positive
+from o3dleaf.errors import InputError
+from o3dleaf.field import Field
+from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays
+from o3dleaf.mesh.crossings import find_crossings
+from o3dleaf.parallel import Progress
+from o3dleaf.remesh.blocks import Charted, Work, work_in_blocks, work_on
+from o3dleaf.remesh.ground import FieldGround, Ground, MeshGround
+from o3dleaf.remesh.piece import Limits, Piece
+
+SWEEPS = ((0.5, 5), (0.38, 3), (0.62, 2))
+"""Where blocks are cut, as a share of their triangles, and rounds of work on each; borders of one are within others."""
+SHORTEST, LONGEST = 0.7, 1.33
+"""Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""
+DEVIATION = 0.1
+"""How far an edit may take the surface by default, of the target edge."""
+ROUNDS = 6
+"""Times that the neighbourhood of crossing triangles is made coarser."""
+COARSER = 1.25
+"""By how much, each time."""
+
+
+def remesh(
+    mesh: MeshLike,
+    target_edge: float,
+    field: Field | None = None,
+    *,
+    isovalue: float = 0.0,
+    deviation: float | None = None,
+    labels: npt.ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> o3d.geometry.TriangleMesh:
+    r"""Return a mesh of nearly equilateral triangles, every vertex of it on the surface.
+
+    Rounds of splitting, collapsing, swapping edges and moving vertices (Botsch & Kobbelt 2004, A remeshing
+    approach to multiresolution modeling), then edits that make the worst triangles better, one by one. With
+    a field, vertices that move are put back onto it by Newton's method, x ← x − (F − isovalue) ∇F/\|∇F\|²;
+    without one, onto the nearest point of the mesh as it was. No edit takes the surface further than
+    `deviation`; the border stays bit for bit, and no edit changes the topology. The same input gives the same
+    mesh, whatever the number of threads.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Manifold, its triangles turned alike; not modified.
+    target_edge : float
+        Edge length to reach, in the mesh's unit; where the surface is finer than that, edges are shorter.
+    field : Field, optional
+        In the mesh's unit; the mesh lies near its surface.
+    isovalue : float
+        The field is larger than this inside.
+    deviation : float, optional
+        In the mesh's unit; a tenth of the edge by default.
+    labels : (m,) array_like of int, optional
+        Labels of triangles, from 0 to 7. The edges between two labels are creases: they keep their course.
+    progress : callable, optional
+        ``progress(done, total)`` in blocks.
+
+    Raises
+    ------
+    InputError
+        If a length is not above zero, the labels do not fit, or the mesh has no triangle or is not manifold.
+    """
+    vertices, triangles = mesh_arrays(mesh)
+    edge = require_positive(target_edge, "target_edge")
+    if not len(triangles):
+        raise InputError("mesh: has no triangles; nothing to work on")
+    ground: Ground = MeshGround(vertices, triangles) if field is None else FieldGround(field, isovalue, edge / 2)
+    charted = Charted.of(vertices, vertices, triangles, _as_labels(labels, len(triangles)))
+    found = remesh_charted(charted, ground, edge, deviation, progress)
+    return build_mesh(found.places, found.triangles)
+
+
+def remesh_charted(
+    mesh: Charted, ground: Ground, target_edge: float, deviation: float | None = None, progress: Progress | None = None
+) -> Charted:
+    """Return a mesh remeshed on its ground: see `remesh`. Where triangles then cross, the mesh is made coarser there.
+
+    Raises
+    ------
+    InputError
+        If the mesh is not manifold, or its triangles are not turned alike.
+    """
+    limits = Limits(
+        SHORTEST * target_edge, LONGEST * target_edge, DEVIATION * target_edge if deviation is None else deviation
+    )
+    for number, (share, rounds) in enumerate(SWEEPS):
+
+        def report(done: int, total: int, number: int = number) -> None:
+            if progress:
+                progress(number * total + done, len(SWEEPS) * total)
+
+        mesh = work_in_blocks(mesh, _worker(ground, limits, rounds), share, report)
+    return _untangle(mesh, ground, limits)
+
+
+def _worker(ground: Ground, limits: Limits, rounds: int) -> Work:
+    def work(own: Charted, locked: BoolArray) -> Charted:
+        piece = Piece(own, locked)
+        piece.improve(ground, limits, rounds)
+        return piece.result()
+
+    return work
+
+
+def _untangle(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
+    """Make the mesh coarser around triangles that cross, until none do or `ROUNDS` have passed."""
+    for number in range(ROUNDS):
+        crossing = find_crossings(mesh.places, mesh.triangles)
+        if not crossing.any():
+            break
+        near = crossing
+        for _ in range(2 + number):
+            touched = np.zeros(len(mesh.places), dtype=bool)
+            touched[mesh.triangles[near]] = True
+            near = touched[mesh.triangles].any(axis=1)
+        mesh = work_on(mesh, near, _worker(ground, limits.coarser(COARSER ** (number + 1)), 3))
+    return mesh
+
+
+def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8]:
+    """Return one label a triangle, 0 for all by default."""
+    found = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
+    if found.shape != (count,) or not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() > 7:
+        raise InputError(f"labels: give one whole number from 0 to 7 a triangle, ({count},)")
+    return found.astype(np.uint8)
