@@ -289,7 +289,7 @@ TURNED_MESH = 1e-9
 """Sums in another order, and coordinates of size 50 rounded to 1e-14 where slivers are 1e-3 high; found 1e-11."""
 
 SMALL_ANGLE = 1e-7
-"""Relative: differences of coordinates of size 50 are exact, but 1e-6 times another their product rounds; found 1e-9."""
+"""Relative, and in degrees: coordinates of size 50 are rounded to 7e-15, of edges of 1e-6; found 1e-9."""
 
 NEWTON_STEP = 2e-3
 """The first step from a thousandth outside a sphere is half a thousandth too short, by |d|/2r."""

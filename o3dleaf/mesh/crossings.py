@@ -1,5 +1,6 @@
 """Self-intersections: which triangles meet others in more than a common corner or edge, decided exactly."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -99,7 +100,8 @@ def _build_tree(vertices: FloatArray, triangles: IntArray, origin: FloatArray, r
     run_blocks(lambda i, j: box_triangles(vertices, triangles, origin, rows, i, j, boxes), many, LEAF * BLOCK)
     order = np.arange(many, dtype=rows.dtype)
     for level in range(depth):
-        run_blocks(lambda i, j, at=level: split_level(boxes, at, i, j, order, key), 1 << level, max(1, 1 << level >> 6))
+        split = partial(split_level, boxes, order, key, level)
+        run_blocks(split, 1 << level, max(1, 1 << level >> 6))
     rows, boxes = rows[order], boxes[order]
     nodes = np.empty((2 << depth, 6), dtype=np.float32)
     nodes[0] = 0

@@ -53,7 +53,7 @@ def box_triangles(vertices, triangles, origin, rows, start, stop, boxes):
 
 
 @njit(nogil=True, cache=True)
-def split_level(boxes, level, start, stop, order, key):
+def split_level(boxes, order, key, level, start, stop):
     """Split nodes start:stop of a level in two halves, along the axis on which their centres spread most."""
     for node in range(start, stop):
         low, high = node * len(order) >> level, (node + 1) * len(order) >> level
