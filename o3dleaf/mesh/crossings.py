@@ -21,8 +21,8 @@ from o3dleaf.mesh.forest import (
 from o3dleaf.mesh.topology import IndexArray, index_type
 from o3dleaf.parallel import Progress, run_blocks
 
-DOUBLINGS = 3
-"""Triangles of a class of size differ by up to this many doublings."""
+DOUBLINGS = 6
+"""Triangles of a class of size differ by up to this many doublings: more widen a tree, fewer have more trees to ask."""
 
 BLOCK = 2**12
 """Leaves or triangles that one thread looks up at a time."""
