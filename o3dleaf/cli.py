@@ -97,7 +97,9 @@ def leaf(
         typer.Option(help="A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; again for more."),
     ] = None,
     simplify: Annotated[float | None, typer.Option(help="Share of its triangles to simplify a tile to.")] = None,
-    remesh: Annotated[float | None, typer.Option(help="Edge length to remesh a tile to, in scan-unit.")] = None,
+    remesh: Annotated[
+        float | None, typer.Option(help="Edge length to remesh to, in scan-unit: triangles that a solver accepts.")
+    ] = None,
     tile_solid: Annotated[
         Path | None, typer.Option(help="Write one flat period as a closed block too; opposite sides match.")
     ] = None,

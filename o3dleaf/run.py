@@ -63,7 +63,7 @@ class LeafRun:
     fine : sequence of (along, across, along, across, step)
         Finer windows in the mesh: lower and upper corner and step, in scan_unit.
     simplify, remesh : float, optional
-        Share of its triangles that a tile is simplified to; edge length, in scan_unit, that it is remeshed to.
+        Share of its triangles that a tile is simplified to; edge length, in scan_unit, that the whole is remeshed to.
     tile_solid : Path, optional
         Where to write one flat period of the micro-structure as a closed block.
     grid : Path, optional
@@ -185,13 +185,18 @@ class LeafRun:
         region = self.region if self.around is None else leaf.blade.window(self.around, self.window)
         parts: dict[str, Any] = {"region": region, "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile") as progress:
-            reduced = parts | {"simplify": self.simplify, "remesh": self.remesh}
-            surface = leaf.realise(self.spacing, progress=progress, **reduced)
+            surface = leaf.realise(self.spacing, progress=progress, simplify=self.simplify, **parts)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
             f"about {surface.seconds:.1f} s and what the disk takes"
         )
+        if self.remesh is not None:
+            with journal.stage("remesh") as progress:
+                found = surface.extract(progress, remesh=self.remesh)
+            with journal.stage("write mesh"):
+                found.write(self.output)
+            return found.mesh, surface
         with journal.stage("write mesh") as progress:
             surface.write(self.output, progress)
         with journal.stage("extract mesh"):

@@ -1,21 +1,23 @@
-"""The closed leaf's surface as remeshing needs it: points that have moved a little are put back onto it."""
-
-from typing import TYPE_CHECKING
+"""The leaf's surface as remeshing needs it: points that have moved a little are put back onto it."""
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.leaf import newton
 from o3dleaf.leaf.outline import in_polygon, sides_of
-from o3dleaf.leaf.surface import lift, texture_jets, thickness
+from o3dleaf.leaf.surface import OnBlade, lift, texture_jets, thickness
 from o3dleaf.mesh.arrays import BoolArray, IntArray
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, blocks, run_blocks
+from o3dleaf.remesh.blocks import Charted
 from o3dleaf.remesh.ground import Masks
+from o3dleaf.remesh.remesh import remesh_charted
+from o3dleaf.tiles.loops import INSIDE
 from o3dleaf.tiles.parts import RIM
+from o3dleaf.tiles.tile import Tile
 
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+Labels = npt.NDArray[np.uint8]
 
 BLOCK = 1 << 12
 MOST_STEPS = 12
@@ -25,6 +27,10 @@ LONGEST = 0.1
 """The same: no step is longer."""
 ON_RIM = 1 << RIM
 """Bit of the rim among the labels around a vertex."""
+NEAR = 1e-3
+"""Distance from F = 0, of the edge, within which a vertex lies on a face."""
+CHUNK = 1 << 17
+"""Vertices looked at together."""
 
 
 class LeafGround:
@@ -33,9 +39,12 @@ class LeafGround:
     A chart is flat coordinates z; a step in the world is one in z through the lift's Jacobian.
     """
 
-    def __init__(self, leaf: "MultiscaleLeaf", outline: shapely.Geometry) -> None:
-        """Stand on a leaf that is cut along an outline in the plane (along, across)."""
+    def __init__(self, leaf: OnBlade, outline: shapely.Geometry, tile: Tile) -> None:
+        """Stand on a leaf that is cut along an outline in the plane (along, across); the `tile` knows its pockets."""
         self.leaf, self.outline, self.sides = leaf, outline, sides_of(outline)
+        nx, ny, nz = tile.lattice.shape
+        self.lattice = tile.lattice
+        self.inside = (tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
         self.tree = shapely.STRtree(shapely.linestrings(self.sides.reshape(-1, 2, 2)))
 
     def settle(
@@ -59,8 +68,18 @@ class LeafGround:
                 moved = step(flat, active)
                 active = active[moved > SETTLED * thickness(self.leaf)]
             settled[active] = False
-        settled &= on_rim | in_polygon(self.outline, flat[:, :2])
+        settled &= on_rim | in_polygon(self.outline, flat[:, :2]) & ~self._in_pocket(flat)
         return flat, blade.lift(flat), settled
+
+    def _in_pocket(self, flat: FloatArray) -> BoolArray:
+        """Return which points lie on the wall of a pocket, which is filled: in a cell with all its corners inside."""
+        shape = np.array(self.inside.shape)
+        low = np.floor((flat - self.lattice.origin) / self.lattice.spacing).astype(np.int64)
+        held = np.ones(len(flat), dtype=bool)
+        for corner in np.ndindex(2, 2, 2):
+            i, j, k = (low + corner).T
+            held &= self.inside[i % shape[0], j % shape[1], np.clip(k, 0, shape[2] - 1)]
+        return held
 
     def _face_steps(self, flat: FloatArray, rows: IntArray) -> FloatArray:
         """Take a step of Newton's method along the gradient in the world; return how far each point went."""
@@ -84,7 +103,9 @@ class LeafGround:
         square = np.maximum(slope**2 + inner[:, 2] ** 2, 1e-300)
         share = -values / square
         share /= np.maximum(np.abs(share) * np.sqrt(square) / (LONGEST * thickness(self.leaf)), 1.0)
-        moved = self._go(flat, rows, values, share[:, np.newaxis] * np.column_stack([slope[:, np.newaxis] * along, inner[:, 2]]))
+        moved = self._go(
+            flat, rows, values, share[:, np.newaxis] * np.column_stack([slope[:, np.newaxis] * along, inner[:, 2]])
+        )
         flat[rows, :2] = self._to_outline(flat[rows, :2])[0]
         return moved
 
@@ -94,7 +115,12 @@ class LeafGround:
         before = flat[rows]
         there = before + steps
         there[:, 2] = np.clip(there[:, 2], low, high)
-        at_end = (before[:, 2] == there[:, 2]) & (values > 0) & (np.abs(steps[:, 2]) > 0) & ((there[:, 2] == low) | (there[:, 2] == high))
+        at_end = (
+            (before[:, 2] == there[:, 2])
+            & (values > 0)
+            & (np.abs(steps[:, 2]) > 0)
+            & ((there[:, 2] == low) | (there[:, 2] == high))
+        )
         there[at_end] = before[at_end]
         flat[rows] = there
         return np.asarray(np.abs(there - before).max(axis=1, initial=0.0))
@@ -111,3 +137,71 @@ class LeafGround:
 def _to_flat(columns: FloatArray, shifts: FloatArray) -> FloatArray:
     """Return steps in z of steps in the world, by the lift's columns ∂X/∂z."""
     return np.asarray(np.linalg.solve(columns.transpose(0, 2, 1), shifts[..., np.newaxis])[..., 0])
+
+
+def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
+    leaf: OnBlade,
+    outline: shapely.Geometry,
+    tile: Tile,
+    flat: FloatArray,
+    triangles: IntArray,
+    labels: Labels,
+    target_edge: float,
+    progress: Progress | None = None,
+) -> Charted:
+    """Return the mesh of a leaf's surface, remeshed; its rim meets the faces in a sharp edge over the outline.
+
+    Parameters
+    ----------
+    leaf : OnBlade
+    outline : shapely geometry
+        What the leaf is cut along, in the plane (along, across).
+    tile : Tile
+    flat : (n, 3) ndarray
+        Vertices in flat coordinates: on F = 0, or on the rim.
+    triangles : (m, 3) ndarray of int64
+    labels : (m,) ndarray of uint8
+        Adaxial, abaxial, rim.
+    target_edge : float
+    progress : callable, optional
+        ``progress(done, total)`` in blocks.
+    """
+    places = np.empty_like(flat)
+    run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
+    labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, NEAR * target_edge))
+    ground = LeafGround(leaf, outline, tile)
+    return remesh_charted(Charted.of(places, flat, triangles, labels), ground, target_edge, progress=progress)
+
+
+def _on_faces(leaf: OnBlade, flat: FloatArray, near: float) -> BoolArray:
+    """Return which points (n, 3) lie on F = 0 to within `near`."""
+    found = np.empty(len(flat), dtype=bool)
+    for first, last in blocks(len(flat), CHUNK):
+        values, slopes = texture_jets(leaf, flat[first:last], 1)
+        found[first:last] = np.abs(values) <= near * np.linalg.norm(slopes, axis=1)
+    return found
+
+
+def _without_chamfers(triangles: IntArray, labels: Labels, on_face: BoolArray) -> Labels:
+    """Return labels by which the rim's triangles with a vertex on a face belong to that face.
+
+    Marching cubes cuts the edge between the rim and a face off: what lies between becomes part of the face,
+    and has only to be drawn up along the rim, where the lattice is fine, to make the edge sharp.
+    """
+    labels = labels.copy()
+    face_of = np.full(len(on_face), RIM, dtype=np.uint8)
+    while True:
+        for face in (face for face in range(RIM) if (labels == face).any()):
+            own = np.zeros(len(on_face), dtype=bool)
+            own[triangles[labels == face]] = True
+            face_of[own & on_face & (face_of == RIM)] = face
+        rows = np.flatnonzero(labels == RIM)
+        face = face_of[triangles[rows]].min(axis=1, initial=RIM)
+        if not (face < RIM).any():
+            break
+        labels[rows] = face
+    # What is left of a rim of one triangle's height has to stay one.
+    bare = ~on_face
+    bare[triangles[labels == RIM]] = False
+    labels[bare[triangles].any(axis=1)] = RIM
+    return labels

@@ -241,7 +241,6 @@ class MultiscaleLeaf:
         closed: bool = False,
         method: str = "cubes",
         simplify: float | None = None,
-        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> Realisation:
         """Polygonise one tile of the texture and count what the outline holds of it; nothing else is made yet.
@@ -261,9 +260,7 @@ class MultiscaleLeaf:
             Marching cubes, or marching tetrahedra as in the paper.
         simplify : float, optional
             Share of its triangles that a tile is simplified to by quadric edge collapse, once, its border locked.
-        remesh : float, optional
-            Or the edge length, in the scan's unit, that it is remeshed to. The tiles that the outline cuts stay
-            as they were polygonised.
+            The tiles that the outline cuts stay as they were polygonised.
         progress : callable, optional
             ``progress(done, total)`` in samples of one tile.
 
@@ -273,7 +270,7 @@ class MultiscaleLeaf:
             If the result is not exactly two sheets, or one solid.
         """
         parts = self.texture, self.blade, self.scale
-        how: dict[str, Any] = {"closed": closed, "method": method, "simplify": simplify, "remesh": remesh}
+        how: dict[str, Any] = {"closed": closed, "method": method, "simplify": simplify}
         return Realisation(*parts, spacing, region, **how, progress=progress)
 
     def extract_mesh(
@@ -283,10 +280,15 @@ class MultiscaleLeaf:
         *,
         closed: bool = False,
         method: str = "cubes",
+        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> o3d.geometry.TriangleMesh:
-        """Return the surface of the leaf as a triangle mesh in world coordinates; see `realise`."""
-        return self.realise(spacing, region, closed=closed, method=method).extract(progress).mesh
+        """Return the surface of the leaf as a triangle mesh in world coordinates; see `realise`.
+
+        ``remesh`` is an edge length, in the scan's unit, for triangles that a solver accepts; see
+        `Realisation.extract`.
+        """
+        return self.realise(spacing, region, closed=closed, method=method).extract(progress, remesh=remesh).mesh
 
     def write_mesh(
         self,
@@ -296,11 +298,13 @@ class MultiscaleLeaf:
         *,
         closed: bool = False,
         method: str = "cubes",
+        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> None:
         """Write the surface of the leaf to a PLY, STL or OBJ file, whole or not at all; see `realise`.
 
-        Only a few tiles are held, whatever the leaf's size. Faces carry labels: 0 adaxial, 1 abaxial, 2 rim.
+        Only a few tiles are held, whatever the leaf's size, but where it is to be remeshed, to edges of the length
+        `remesh`: then all of it is. Faces carry labels: 0 adaxial, 1 abaxial, 2 rim.
 
         Raises
         ------
@@ -310,7 +314,11 @@ class MultiscaleLeaf:
             If the disk has no room for the file.
         """
         require_writable(path, SUFFIXES)
-        self.realise(spacing, region, closed=closed, method=method).write(path, progress)
+        surface = self.realise(spacing, region, closed=closed, method=method)
+        if remesh is None:
+            surface.write(path, progress)
+        else:
+            surface.extract(progress, remesh=remesh).write(path)
 
     def extract_tile(self, spacing: float) -> LeafMesh:
         """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.checks import FloatArray, as_points, require_positive
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.parallel import run_blocks
 from o3dleaf.rbf.tail import IntArray
 

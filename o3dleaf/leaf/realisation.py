@@ -1,11 +1,10 @@
 """The realised surface: one tile polygonised, set down all over the blade, in memory or in a file."""
 
 import time
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +15,11 @@ from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positi
 from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
+from o3dleaf.leaf.ground import remesh_leaf
 from o3dleaf.leaf.outline import sides_of
+from o3dleaf.leaf.surface import Texture
 from o3dleaf.mesh.arrays import IntArray, build_mesh, mesh_arrays
-from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
+from o3dleaf.mesh.clean import simplify_mesh
 from o3dleaf.mesh.files import SUFFIXES
 from o3dleaf.mesh.polygonise import METHODS, lattice_positions
 from o3dleaf.parallel import Progress, run_blocks
@@ -39,28 +40,6 @@ LEAST_CELLS = 64
 
 TRIAL = 1 << 16
 """Vertices that are taken to the world to see how long all of them will take."""
-
-
-class Texture(Protocol):
-    """A field over the plane that repeats, in its own unit of length."""
-
-    @property
-    def period(self) -> FloatArray:
-        """(2,) size of a tile along and across."""
-        ...
-
-    @property
-    def cell(self) -> FloatArray:
-        """(2, 3) box of one tile."""
-        ...
-
-    def tile_key(self, p: int) -> Hashable:
-        """Return what tile number p along looks like: tiles of equal keys are translates of one another."""
-        ...
-
-    def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the values at (n, 3) points."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +79,12 @@ class Realisation:
 
     Attributes
     ----------
+    texture : TiledField or PatchBlend
+    blade : Blade
+    scale : float
+        Factor from the blade's unit to the texture's.
+    outline : shapely geometry
+        What it is cut along, in the plane (along, across).
     spacing : (3,) tuple of float
         The steps along, across and through the blade, in the scan's unit. Those in the plane divide the
         texture's period, so that they may differ a little from what was asked for.
@@ -123,27 +108,25 @@ class Realisation:
         closed: bool = False,
         method: str = "cubes",
         simplify: float | None = None,
-        remesh: float | None = None,
         progress: Progress | None = None,
     ) -> None:
         """Polygonise one tile and count what the outline holds of it; see `MultiscaleLeaf.realise`."""
         kind = METHODS.index(require_choice(method, METHODS, "method"))
         box = None if region is None else as_bounds(region, 2, "region")
-        self.blade, self.closed = blade, closed
+        self.texture, self.blade, self.scale, self.closed = texture, blade, scale, closed
         # Only whole pieces are reduced: they are kept small.
-        lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh is None)
+        lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=True)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-        reduced = None if simplify is None and remesh is None else reduce_tile(self.tile, _reducing(simplify, remesh))
+        reduced = None if simplify is None else reduce_tile(self.tile, _simplifying(simplify))
         started = time.perf_counter()
-        if closed:
-            area = blade.outline.rounded if box is None else shapely.box(*box.ravel()) & blade.outline.rounded
-            self.assembly = Assembly(self.tile, footprint(sides_of(area), *plane, None), closed=True, reduced=reduced)
-        else:
-            area = footprint(sides_of(blade.outline.polygon), *plane, box)
-            self.assembly = Assembly(self.tile, area, closed=False, reduced=reduced)
+        self.outline = blade.outline.rounded if closed else blade.outline.polygon
+        if closed and box is not None:
+            self.outline = shapely.box(*box.ravel()) & self.outline
+        area = footprint(sides_of(self.outline), *plane, None if closed else box)
+        self.assembly = Assembly(self.tile, area, closed=closed, reduced=reduced)
         self._counting = time.perf_counter() - started
 
     @property
@@ -199,11 +182,26 @@ class Realisation:
         run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
         return self._counting + (time.perf_counter() - start) * self.vertices / TRIAL
 
-    def extract(self, progress: Progress | None = None) -> LeafMesh:
-        """Return the surface as a mesh in memory."""
+    def extract(self, progress: Progress | None = None, *, remesh: float | None = None) -> LeafMesh:
+        """Return the surface as a mesh in memory.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            ``progress(done, total)`` in vertices, or in blocks where it is remeshed.
+        remesh : float, optional
+            Edge length, in the scan's unit, of triangles that a solver accepts, every vertex on the surface: see
+            `o3dleaf.remesh`. Closed, the faces meet the rim in a sharp edge over the outline.
+        """
         arrays = Arrays(self.assembly)
-        self.assembly.emit(arrays, self.blade.lift, progress)
-        return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels)
+        if remesh is None:
+            self.assembly.emit(arrays, self.blade.lift, progress)
+            return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels)
+        edge = require_positive(remesh, "remesh")
+        self.assembly.emit(arrays, lambda flat: flat)
+        parts = arrays.vertices, arrays.triangles, arrays.labels
+        found = remesh_leaf(self, self.outline, self.tile, *parts, edge, progress)
+        return LeafMesh(build_mesh(found.places, found.triangles), found.labels)
 
     def write(self, path: str | PathLike[str], progress: Progress | None = None) -> None:
         """Write the surface to a PLY, STL or OBJ file, whole or not at all; only a few tiles are held.
@@ -277,18 +275,13 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     parent.children.append(Level(extract_tile(values, fine, sharpen=True), parent.footprint, box, ratio=ratio))
 
 
-def _reducing(simplify: float | None, remesh: float | None) -> Reduce:
-    """Return the function that simplifies a mesh to a share of its triangles, or remeshes it to an edge length."""
-    if simplify is not None and remesh is not None:
-        raise InputError("simplify, remesh: both would reshape the tile; give one of them")
-    if simplify is not None and not 0 < simplify < 1:
-        raise InputError(f"simplify: is {simplify:g}; give the share of triangles to keep, between 0 and 1")
+def _simplifying(share: float) -> Reduce:
+    """Return the function that simplifies a mesh to a share of its triangles."""
+    if not 0 < share < 1:
+        raise InputError(f"simplify: is {share:g}; give the share of triangles to keep, between 0 and 1")
 
     def reduce(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-        if remesh is not None:
-            return mesh_arrays(remesh_mesh((vertices, triangles), target_edge=remesh))
-        target = round((simplify or 1.0) * len(triangles))
-        return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=target))
+        return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=round(share * len(triangles))))
 
     return reduce
 
@@ -299,9 +292,7 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMes
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     """
     lattice = tile_lattice(texture, scale, spacing)
-    vertices, triangles, labels = extract_block(
-        extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=True)
-    )
+    vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=True))
     return LeafMesh(build_mesh(vertices, triangles), labels)
 
 

@@ -5,8 +5,9 @@ which the lift X(z) brings in by its Jacobian: nothing has to find its way from 
 but the queries themselves, once.
 """
 
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +35,51 @@ LEAST_SHARE = 1 / 64
 """Share of a step that must bring |F| down; where none does, there is no surface to go to."""
 DIFFERENCE = 1e-4
 """Step of the differences of the lift's Jacobian, of the blade's width: blades bend over their width."""
+
+
+class Texture(Protocol):
+    """A field over the plane that repeats, in its own unit of length."""
+
+    @property
+    def period(self) -> FloatArray:
+        """(2,) size of a tile along and across."""
+        ...
+
+    @property
+    def cell(self) -> FloatArray:
+        """(2, 3) box of one tile."""
+        ...
+
+    def tile_key(self, p: int) -> Hashable:
+        """Return what tile number p along looks like: tiles of equal keys are translates of one another."""
+        ...
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the values at (n, 3) points."""
+        ...
+
+    def jets(self, points: npt.ArrayLike, level: int) -> tuple[FloatArray, ...]:
+        """Return the values and derivatives to order `level` at (n, 3) points."""
+        ...
+
+
+class OnBlade(Protocol):
+    """A texture on a blade: a leaf, or the realisation of one."""
+
+    @property
+    def texture(self) -> Texture:
+        """The micro-structure, in its own unit."""
+        ...
+
+    @property
+    def blade(self) -> "Blade":
+        """What it lies on."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """Factor from the blade's unit to the texture's."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -82,13 +128,13 @@ def pull_back(columns: FloatArray, inner: FloatArray) -> FloatArray:
     return gradients
 
 
-def texture_jets(leaf: "MultiscaleLeaf", flat: FloatArray, level: int) -> tuple[FloatArray, ...]:
+def texture_jets(leaf: OnBlade, flat: FloatArray, level: int) -> tuple[FloatArray, ...]:
     """Return F and its derivatives to order `level` at (n, 3) flat coordinates in the leaf's unit."""
     jets = leaf.texture.jets(flat * leaf.scale, level)
     return tuple(part * leaf.scale**order if order else part for order, part in enumerate(jets))
 
 
-def thickness(leaf: "MultiscaleLeaf") -> float:
+def thickness(leaf: OnBlade) -> float:
     """Return the height of the texture's patch, in the leaf's unit: the length that all others are measured by."""
     return float(np.ptp(leaf.texture.cell[:, 2]) / leaf.scale)
 

@@ -10,6 +10,8 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.parallel import Progress, run_blocks
 
+Labels = npt.NDArray[np.uint8]
+
 MOST = 1 << 14
 """Triangles of a block at most: they stay in a core's cache."""
 
@@ -30,11 +32,11 @@ class Charted:
     places: FloatArray
     charts: FloatArray
     triangles: IntArray
-    labels: npt.NDArray[np.uint8]
+    labels: Labels
     grounded: BoolArray
 
     @classmethod
-    def of(cls, places: FloatArray, charts: FloatArray, triangles: IntArray, labels: npt.NDArray[np.uint8]) -> "Charted":
+    def of(cls, places: FloatArray, charts: FloatArray, triangles: IntArray, labels: Labels) -> "Charted":
         """Return a mesh of which nothing is known to lie on the surface."""
         return cls(places, charts, triangles, labels, np.zeros(len(places), dtype=bool))
 

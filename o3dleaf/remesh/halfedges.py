@@ -13,7 +13,6 @@ Every vertex of the border is locked, so that all others have a closed fan. The 
 Hoppe et al. 1993 (Mesh optimization): collapse, swap, split.
 """
 
-import numpy as np
 from numba import njit
 
 SMOOTH, CREASE, LOCKED = 0, 1, 2
@@ -82,7 +81,7 @@ def can_collapse(mesh, h, around, halves):
     count = fan(mesh, v, around) if a != b else 0
     for k in range(count):
         other = origin[after(around[k])]
-        if other != w and other != a and other != b and may_touch(mesh, other, w, halves):
+        if other not in (w, a, b) and may_touch(mesh, other, w, halves):
             return 0
     return count
 

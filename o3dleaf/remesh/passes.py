@@ -292,8 +292,8 @@ def mark_long(mesh, place, longest, halves):
 @njit(nogil=True, cache=True)
 def split_edges(mesh, label, place, halves, points, limits, first_vertex, first_triangle):
     """Split edges at points, each into the next free vertex; those that would fold are left. Return how many."""
-    origin, twin, crease, outgoing, kind = mesh
-    done, old, new, sums = 0, np.empty((2, 3)), np.empty(3), np.empty(3)
+    origin, twin, crease, _, kind = mesh
+    done, old, new = 0, np.empty((2, 3)), np.empty(3)
     for n in range(len(halves)):
         h = halves[n]
         g = twin[h]

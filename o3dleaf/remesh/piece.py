@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
@@ -106,7 +105,9 @@ class Piece:
         ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
         order = np.argsort(np.minimum(*ends) * (n + 1) + np.maximum(*ends), kind="stable")
         if not link_twins(triangles, order, origin[: 3 * m], twin[: 3 * m]):
-            raise InputError("mesh: has an edge with three triangles, or triangles that run against one another; clean it first")
+            raise InputError(
+                "mesh: has an edge with three triangles, or triangles that run against one another; clean it first"
+            )
         crease = np.zeros(3 * room_m, dtype=bool)
         inner = twin[: 3 * m] >= 0
         crease[: 3 * m] = inner & (labels[twin[: 3 * m] // 3] != np.repeat(labels, 3))
@@ -116,8 +117,10 @@ class Piece:
         sharp = np.bincount(ends[0][crease[: 3 * m]], minlength=n)
         kind[:n][sharp == 2] = CREASE
         kind[:n][(sharp != 0) & (sharp != 2)] = LOCKED
-        kind[:n][locked] = LOCKED
-        kind[ends[0][~inner]], kind[ends[1][~inner]] = LOCKED, LOCKED
+        self.fixed = np.zeros(room_n, dtype=bool)
+        self.fixed[:n] = locked
+        self.fixed[ends[0][~inner]], self.fixed[ends[1][~inner]] = True, True
+        kind[self.fixed] = LOCKED
         self.mesh = origin, twin, crease, outgoing, kind
         self.vertices, self.triangles = n, m
 
@@ -148,48 +151,67 @@ class Piece:
         origin = self.mesh[0][: 3 * self.triangles]
         there = origin >= 0
         masks = np.zeros(self.vertices, dtype=np.uint8)
-        np.bitwise_or.at(masks, origin[there], np.repeat((1 << self.labels[: self.triangles]).astype(np.uint8), 3)[there])
+        np.bitwise_or.at(
+            masks, origin[there], np.repeat((1 << self.labels[: self.triangles]).astype(np.uint8), 3)[there]
+        )
         return masks
 
     def _bring(self, ground: Ground, limits: Limits) -> None:
         """Move vertices to the ground that are not known to be on it."""
         mesh = self._used()
-        rows = np.flatnonzero((mesh[3] >= 0) & (mesh[4] != LOCKED) & ~self.grounded[: self.vertices])
+        rows = np.flatnonzero((mesh[3] >= 0) & ~self.fixed[: self.vertices] & ~self.grounded[: self.vertices])
         self._move(ground, limits, rows, np.zeros((len(rows), 3)))
 
-    def _relax(self, ground: Ground, limits: Limits) -> int:
-        """Move vertices towards the middle of their triangles, on the ground."""
-        shifts = np.zeros((self.vertices, 3))
-        mesh = self._used()
-        fill_shifts(mesh, self.places, SHARE, shifts)
-        rows = np.flatnonzero((mesh[3] >= 0) & (mesh[4] != LOCKED))
-        return self._move(ground, limits, rows, shifts[rows])
+    def smooth(self, ground: Ground, limits: Limits, rounds: int) -> None:
+        """Move vertices to the middle of their triangles, on the ground, whatever becomes of these: it undoes knots."""
+        for _ in range(rounds):
+            rows, shifts = self._shifts(1.0)
+            charts, places, found = self._settled(ground, limits, rows, shifts)
+            self.places[rows[found]], self.charts[rows[found]] = places[found], charts[found]
 
-    def _attempt(self, ground: Ground, limits: Limits, share: float) -> int:
+    def _relax(self, ground: Ground, limits: Limits) -> None:
+        """Move vertices towards the middle of their triangles, on the ground."""
+        self._move(ground, limits, *self._shifts(SHARE))
+
+    def _shifts(self, share: float) -> tuple[IntArray, FloatArray]:
+        """Return the vertices that may move, and how far it is to the middle of their triangles."""
+        mesh = self._used()
+        shifts = np.zeros((self.vertices, 3))
+        fill_shifts(mesh, self.places, share, shifts)
+        rows = np.flatnonzero((mesh[3] >= 0) & (mesh[4] != LOCKED))
+        return rows, shifts[rows]
+
+    def _attempt(self, ground: Ground, limits: Limits, share: float) -> None:
         """Move the corners of triangles that are not fair along the edges there, where that makes them better."""
         mesh = self._used()
         none = np.empty(0, dtype=np.int64), np.empty((0, 3))
         count = fill_tries(mesh, self.places, limits.fair, share, *none)
         rows, shifts = np.empty(count, dtype=np.int64), np.empty((count, 3))
         fill_tries(mesh, self.places, limits.fair, share, rows, shifts)
-        return self._move(ground, limits, rows, shifts)
+        self._move(ground, limits, rows, shifts)
 
-    def _move(self, ground: Ground, limits: Limits, rows: IntArray, shifts: FloatArray) -> int:
+    def _settled(
+        self, ground: Ground, limits: Limits, rows: IntArray, shifts: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return the charts and places of vertices after shifts, and which of them got to the ground, not far away."""
+        creased = self.mesh[4][rows] == CREASE
+        charts, places, found = ground.settle(self.charts[rows], shifts, self._masks()[rows], creased)
+        return charts, places, found & (np.linalg.norm(places - self.places[rows], axis=1) <= limits.longest)
+
+    def _move(self, ground: Ground, limits: Limits, rows: IntArray, shifts: FloatArray) -> None:
         """Move vertices by shifts and onto the ground, where they get there and nothing gets worse."""
         mesh = self._used()
-        charts, places, found = ground.settle(self.charts[rows], shifts, self._masks()[rows], mesh[4][rows] == CREASE)
-        near = found & (np.linalg.norm(places - self.places[rows], axis=1) <= limits.longest)
-        rows, charts, places = rows[near], charts[near], places[near]
+        charts, places, found = self._settled(ground, limits, rows, shifts)
+        rows, charts, places = rows[found], charts[found], places[found]
         moved = np.zeros(len(rows), dtype=bool)
         for part, loose in ((limits, False), (limits.loose, True)):
             some = np.flatnonzero(self.grounded[rows] != loose)
-            found = np.zeros(len(some), dtype=bool)
-            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, found)
-            moved[some] = found
+            done = np.zeros(len(some), dtype=bool)
+            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, done)
+            moved[some] = done
         # Of several ways for one vertex the last that was taken counts, as numpy's assignment has it.
         self.charts[rows[moved]] = charts[moved]
         self.grounded[rows[moved]] = True
-        return int(moved.sum())
 
     def _split_long(self, ground: Ground, limits: Limits) -> None:
         for _ in range(3):
@@ -204,7 +226,9 @@ class Piece:
             a, b = origin[halves], origin[twin[halves]]
             masks = (1 << self.labels[halves // 3]) | (1 << self.labels[twin[halves] // 3])
             middle = (self.places[a] + self.places[b]) / 2
-            charts, places, found = ground.settle((self.charts[a] + self.charts[b]) / 2, np.zeros((len(a), 3)), masks.astype(np.uint8), mesh[2][halves])
+            charts, places, found = ground.settle(
+                (self.charts[a] + self.charts[b]) / 2, np.zeros((len(a), 3)), masks.astype(np.uint8), mesh[2][halves]
+            )
             near = found & (np.linalg.norm(places - middle, axis=1) <= limits.longest / 2)
             halves, charts, places = halves[near], charts[near], places[near]
             n, m = self.vertices, self.triangles
@@ -214,7 +238,7 @@ class Piece:
             if not done:
                 return
 
-    def _collapse_short(self, limits: Limits) -> int:
+    def _collapse_short(self, limits: Limits) -> None:
         mesh = self._used()
         origin = mesh[0]
         there = np.flatnonzero(origin >= 0)
@@ -222,7 +246,7 @@ class Piece:
         length = np.linalg.norm(self.places[ends[0]] - self.places[ends[1]], axis=1)
         short = there[length < limits.shortest]
         order = short[np.argsort(length[length < limits.shortest], kind="stable")]
-        return collapse_short(mesh, self.labels, self.places, order, limits.shortest, limits.numbers)
+        collapse_short(mesh, self.labels, self.places, order, limits.shortest, limits.numbers)
 
     def result(self) -> Charted:
         """Return what there is now: vertices keep their rows, new ones follow; some are in no triangle any more."""

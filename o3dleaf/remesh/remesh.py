@@ -20,10 +20,10 @@ SHORTEST, LONGEST = 0.7, 1.33
 """Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""
 DEVIATION = 0.1
 """How far an edit may take the surface by default, of the target edge."""
-ROUNDS = 6
-"""Times that the neighbourhood of crossing triangles is made coarser."""
-COARSER = 1.25
-"""By how much, each time."""
+KNOTS = 8
+"""Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
+COARSER = 1.1
+"""By how much longer its edges become, each time."""
 
 
 def remesh(
@@ -100,9 +100,10 @@ def remesh_charted(
     return _untangle(mesh, ground, limits)
 
 
-def _worker(ground: Ground, limits: Limits, rounds: int) -> Work:
+def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
     def work(own: Charted, locked: BoolArray) -> Charted:
         piece = Piece(own, locked)
+        piece.smooth(ground, limits, smooth)
         piece.improve(ground, limits, rounds)
         return piece.result()
 
@@ -110,17 +111,17 @@ def _worker(ground: Ground, limits: Limits, rounds: int) -> Work:
 
 
 def _untangle(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
-    """Make the mesh coarser around triangles that cross, until none do or `ROUNDS` have passed."""
-    for number in range(ROUNDS):
+    """Smooth the mesh around triangles that cross, and make it coarser, until none do or `KNOTS` rounds have passed."""
+    for number in range(1, KNOTS + 1):
         crossing = find_crossings(mesh.places, mesh.triangles)
         if not crossing.any():
             break
-        near = crossing
-        for _ in range(2 + number):
+        near: BoolArray = crossing
+        for _ in range(1 + number):
             touched = np.zeros(len(mesh.places), dtype=bool)
             touched[mesh.triangles[near]] = True
-            near = touched[mesh.triangles].any(axis=1)
-        mesh = work_on(mesh, near, _worker(ground, limits.coarser(COARSER ** (number + 1)), 3))
+            near = np.asarray(touched[mesh.triangles].any(axis=1))
+        mesh = work_on(mesh, near, _worker(ground, limits.coarser(COARSER**number), 3, smooth=number))
     return mesh
 
 

@@ -252,7 +252,8 @@ def _sharpened(
             b, fb = share, f
             # The secant's next step, which says how far the zero still is.
             going = np.abs(fb * (b - a)) > SETTLED * np.abs(fb - fa)
-            rows, a, b, fa, fb = (each[going] for each in (rows, a, b, fa, fb))
+            rows = rows[going]
+            a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
             if not len(rows):
                 break
     return found
