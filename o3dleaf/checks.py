@@ -66,7 +66,9 @@ def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels
     """Return `labels` as (count,) whole numbers from 0 to `kinds` - 1, or raise `InputError`."""
     array = np.asarray(labels)
     if array.shape != (count,) or array.dtype.kind not in "bui":
-        raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one whole number a triangle, ({count},)")
+        raise InputError(
+            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number a triangle, ({count},)"
+        )
     if count and (array.min() < 0 or array.max() >= kinds):
         raise InputError(f"{name}: run from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
     return array.astype(np.uint8)

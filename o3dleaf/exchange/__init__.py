@@ -9,6 +9,7 @@
 `read`       a mesh with its labels: PLY, STL and OBJ
 `particles`  a surface covered and a solid filled with particles
 `distance`   the signed distance to a closed mesh on a grid
+`job`        one export from file to file, as the command line asks for it
 
 `loops` holds the compiled code. Nothing here changes a mesh: what a program cannot take is refused.
 """

@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import IO
 
+import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import require_choice
@@ -35,17 +36,31 @@ SUFFIXES = tuple(WRITERS)
 
 @dataclass(frozen=True)
 class Consumer:
-    """What a program takes: its formats, its unit (None: any), STL as named solids, closed surfaces only."""
+    """What a program takes.
+
+    Attributes
+    ----------
+    suffixes : tuple of str
+    unit : str, optional
+        None: any.
+    solids : bool
+        STL as text with named solids.
+    closed : bool
+        Closed surfaces only.
+    single : bool
+        STL is read in single precision: corners that fall together there make illegal triangles.
+    """
 
     suffixes: tuple[str, ...]
     unit: str | None = None
     solids: bool = False
     closed: bool = False
+    single: bool = False
 
 
 CONSUMERS = {
-    "openfoam": Consumer((".stl", ".obj"), unit="m", solids=True),
-    "dualsphysics": Consumer((".stl",), unit="m", closed=True),
+    "openfoam": Consumer((".obj", ".stl"), unit="m", solids=True, single=True),
+    "dualsphysics": Consumer((".stl",), unit="m", closed=True, single=True),
     "paraview": Consumer((".vtp", ".ply", ".stl", ".obj")),
     "web": Consumer((".glb",), unit="m"),
     "blender": Consumer((".glb", ".ply", ".obj", ".stl"), unit="m"),
@@ -99,8 +114,8 @@ def export_mesh(
     Raises
     ------
     InputError
-        If the suffix is not one that the consumer takes, the folder cannot be written to, or a mesh must be closed
-        and is not.
+        If the suffix is not one that the consumer takes, the folder cannot be written to, a mesh must be closed and is
+        not, or triangles collapse in the single precision in which the consumer reads STL.
     UnitError
         If lengths must be converted and the mesh's unit is not known.
     """
@@ -117,6 +132,8 @@ def export_mesh(
         _require_closed(surface, target)
     writer = write_stl_solids if suffix == ".stl" and wanted.solids else WRITERS[suffix]
     ready = surface.in_unit(goal)
+    if wanted.single and suffix == ".stl":
+        _require_single(ready, target)
     with whole_file(target) as temporary, temporary.open("wb") as out:
         writer(out, ready if suffix == ".stl" else ready.with_normals(), target.stem, progress)
 
@@ -132,3 +149,14 @@ def _require_closed(surface: Surface, target: Path) -> None:
         )
     if signed_volume(surface.vertices, surface.triangles) <= 0:
         raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
+
+
+def _require_single(surface: Surface, target: Path) -> None:
+    """Raise `InputError` if corners of a triangle fall together in single precision."""
+    corners = surface.vertices.astype(np.float32)[surface.triangles]
+    lost = int((corners == np.roll(corners, 1, axis=1)).all(axis=2).any(axis=1).sum())
+    if lost:
+        raise InputError(
+            f"{target}: {lost:,} triangles collapse in single precision, in which STL is read; write .obj where the "
+            "program takes it, clean or remesh the mesh, or move the origin to it"
+        )

@@ -3,6 +3,7 @@
 import json
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +80,7 @@ def export_distance(
 class _Distance:
     """The signed distance, some planes of the grid at a time."""
 
-    def __init__(  # noqa: PLR0917 - a grid is where it starts, its step and its shape
+    def __init__(
         self,
         surface: Surface,
         origin: FloatArray,
@@ -92,15 +93,15 @@ class _Distance:
         self.column, self.height = column, height
         self.middle = origin + step * (np.array(shape) - 1) / 2
         self.scene = o3d.t.geometry.RaycastingScene()
-        positions = ((surface.vertices - self.middle) / step).astype(np.float32)
-        self.scene.add_triangles(positions, surface.triangles.astype(np.uint32))
+        positions = o3d.core.Tensor.from_numpy(((surface.vertices - self.middle) / step).astype(np.float32))
+        self.scene.add_triangles(positions, o3d.core.Tensor.from_numpy(surface.triangles.astype(np.uint32)))
 
     def planes(self, first: int, last: int) -> npt.NDArray[np.float32]:
         """Return (last − first, ny, nx) distances."""
         nx, ny, _ = self.shape
         k, j, i = np.meshgrid(np.arange(first, last), np.arange(ny), np.arange(nx), indexing="ij")
         points = (self.origin - self.middle) / self.step + np.stack([i, j, k], axis=-1)
-        distance = self.scene.compute_distance(points.astype(np.float32)).numpy() * np.float32(self.step)
+        distance = self.scene.compute_distance(o3d.core.Tensor.from_numpy(points.astype(np.float32))).numpy()
         # How often each column has been passed below a plane: each crossing counts from the first plane above it.
         passed = np.ceil((self.height - self.origin[2]) / self.step).astype(np.int64)
         inside = np.zeros((last - first + 1, nx * ny), dtype=np.int64)
@@ -108,7 +109,8 @@ class _Distance:
         np.add.at(inside, (np.maximum(passed[reached] - first, 0), self.column[reached]), 1)
         odd = np.cumsum(inside[:-1], axis=0) % 2 == 1
         odd = odd.reshape(-1, nx, ny).transpose(0, 2, 1)
-        return np.where(odd, -distance, distance).astype(np.float32)
+        values: npt.NDArray[np.float32] = np.where(odd, -distance, distance).astype(np.float32)
+        return values * np.float32(self.step)
 
 
 def _write(target: Path, distance: _Distance, unit: str | None, progress: Progress | None) -> None:
@@ -130,7 +132,7 @@ def _write(target: Path, distance: _Distance, unit: str | None, progress: Progre
                 progress(min(k + per, shape[2]), shape[2])
         out.write(footer)
     if suffix == ".npy":
-        meta = {"what": "signed distance, negative inside", "axes": "[k, j, i]: z, y, x", "unit": unit}
+        meta: dict[str, Any] = {"what": "signed distance, negative inside", "axes": "[k, j, i]: z, y, x", "unit": unit}
         meta |= {"origin": distance.origin.tolist(), "spacing": distance.step}
         with whole_file(target.with_suffix(".json")) as temporary:
             temporary.write_text(json.dumps(meta, indent=1) + "\n")

@@ -35,9 +35,7 @@ def write_glb(out: IO[bytes], surface: Surface, name: str, progress: Progress | 
     ]
     primitives, materials = [], []
     for number, (label, triangles) in enumerate(surface.parts(name)):
-        accessors.append(
-            {"bufferView": len(arrays), "componentType": UINT, "count": triangles.size, "type": "SCALAR"}
-        )
+        accessors.append({"bufferView": len(arrays), "componentType": UINT, "count": triangles.size, "type": "SCALAR"})
         arrays.append(triangles.astype("<u4"))
         attributes = {"POSITION": 0, "NORMAL": 1}
         primitives.append({"attributes": attributes, "indices": len(accessors) - 1, "material": number})

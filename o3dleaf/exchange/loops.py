@@ -5,60 +5,66 @@ from numba import njit
 
 
 @njit(nogil=True, cache=True)
-def thin_samples(points, normals, order, cell, strides, radius):
-    """Return which samples are kept: visited in `order`, each is kept unless a kept one is nearer than `radius`.
+def thin_samples(points, normals, owner, cell, starts, beside, order, radius):
+    """Keep samples, visited in `order`, each unless a kept one of its face is nearer than `radius`.
 
-    A kept sample on the other face of a thin blade, its normal turned away, does not count.
+    Samples are sorted by their cubes of edge `radius`. Those on the other face of a thin blade, their normals turned
+    away, do not count.
 
     Parameters
     ----------
-    points, normals : (n, 3) arrays
+    points : (n, 3) array
+    normals : (m, 3) array
+        Of the triangles.
+    owner, cell : (n,) arrays of int
+        The triangle and the cube of each sample.
+    starts : (c,) array of int64
+        The first sample of each cube.
+    beside : (c, 27) array of int64
+        The cubes around each cube and itself; −1 where there is none.
     order : (n,) array of int64
-    cell : (n,) array of int64
-        The key of the cube of edge `radius` that each sample lies in, sorted: samples are in this order.
-    strides : (3,) array of int64
-        What a step along each axis adds to a key.
-    radius : float
+
+    Returns
+    -------
+    members : (n,) array of int64
+        The kept samples of cube c are members[starts[c]], ..., held[c] of them.
+    held : (c,) array of int64
     """
-    count = len(points)
-    kept = np.zeros(count, dtype=np.bool_)
-    # In each run of one cube, the kept samples are at its front, in `members`.
-    first = np.zeros(count, dtype=np.int64)
-    for i in range(1, count):
-        first[i] = i if cell[i] != cell[i - 1] else first[i - 1]
-    members = np.empty(count, dtype=np.int64)
-    held = np.zeros(count, dtype=np.int64)
-    for rank in range(count):
+    members = np.empty(len(points), dtype=np.int64)
+    held = np.zeros(len(starts), dtype=np.int64)
+    for rank in range(len(order)):
         i = order[rank]
-        free = True
-        for di in range(-1, 2):
-            for dj in range(-1, 2):
-                for dk in range(-1, 2):
-                    key = cell[i] + di * strides[0] + dj * strides[1] + dk * strides[2]
-                    start = first[i] if key == cell[i] else np.searchsorted(cell, key)
-                    if start == count or cell[start] != key:
-                        continue
-                    for m in range(start, start + held[start]):
-                        j = members[m]
-                        x, y, z = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
-                        turned = 0.0
-                        for axis in range(3):
-                            turned += normals[i, axis] * normals[j, axis]
-                        if turned > 0.0 and x * x + y * y + z * z < radius * radius:
-                            free = False
-                            break
-                    if not free:
-                        break
-                if not free:
-                    break
-            if not free:
-                break
-        if free:
-            kept[i] = True
-            start = first[i]
-            members[start + held[start]] = i
-            held[start] += 1
-    return kept
+        if nearest_kept(points, normals, owner, i, beside[cell[i]], starts, members, held, radius) < 0:
+            c = cell[i]
+            members[starts[c] + held[c]] = i
+            held[c] += 1
+    return members, held
+
+
+@njit(nogil=True, cache=True)
+def nearest_kept(points, normals, owner, i, cubes, starts, members, held, radius):
+    """Return the kept sample of its face that is the nearest to sample i, −1 if none is nearer than `radius`."""
+    best, found = radius * radius, -1
+    for n in range(len(cubes)):
+        c = cubes[n]
+        if c < 0:
+            continue
+        for m in range(starts[c], starts[c] + held[c]):
+            j = members[m]
+            square, turned = 0.0, 0.0
+            for axis in range(3):
+                square += (points[i, axis] - points[j, axis]) ** 2
+                turned += normals[owner[i], axis] * normals[owner[j], axis]
+            if turned > 0.0 and square < best:
+                best, found = square, j
+    return found
+
+
+@njit(nogil=True, cache=True)
+def assign_samples(points, normals, owner, cell, starts, beside, members, held, radius, start, stop, nearest):
+    """Write the nearest kept sample of samples start ... stop into `nearest`: of a maximal choice there is one."""
+    for i in range(start, stop):
+        nearest[i] = nearest_kept(points, normals, owner, i, beside[cell[i]], starts, members, held, radius)
 
 
 @njit(nogil=True, cache=True)

@@ -5,23 +5,24 @@ from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray, require_positive
 from o3dleaf.errors import InputError
-from o3dleaf.exchange.loops import crossings, thin_samples
+from o3dleaf.exchange.loops import assign_samples, crossings, thin_samples
 from o3dleaf.exchange.surface import AnyMesh, LabelArray, Surface, face_vectors, unit_rows
-from o3dleaf.exchange.vtk import write_vtp_points
+from o3dleaf.exchange.vtk import Table, write_vtp_points
 from o3dleaf.files import require_writable, whole_file
 from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.mesh.topology import EdgeTable
-from o3dleaf.parallel import Progress, blocks, get_num_threads, run_blocks
+from o3dleaf.parallel import Progress, run_blocks
 from o3dleaf.units import check_unit, unit_scale
 
-FINER = 4
-"""Samples of the surface lie at most about 1/FINER of the spacing apart: particles are chosen among them."""
-MOST_SAMPLES = 200_000_000
+FINER = 2
+"""Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
+MOST_SAMPLES = 100_000_000
+"""Of 48 bytes each."""
 BLOCK = 1 << 14
+AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 SUFFIXES = (".ply", ".csv", ".vtp")
 """What particles can be written as."""
 
@@ -55,10 +56,10 @@ def sample_particles(
 ) -> Particles:
     """Return particles on a surface, no two of one face nearer than `spacing`, none missing where one has room.
 
-    Poisson-disc sampling: the surface is sampled at a quarter of the spacing, and of the samples, taken in a random
-    order, each is kept unless one was kept nearer than the spacing on the same face (normals less than a right angle
-    apart). A particle's area is that of the samples to which it is the nearest on their face, so that all areas add
-    up to the surface's. On a plane a particle stands for about 1.4 · spacing².
+    Poisson-disc sampling: the triangles are sampled by parts no longer than half the spacing, and of the samples,
+    taken in a random order, each is kept unless one was kept nearer than the spacing on the same face (normals less
+    than a right angle apart). A particle's area is that of the samples to which it is the nearest of their face, so
+    that all areas add up to the surface's. On a plane a particle stands for about 1.4 · spacing².
 
     Parameters
     ----------
@@ -79,45 +80,60 @@ def sample_particles(
     """
     step = require_positive(spacing, "spacing")
     surface = Surface.of(mesh, labels, unit)
-    points, normals, areas, triangle = _samples(surface.vertices, surface.triangles, step / FINER)
-    low = points.min(axis=0)
-    place = np.floor((points - low) / step).astype(np.int64) + 1
+    vectors = face_vectors(surface.vertices, surface.triangles)
+    normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
+    points, owner, shares = _samples(surface.vertices[surface.triangles], areas, step / FINER)
+    key, strides = _cubes(points, step)
+    by_cell = np.argsort(key, kind="stable")
+    points, owner, shares = points[by_cell], owner[by_cell], shares[by_cell]
+    keys, starts, cell = np.unique(key[by_cell], return_index=True, return_inverse=True)
+    beside = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
+    beside[keys[np.minimum(beside, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
+    order = np.random.default_rng(seed).permutation(len(points))
+    members, held = thin_samples(points, normals, owner, cell, starts, beside, order, step)
+    nearest = np.empty(len(points), dtype=np.int64)
+
+    def task(start: int, stop: int) -> None:
+        assign_samples(points, normals, owner, cell, starts, beside, members, held, step, start, stop, nearest)
+
+    run_blocks(task, len(points), BLOCK)
+    kept, place = np.unique(nearest, return_inverse=True)
+    sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
+    found = None if surface.labels is None else surface.labels[owner[kept]]
+    return Particles(points[kept], normals[owner[kept]], sizes, found, surface.unit)
+
+
+def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:
+    """Return a key for the cube that each point lies in, and what a step along each axis adds to it."""
+    place = np.floor((points - points.min(axis=0)) / edge).astype(np.int64) + 1
     counts = place.max(axis=0) + 2
     strides = np.array([counts[1] * counts[2], counts[2], 1])
-    key = place @ strides
-    by_cell = np.argsort(key, kind="stable")
-    points, normals, areas, triangle = points[by_cell], normals[by_cell], areas[by_cell], triangle[by_cell]
-    order = np.random.default_rng(seed).permutation(len(points))
-    kept = np.flatnonzero(thin_samples(points, normals, order, key[by_cell], strides, step))
-    sizes = np.bincount(_nearest(points, normals, kept, step), weights=areas, minlength=len(kept))
-    found = None if surface.labels is None else surface.labels[triangle[kept]]
-    return Particles(points[kept], normals[kept], sizes, found, surface.unit)
+    return place @ strides, strides
 
 
-def _samples(
-    vertices: FloatArray, triangles: IntArray, step: float
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
-    """Return points, normals, areas and triangles of samples: middles of k² equal parts of each triangle."""
-    vectors = face_vectors(vertices, triangles)
-    areas = np.linalg.norm(vectors, axis=1) / 2
+def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return points, triangles and areas of samples: the middles of k² equal parts of each (3, 3) triangle.
+
+    Raises
+    ------
+    InputError
+        If there is no area, or there are too many parts.
+    """
     if not areas.sum() > 0:
         raise InputError("mesh: has no area; there is nothing to cover")
-    corners = vertices[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.maximum(np.ceil(longest / step), 1).astype(np.int64)
-    total = int((parts**2).sum())
+    parts = np.maximum(np.ceil(longest / step), 1)
+    total = float((parts**2).sum())
     if total > MOST_SAMPLES:
         raise InputError(f"spacing: so small that {total:.3g} samples are needed; give a larger one")
-    normals = unit_rows(vectors)
     found = []
-    for k in np.unique(parts):
+    for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
         weights = _middles(int(k))
         points = np.einsum("sc,tcd->tsd", weights, corners[rows]).reshape(-1, 3)
-        owner = np.repeat(rows, len(weights))
-        found.append((points, normals[owner], areas[owner] / len(weights), owner))
-    points, directions, sizes, owners = (np.concatenate(parts_of) for parts_of in zip(*found, strict=True))
-    return points, directions, sizes, owners
+        found.append((points, np.repeat(rows, len(weights)), np.repeat(areas[rows] / len(weights), len(weights))))
+    together = [np.concatenate(each) for each in zip(*found, strict=True)]
+    return together[0], together[1], together[2]
 
 
 def _middles(k: int) -> FloatArray:
@@ -127,20 +143,6 @@ def _middles(k: int) -> FloatArray:
     first = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3])
     second = np.concatenate([j[upright] + 1 / 3, j[turned] + 2 / 3])
     return np.stack([first / k, second / k, 1 - (first + second) / k], axis=1)
-
-
-def _nearest(points: FloatArray, normals: FloatArray, kept: IntArray, step: float) -> IntArray:
-    """Return for each sample the nearest kept one of its face, or the nearest of all if none of eight is of it."""
-    tree = cKDTree(points[kept])
-    nearest = np.empty(len(points), dtype=np.int64)
-    neighbours = min(8, len(kept))
-    for start, stop in blocks(len(points), 1 << 20):
-        distance, found = tree.query(points[start:stop], neighbours, workers=get_num_threads())
-        distance, found = distance.reshape(stop - start, -1), found.reshape(stop - start, -1)
-        same = np.einsum("nkd,nd->nk", normals[kept[found]], normals[start:stop]) > 0
-        best = np.where(same, distance, distance + 100 * step).argmin(axis=1)
-        nearest[start:stop] = np.take_along_axis(found, best[:, np.newaxis], axis=1)[:, 0]
-    return nearest
 
 
 def fill_particles(
@@ -250,8 +252,8 @@ def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit
     note = f"o3dleaf particles, unit {unit or 'not stated'}"
     with whole_file(target) as temporary, temporary.open("wb") as out:
         if target.suffix.lower() == ".vtp":
-            extra = {} if particles.normals is None else {"Normals": particles.normals}
-            extra |= table | ({} if particles.labels is None else {"label": particles.labels})
+            extra: Table = {} if particles.normals is None else {"Normals": particles.normals}
+            extra = {**extra, **table, **({} if particles.labels is None else {"label": particles.labels})}
             write_vtp_points(out, particles.points * scale, extra, note)
             return
         columns = dict(zip("xyz", particles.points.T * scale, strict=True))

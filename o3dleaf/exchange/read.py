@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray, require_file
 from o3dleaf.errors import InputError

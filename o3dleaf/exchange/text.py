@@ -96,8 +96,8 @@ def write_obj(out: IO[bytes], surface: Surface, name: str, progress: Progress | 
     for group, triangles in surface.parts(name):
         out.write(f"g {group}\n".encode())
         for start, stop in blocks(len(triangles), BLOCK):
-            part = np.repeat(triangles[start:stop] + 1, repeat, axis=1).ravel().tolist()
-            out.write((f"f {corner} {corner} {corner}\n" * (stop - start) % tuple(part)).encode())
+            named = np.repeat(triangles[start:stop] + 1, repeat, axis=1).ravel().tolist()
+            out.write((f"f {corner} {corner} {corner}\n" * (stop - start) % tuple(named)).encode())
             if progress:
                 progress(done + stop, total)
         done += len(triangles)

@@ -33,7 +33,7 @@ def write_vtp_points(out: IO[bytes], points: FloatArray, table: Table, note: str
     _write(out, points, ("Verts", *connected), table, {}, note)
 
 
-def _write(  # noqa: PLR0917 - a VTK piece is points, cells, the data of both
+def _write(
     out: IO[bytes],
     points: FloatArray,
     cells: tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int64]],
@@ -43,7 +43,7 @@ def _write(  # noqa: PLR0917 - a VTK piece is points, cells, the data of both
 ) -> None:
     arrays: list[npt.NDArray[Any]] = []
     kind, connectivity, offsets = cells
-    sections = [
+    sections: list[tuple[str, Table]] = [
         ("Points", {"Points": points}),
         (kind, {"connectivity": connectivity, "offsets": offsets}),
         ("PointData", point_data),
