@@ -140,10 +140,8 @@ class ExportRun:
         if not isinstance(model, MultiscaleLeaf) or self.tile:
             raise InputError("scalar: is asked of a leaf's field; give its model (--field leaf.o3l)")
         vertices = mesh_arrays(mesh.mesh)[0]
-        calls: dict[str, Callable[[FloatArray], FloatArray]] = {
-            "curvature": model.mean_curvature,
-            "deviation": lambda points: field_deviation(model, points),
-        }
+        calls: dict[str, Callable[[MultiscaleLeaf, FloatArray], FloatArray]]
+        calls = {"curvature": MultiscaleLeaf.mean_curvature, "deviation": field_deviation}
         return {name: calls[name](model, vertices) for name in self.scalars}
 
     def _moved(self, mesh: LabelledMesh) -> LabelledMesh:
