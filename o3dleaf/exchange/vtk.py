@@ -62,7 +62,7 @@ def _write(
     numbers = f'NumberOfPoints="{len(points)}" NumberOf{kind}="{len(offsets)}"'
     header = (
         '<?xml version="1.0"?>\n'
-        '<VTKFile type="PolyData" version="1.0" byte_order="little_endian" header_type="UInt64">\n'
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
         f"<!-- o3dleaf: {note.replace('--', '- -')} -->\n<PolyData>\n<Piece {numbers}>\n"
         + "\n".join(body)
         + '\n</Piece>\n</PolyData>\n<AppendedData encoding="raw">\n_'
