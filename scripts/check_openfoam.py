@@ -5,7 +5,8 @@ python scripts/check_openfoam.py --model leaf.o3l             # the same of your
 python scripts/check_openfoam.py a.ply b.stl --unit mm        # surfaceCheck on meshes of yours
 python scripts/check_openfoam.py --snap tile.ply --unit mm    # a case around a closed mesh of yours
 
-Each surface is written as OBJ in metres with a group for each label. The case is the template openfoam_case beside this
+Each surface is written in metres: as OBJ with a group for each label, which OpenFOAM reads in double precision, or with
+--stl as ASCII STL with a solid for each (in single precision). The case is the template openfoam_case beside this
 script, with a leafDict of its own; -o keeps it, with the logs. Exit code 1: OpenFOAM objects; 2: it is not there.
 """
 
@@ -73,12 +74,16 @@ def number(pattern, text):
     return float(match.group(1)) if match else None
 
 
-def check_surface(name, mesh, folder):
+def check_surface(name, mesh, folder, suffix):
     """Return what surfaceCheck says of a closed surface."""
     verdict, folder = Verdict(f"surfaceCheck {name}"), folder / name
     folder.mkdir(parents=True)
-    o3l.export_mesh(folder / "leaf.obj", mesh, consumer="openfoam")
-    text, well = run(folder, "surfaceCheck", "leaf.obj")
+    try:
+        o3l.export_mesh(folder / f"leaf{suffix}", mesh, consumer="openfoam")
+    except o3l.InputError as error:
+        verdict.note("exported", error, good=False)
+        return verdict
+    text, well = run(folder, "surfaceCheck", f"leaf{suffix}")
     verdict.note("ended well", well, good=well)
     triangles = number(r"Triangles +: (\d+)", text)
     verdict.note("triangles", f"{triangles or 0:,.0f}")
@@ -226,7 +231,7 @@ def check(options, folder):
         surfaces = own_meshes(options.model, options.spacing, options.tile_spacing)
         cases = {"tile": surfaces["tile"]}
     for name, mesh in surfaces.items():
-        yield check_surface(name, mesh, folder)
+        yield check_surface(name, mesh, folder, ".stl" if options.stl else ".obj")
     for name, mesh in cases.items():
         yield check_case(name, mesh, folder, options.cell)
 
@@ -239,6 +244,7 @@ def main():
     parser.add_argument("--model", type=Path, help="a leaf's model (.o3l); else the samples' leaf is made")
     parser.add_argument("--spacing", type=float, default=0.1, help="mesh step of the leaf, in its unit")
     parser.add_argument("--tile-spacing", type=float, default=0.024, help="mesh step of the tiles")
+    parser.add_argument("--stl", action="store_true", help="give surfaceCheck STL with named solids, not OBJ")
     parser.add_argument("--cell", type=float, help="cells beside the leaf, in metres; the mesh's median edge")
     parser.add_argument("-o", "--output", type=Path, help="folder for cases and logs; a temporary one by default")
     options = parser.parse_args()
