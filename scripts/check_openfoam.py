@@ -25,8 +25,8 @@ import numpy as np
 import open3d as o3d
 
 import o3dleaf as o3l
+from o3dleaf.exchange.surface import enclosed_volume
 from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.mesh.quality import signed_volume
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "data_samples"
@@ -83,7 +83,12 @@ def check_surface(name, mesh, folder, suffix):
     except o3l.InputError as error:
         verdict.note("exported", error, good=False)
         return verdict
-    text, well = run(folder, "surfaceCheck", f"leaf{suffix}")
+    judge_surface(verdict, *run(folder, "surfaceCheck", f"leaf{suffix}"))
+    return verdict
+
+
+def judge_surface(verdict, text, well):
+    """Note what a log of surfaceCheck says."""
     verdict.note("ended well", well, good=well)
     triangles = number(r"Triangles +: (\d+)", text)
     verdict.note("triangles", f"{triangles or 0:,.0f}")
@@ -102,7 +107,6 @@ def check_surface(name, mesh, folder, suffix):
     verdict.note("quality: least, share below 0.05", f"{least}, {poor}")
     verdict.note("shortest edge, m", number(r"min (\S+) for edge", text))
     verdict.note("points nearer than 1e-6 of the box", int(number(r"Found (\d+) nearby points", text) or 0))
-    return verdict
 
 
 def write_case(mesh, folder, cell):
@@ -165,7 +169,7 @@ def check_case(name, mesh, folder, cell):
         within = float(np.quantile(off, 0.99))
         verdict.note("points off the surface, cells", f"99 % within {within:.2g}, at most {off.max():.2g}",
                      good=within < ON_SURFACE)  # fmt: skip
-    volume = signed_volume(*mesh_arrays(metres))
+    volume = enclosed_volume(*mesh_arrays(metres))
     error = abs(box - (number(r"Total volume = (\S+?)\.? ", text) or 0) - volume) / volume
     verdict.note("volume left out, relative error", f"{error:.2g}", good=error < VOLUME)
     return verdict

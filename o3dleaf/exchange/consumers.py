@@ -13,11 +13,10 @@ from o3dleaf.checks import require_choice
 from o3dleaf.errors import InputError, UnitError
 from o3dleaf.exchange.binary import write_ply, write_stl
 from o3dleaf.exchange.glb import write_glb
-from o3dleaf.exchange.surface import AnyMesh, Surface
+from o3dleaf.exchange.surface import AnyMesh, Surface, enclosed_volume
 from o3dleaf.exchange.text import write_obj, write_stl_solids
 from o3dleaf.exchange.vtk import write_vtp
 from o3dleaf.files import require_writable, whole_file
-from o3dleaf.mesh.quality import signed_volume
 from o3dleaf.mesh.topology import EdgeTable
 from o3dleaf.parallel import Progress
 from o3dleaf.units import check_unit
@@ -147,7 +146,7 @@ def _require_closed(surface: Surface, target: Path) -> None:
             f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "
             "mesh the leaf with closed=True, or clean the mesh"
         )
-    if signed_volume(surface.vertices, surface.triangles) <= 0:
+    if enclosed_volume(surface.vertices, surface.triangles) <= 0:
         raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
 
 

@@ -20,7 +20,7 @@ from o3dleaf.files import require_apart, require_writable
 from o3dleaf.journal import Journal
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.realisation import LeafMesh, extract_flat_tile
-from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
+from o3dleaf.mesh.arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.models import load
 from o3dleaf.parallel import Progress
 from o3dleaf.store import SUFFIX as MODEL
@@ -53,6 +53,8 @@ class ExportRun:
         Mesh step, where the source is a model, in its unit.
     region : (2, 2) nested tuples, optional
         Part of a leaf, in leaf coordinates.
+    part : str, optional
+        The one label to keep, by name: an open surface.
     sheets, tile : bool
         Two open sheets instead of a closed solid; one flat period instead of the leaf.
     step : float, optional
@@ -75,6 +77,7 @@ class ExportRun:
     to_unit: str | None = None
     spacing: float | None = None
     region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    part: str | None = None
     sheets: bool = False
     tile: bool = False
     step: float | None = None
@@ -104,6 +107,7 @@ class ExportRun:
         journal = journal or Journal()
         with journal.stage("mesh" if self.source.suffix.lower() == MODEL else "read") as progress:
             mesh, model = self._mesh(progress)
+            mesh = mesh if self.part is None else part_of(mesh, self.part)
         scalars = {}
         if self.scalars:
             with journal.stage("scalars"):
@@ -169,6 +173,26 @@ class ExportRun:
             found = fill_particles(mesh, step, progress=progress)
         export_particles(self.output, found, to_unit=self.to_unit)
         return f"{len(found.points):,} particles"
+
+
+def part_of(mesh: LabelledMesh, name: str) -> LabelledMesh:
+    """Return the triangles of one label, and their vertices.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no labels, or none of that name.
+    """
+    if mesh.labels is None:
+        raise InputError("part: the mesh has no labels; give one that o3dleaf wrote as PLY, OBJ or STL")
+    number = mesh.names.index(require_choice(name, mesh.names, "part"))
+    vertices, triangles = mesh_arrays(mesh.mesh)
+    kept = mesh.labels == number
+    if not kept.any():
+        raise InputError(f"part: no triangle is {name}; choose another part")
+    return LabelledMesh(
+        build_mesh(*drop_unused_vertices(vertices, triangles[kept])), mesh.labels[kept], mesh.names, mesh.unit
+    )
 
 
 def field_deviation(leaf: MultiscaleLeaf, points: FloatArray) -> FloatArray:

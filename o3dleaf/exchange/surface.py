@@ -127,3 +127,9 @@ def vertex_normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
         weights = np.repeat(vectors[:, axis], 3)
         sums[:, axis] = np.bincount(triangles.ravel(), weights=weights, minlength=len(vertices))
     return unit_rows(sums)
+
+
+def enclosed_volume(vertices: FloatArray, triangles: IntArray) -> float:
+    """Return the volume inside a closed mesh, negative where its faces look inwards: tetrahedra to its middle."""
+    corners = (vertices - vertices.mean(axis=0))[triangles]
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)

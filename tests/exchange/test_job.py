@@ -67,6 +67,14 @@ def test_particles_and_distances_of_a_mesh(model, tmp_path):
     assert np.abs(values - heights).max() < FLAT_FACES
 
 
+def test_one_part_is_the_triangles_of_its_label(leaf, model, tmp_path):
+    ExportRun(model, tmp_path / "a.ply", spacing=0.5, part="adaxial").run()
+    made, found = leaf.realise(0.5, closed=True).extract(), read_labelled_mesh(tmp_path / "a.ply")
+    ours, whole = (np.asarray(mesh.mesh.vertices)[np.asarray(mesh.mesh.triangles)] for mesh in (found, made))
+    assert np.array_equal(ours, whole[made.labels == 0])
+    assert mesh_report(found.mesh).boundary_loops == 1
+
+
 def test_scalars_are_those_of_the_field(leaf, model, tmp_path):
     points = np.array([[5.0, 0.2, 0.72], [6.0, 0.1, 0.08], [4.0, 0.3, 0.69]])
     assert np.abs(field_deviation(leaf, points) - [0.01, 0.01, -0.02]).max() < FIRST_ORDER
@@ -88,6 +96,8 @@ def test_scalars_are_those_of_the_field(leaf, model, tmp_path):
         ("a.ply", {"spacing": 0.5, "scalars": ("taste",)}, "taste"),
         ("a.ply", {"spacing": 0.5, "tile": True, "scalars": ("curvature",)}, "field"),
         ("a.ply", {"spacing": -1.0}, "above zero"),
+        ("a.ply", {"spacing": 0.5, "part": "petiole"}, "petiole"),
+        ("a.ply", {"spacing": 0.5, "part": "rim", "sheets": True}, "no triangle is rim"),
         ("nowhere/a.ply", {"spacing": 0.5}, "folder"),
     ],
 )
