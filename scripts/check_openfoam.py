@@ -1,9 +1,9 @@
-"""What OpenFOAM says of our meshes: surfaceCheck on closed surfaces, snappyHexMesh and checkMesh around one.
+"""What OpenFOAM says of our meshes: surfaceCheck on closed surfaces, snappyHexMesh and checkMesh in the air around.
 
 python scripts/check_openfoam.py                              # four tiles, the leaf and one tile of the samples
 python scripts/check_openfoam.py --model leaf.o3l             # the same of your leaf
 python scripts/check_openfoam.py a.ply b.stl --unit mm        # surfaceCheck on meshes of yours
-python scripts/check_openfoam.py --snap tile.ply --unit mm    # a case around a closed mesh of yours
+python scripts/check_openfoam.py --snap tile.ply --unit mm    # a case around a closed mesh of yours; --period: above it
 
 Each surface is written in metres: as OBJ with a group for each label, which OpenFOAM reads in double precision, or with
 --stl as ASCII STL with a solid for each (in single precision). The case is the template openfoam_case beside this
@@ -31,12 +31,13 @@ from o3dleaf.mesh.arrays import mesh_arrays
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "data_samples"
 DEBIAN = Path("/usr/share/openfoam")
-TOOLS = ("surfaceCheck", "blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "checkMesh")
+TOOLS = ("surfaceCheck", "blockMesh", "surfaceFeatureExtract", "snappyHexMesh", "createPatch", "checkMesh")
 LEVEL = 2
 MARGIN = 4
 """Background cells between the surface and the box."""
-ON_SURFACE, VOLUME = 0.1, 0.02
-"""How far 99 % of the snapped points may be from the surface, in cells beside it; how wrong its volume."""
+ON_SURFACE, VOLUME, WEIGHT = 0.1, 0.02, 0.5
+"""How far 99 % of the snapped points may be from the surface, in cells beside it; how wrong its volume;
+how much of each face of a cyclic side must find its like."""
 
 
 @dataclass
@@ -109,8 +110,11 @@ def judge_surface(verdict, text, well):
     verdict.note("points nearer than 1e-6 of the box", int(number(r"Found (\d+) nearby points", text) or 0))
 
 
-def write_case(mesh, folder, cell):
-    """Copy the template and give it a leafDict for a mesh in metres; return the finest cell and the box's volume."""
+def write_case(mesh, folder, cell, *, period=False):
+    """Copy the template and give it a leafDict for a mesh in metres; return the finest cell and the box's volume.
+
+    Over one period, the box is as wide as the mesh.
+    """
     vertices, triangles = mesh_arrays(mesh)
     if cell is None:
         edges = vertices[triangles] - vertices[np.roll(triangles, 1, axis=1)]
@@ -119,8 +123,12 @@ def write_case(mesh, folder, cell):
     background = cell * 2**LEVEL
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     cells = np.ceil((high - low) / background).astype(int) + 2 * MARGIN
-    low = (low + high - cells * background) / 2
-    high = low + cells * background
+    size = cells * background
+    if period:
+        size[:2] = (high - low)[:2]
+        cells[:2] = np.round(size[:2] / background)
+    low = (low + high - size) / 2
+    high = low + size
     lines = [
         "// By check_openfoam.py: the box, its cells, how fine beside the leaf, and a point in the air. Metres.",
         "".join(f"{axis}Min {value:.12g}; " for axis, value in zip("xyz", low, strict=True)),
@@ -134,29 +142,59 @@ def write_case(mesh, folder, cell):
     return cell, float(np.prod(high - low))
 
 
-def check_case(name, mesh, folder, cell):
-    """Return what snappyHexMesh makes of the air around a closed surface, and checkMesh says of it."""
-    verdict, folder = Verdict(f"snappyHexMesh around {name}"), folder / f"case_{name}"
-    surface = folder / "constant" / "triSurface" / "leaf.obj"
+def prepare(mesh, folder, cell, *, period=False):
+    """Write a case around a mesh; return the mesh in metres, the finest cell and the box's volume."""
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "leaf.obj"
         o3l.export_mesh(written, mesh, consumer="openfoam")
         metres = o3l.read_labelled_mesh(written).mesh
-        cell, box = write_case(metres, folder, cell)
+        cell, box = write_case(metres, folder, cell, period=period)
+        surface = folder / "constant" / "triSurface" / "leaf.obj"
         surface.parent.mkdir(parents=True)
         shutil.copy(written, surface)
+    return metres, cell, box
+
+
+def make_mesh(verdict, folder, *last):
+    """Run the meshing tools and the last ones; return what the last of them printed, or None if one failed."""
     start = time.perf_counter()
-    for command in (["blockMesh"], ["surfaceFeatureExtract"], ["snappyHexMesh", "-overwrite"], ["checkMesh"]):
+    for command in (["blockMesh"], ["surfaceFeatureExtract"], ["snappyHexMesh", "-overwrite"], *last):
         text, well = run(folder, *command)
         if command[0] == "snappyHexMesh":
             clean = "Finished meshing without any errors" in text
             verdict.note("finished meshing without any errors", clean, good=clean)
         if not well:
-            verdict.note(f"{command[0]} ended well", False, good=False)
-            return verdict
+            verdict.note("ended well", f"not {command[0]}", good=False)
+            return None
     verdict.note("seconds", f"{time.perf_counter() - start:.1f}")
     made = number(r"cells: +(\d+)", text)
     verdict.note("cells", f"{made or 0:,.0f}")
+    return text
+
+
+def check_period(name, mesh, folder, cell):
+    """Return what is made of the air above one period, its opposite sides cyclic."""
+    verdict, folder = Verdict(f"cyclic air above {name}"), folder / f"period_{name}"
+    prepare(mesh, folder, cell, period=True)
+    if make_mesh(verdict, folder, ["createPatch", "-overwrite"], ["checkMesh", "-allGeometry"]) is None:
+        return verdict
+    weights = re.findall(r"sum\(weights\) min:(\S+)", (folder / "log.checkMesh").read_text())
+    least = min(map(float, weights), default=0.0)
+    verdict.note("pairs of sides, least weight", f"{len(weights) // 2}, {least:.3g}", good=least > WEIGHT)
+    text, _ = run(folder, "checkMesh")
+    verdict.note("checkMesh", "Mesh OK" if "Mesh OK." in text else "failed", good="Mesh OK." in text)
+    verdict.note("patches", ", ".join(f"{patch} ({count:,} faces)" for patch, count, _ in
+                 patch_points(folder / "constant" / "polyMesh")))  # fmt: skip
+    return verdict
+
+
+def check_case(name, mesh, folder, cell):
+    """Return what snappyHexMesh makes of the air around a closed surface, and checkMesh says of it."""
+    verdict, folder = Verdict(f"snappyHexMesh around {name}"), folder / f"case_{name}"
+    metres, cell, box = prepare(mesh, folder, cell)
+    text = make_mesh(verdict, folder, ["checkMesh"])
+    if text is None:
+        return verdict
     fine = "Mesh OK." in text
     verdict.note("checkMesh", "Mesh OK" if fine else re.findall(r"\*\*\*(.*)", text), good=fine)
     verdict.note("non-orthogonality, largest", number(r"non-orthogonality Max: (\S+)", text))
@@ -231,19 +269,25 @@ def check(options, folder):
     """Yield the verdicts."""
     surfaces = {f"{number}_{path.stem}": read(path, options.unit) for number, path in enumerate(options.mesh)}
     cases = {path.stem: read(path, options.unit) for path in options.snap}
-    if not surfaces and not cases:
+    periods = {path.stem: read(path, options.unit) for path in options.period}
+    if not surfaces and not cases and not periods:
         surfaces = own_meshes(options.model, options.spacing, options.tile_spacing)
-        cases = {"tile": surfaces["tile"]}
+        cases = periods = {"tile": surfaces["tile"]}
     for name, mesh in surfaces.items():
         yield check_surface(name, mesh, folder, ".stl" if options.stl else ".obj")
     for name, mesh in cases.items():
         yield check_case(name, mesh, folder, options.cell)
+    for name, mesh in periods.items():
+        yield check_period(name, mesh, folder, options.cell)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("mesh", nargs="*", type=Path, help="closed meshes for surfaceCheck")
     parser.add_argument("--snap", action="append", default=[], type=Path, metavar="MESH", help="for snappyHexMesh")
+    parser.add_argument(
+        "--period", action="append", default=[], type=Path, metavar="MESH", help="a tile, for cyclic air"
+    )
     parser.add_argument("--unit", help="unit of the meshes, where their files do not state it")
     parser.add_argument("--model", type=Path, help="a leaf's model (.o3l); else the samples' leaf is made")
     parser.add_argument("--spacing", type=float, default=0.1, help="mesh step of the leaf, in its unit")

@@ -76,6 +76,19 @@ def test_the_box_holds_the_leaf_and_the_point_is_in_the_air(script, tmp_path):
     assert (tmp_path / "case" / "system" / "snappyHexMeshDict").is_file()
 
 
+def test_the_box_over_one_period_is_as_wide_as_it(script, tmp_path):
+    mesh = extract_isosurface(sphere(), 0.1)
+    vertices = mesh_arrays(mesh)[0]
+    script.write_case(mesh, tmp_path / "case", 0.05, period=True)
+    text = (tmp_path / "case" / "system" / "leafDict").read_text()
+    values = {name: float(value) for name, value in re.findall(r"(\w+) (\S+);", text)}
+    for axis in range(2):
+        sides = [values["xy"[axis] + word] for word in ("Min", "Max")]
+        assert np.allclose(sides, [vertices[:, axis].min(), vertices[:, axis].max()])
+        assert values["xy"[axis] + "Cells"] == round(np.ptp(vertices[:, axis]) / 0.2)
+    assert values["zMax"] > vertices[:, 2].max() + 0.6
+
+
 @pytest.mark.skipif(shutil.which("surfaceCheck") is None, reason="OpenFOAM is not installed")
 def test_openfoam_finds_a_planted_hole_and_a_flipped_triangle(script, tmp_path):
     vertices, triangles = mesh_arrays(extract_isosurface(sphere(), 0.2))
