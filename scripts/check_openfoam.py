@@ -72,7 +72,7 @@ def run(folder, *command):
 def number(pattern, text):
     """Return the number that a pattern finds, or None."""
     match = re.search(pattern, text)
-    return float(match.group(1)) if match else None
+    return float(match.group(1).rstrip(",.")) if match else None
 
 
 def check_surface(name, mesh, folder, suffix):
@@ -208,7 +208,7 @@ def check_case(name, mesh, folder, cell):
         verdict.note("points off the surface, cells", f"99 % within {within:.2g}, at most {off.max():.2g}",
                      good=within < ON_SURFACE)  # fmt: skip
     volume = enclosed_volume(*mesh_arrays(metres))
-    error = abs(box - (number(r"Total volume = (\S+?)\.? ", text) or 0) - volume) / volume
+    error = abs(box - (number(r"Total volume = (\S+)", text) or 0) - volume) / volume
     verdict.note("volume left out, relative error", f"{error:.2g}", good=error < VOLUME)
     return verdict
 
