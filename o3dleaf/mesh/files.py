@@ -21,7 +21,7 @@ LINES = 100_000
 
 
 def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
-    """Return the triangle mesh of a PLY, OBJ, STL or OFF file.
+    """Return the triangle mesh of a PLY, OBJ, STL or OFF file; `o3dleaf.read_labelled_mesh` keeps its labels too.
 
     Raises
     ------
