@@ -1,16 +1,19 @@
 """The furniture of a page: scale bars, colour bar, frames and words, drawn by Matplotlib without its global state."""
 
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.files import whole_file
 from o3dleaf.units import METRES
 
 INK = "#27302a"
@@ -79,10 +82,10 @@ def em_of(size: tuple[int, int]) -> float:
 class Page:
     """A picture in the making: pixels below, ink above."""
 
-    def __init__(self, pixels: FloatArray) -> None:
-        """Start from (h, w, 3) `pixels`, sRGB from 0 to 1."""
+    def __init__(self, pixels: FloatArray, text: float = 1.0) -> None:
+        """Start from (h, w, 3) `pixels`, sRGB from 0 to 1, for words of `text` times the usual height."""
         height, width = pixels.shape[:2]
-        self.em = em_of((width, height))
+        self.em = text * em_of((width, height))
         self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes: Axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -148,6 +151,14 @@ class Page:
         """Return the finished (h, w, 3) page."""
         self.canvas.draw()  # type: ignore[no-untyped-call]
         return np.array(self.canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[no-untyped-call]
+
+
+def save_figure(figure: Figure, path: str | PathLike[str], dpi: float | None = None) -> None:
+    """Write a figure of Matplotlib, whole or not at all; of the same figure always the same bytes."""
+    suffix = Path(path).suffix.lower()
+    dated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(suffix)
+    with whole_file(path) as temporary, rc_context({"svg.hashsalt": "o3dleaf", "svg.fonttype": "path"}):
+        figure.savefig(temporary, dpi=dpi or figure.dpi, metadata=dated)
 
 
 def round_length(length: float) -> float:
