@@ -1,0 +1,205 @@
+"""Figures of surfaces: the scan with its control points, a tile, four tiles, a cross-section, the whole leaf."""
+
+from typing import NamedTuple
+
+import numpy as np
+import open3d as o3d
+from matplotlib.colors import to_rgb
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.errors import ReconstructionError
+from o3dleaf.figures.style import ALONG, PICTURE, TEXT, VERMILION, Sheet, words
+from o3dleaf.geometry import CloudLike, points_of
+from o3dleaf.leaf.blade import APPRAISED, Blade
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
+from o3dleaf.view.camera import Camera, View
+from o3dleaf.view.panel import Page
+from o3dleaf.view.points import Points
+from o3dleaf.view.render import Inset, Scalars, draw_page
+
+TILE_STEPS = 140
+"""Mesh steps along a tile that is looked at closely."""
+
+LEAF_STEPS = 17
+"""Steps along a tile of the whole leaf, where a tile is a few pixels."""
+
+SECTION = 0.3
+"""Depth of the slab that a cross-section shows, in tiles."""
+
+GREENS = ("#79b151", "#4f9a6a")
+CUT = "#f0e2b6"
+"""Colours of the tiles of a pattern, and of cut leaf."""
+
+
+class Window(NamedTuple):
+    """A rectangle of the blade in leaf coordinates, whole tiles of the texture, and a tile's size there."""
+
+    region: FloatArray
+    tile: FloatArray
+
+
+def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
+    """Return the scan coloured by the way along the midrib, with the midrib and its control points.
+
+    Parameters
+    ----------
+    blade : Blade
+    scan : (n, 3) array_like or Open3D point cloud
+        In the blade's unit.
+    """
+    points = points_of(scan, "scan", least=1)
+    frame = blade.frame
+    control = frame.stations(frame.breaks)[0]
+    size = 0.006 * frame.length
+    curve = frame.stations(np.linspace(frame.breaks[0], frame.breaks[-1], 1000))[0]
+    things = [
+        Points(points, 0.35 * size),
+        Points(control, size, VERMILION),
+        Points(curve, 0.22 * size, VERMILION),
+    ]
+    along = Scalars(frame.to_leaf(points)[:, 0], words(blade.unit, "along the midrib"), ALONG)
+    page = draw_page(Inset(things, view=_of_leaf(blade), scalars=along, unit=blade.unit), size=PICTURE)
+    return Sheet(
+        page.figure,
+        f"The laser scan, {len(points):,} points coloured by their first leaf coordinate, and the midrib with its "
+        f"{len(control)} control points.",
+    )
+
+
+def one_tile(leaf: MultiscaleLeaf) -> Sheet:
+    """Return one copy of the micro-structure on the leaf, cut out as a block."""
+    window = whole_tiles(leaf, (1, 1))
+    page = _picture(leaf, window, TILE_STEPS, View(tilt=48.0, turn=28.0, text=TEXT))
+    return Sheet(
+        page.figure,
+        f"One copy of the micro-structure on the leaf, {_extent(leaf, window)}, as a block; cut faces are pale.",
+    )
+
+
+def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
+    """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
+    window = whole_tiles(leaf, (2, 2))
+    page = _picture(leaf, window, TILE_STEPS * 2 // 3, View(tilt=42.0, turn=28.0, text=TEXT), seams=True)
+    energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
+    match = "" if energy is None else f" (seam energy {energy:.3g})"
+    return Sheet(
+        page.figure,
+        f"Four copies of the micro-structure, {_extent(leaf, window)} together, blended at their edges{match}; "
+        "the lines are the seams.",
+    )
+
+
+def cross_section(leaf: MultiscaleLeaf) -> Sheet:
+    """Return a slab across the whole width of the leaf, seen along the midrib, with an inset of its micro-structure."""
+    window = whole_tiles(leaf, (1, 1))
+    low, high = leaf.blade.outline.bounds[:, 1]
+    middle = window.region[:, 0].mean()
+    depth = SECTION * window.tile[0]
+    slab = np.array([[middle - depth / 2, low], [middle + depth / 2, high]])
+    close = np.array([[slab[0, 0], window.region[0, 1]], [slab[1, 0], window.region[1, 1]]])
+    view = View(direction=_against_midrib(leaf.blade, middle), tilt=-12.0, text=TEXT)
+    step = float(window.tile.max()) / TILE_STEPS
+    inset = Inset(block(leaf, step, close), view=view)
+    page = draw_page(
+        Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], (PICTURE[0], PICTURE[1] * 3 // 4)
+    )
+    return Sheet(page.figure, f"A cross-section of the leaf at {middle:.0f} {leaf.unit or ''} along the midrib.")
+
+
+def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
+    """Return the whole leaf with an inset of the micro-structure on it."""
+    window = whole_tiles(leaf, (1, 1))
+    step = float(window.tile.max()) / LEAF_STEPS
+    mesh = leaf.realise(step).extract().mesh
+    fine = float(window.tile.max()) / TILE_STEPS
+    inset = Inset(leaf.extract_mesh(fine, window.region), view=View(tilt=48.0, turn=28.0))
+    page = draw_page(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset], PICTURE)
+    return Sheet(
+        page.figure,
+        f"The whole multi-scale surface, {len(mesh.triangles):,} triangles; inset: {_extent(leaf, window)} of it.",
+    )
+
+
+def whole_tiles(leaf: MultiscaleLeaf, count: tuple[int, int]) -> Window:
+    """Return a window of so many whole tiles near the middle of the blade, inside its outline.
+
+    Raises
+    ------
+    ReconstructionError
+        If the blade has no room for them.
+    """
+    texture = leaf.texture
+    tile = np.asarray(getattr(texture, "tile", texture.period)) / leaf.scale
+    first = np.asarray(texture.cell)[0, :2] / leaf.scale
+    extent = tile * count
+    low, high = leaf.blade.outline.bounds
+    numbers = [
+        np.arange(np.ceil(a), np.floor(b) + 1)
+        for a, b in zip((low - first) / tile, (high - first - extent) / tile, strict=True)
+    ]
+    corners = first + np.stack(np.meshgrid(*numbers, indexing="ij"), axis=-1).reshape(-1, 2) * tile
+    rim = extent * np.stack(np.meshgrid(*[np.linspace(0, 1, 9)] * 2), axis=-1).reshape(-1, 2)
+    inside = (
+        leaf.blade.outline.contains((corners[:, np.newaxis] + rim).reshape(-1, 2)).reshape(-1, len(rim)).all(axis=1)
+    )
+    if not inside.any():
+        raise ReconstructionError(
+            f"tile: no {count[0]} × {count[1]} whole tiles fit into the outline; give a smaller period, or a wider leaf"
+        )
+    centre = (low + high) / 2
+    # Halfway along, and as near to the midrib as may be.
+    off = np.abs(corners[inside] + extent / 2 - [centre[0], 0.0]) / (high - low)
+    corner = corners[inside][(off**2).sum(axis=1).argmin()]
+    return Window(np.array([corner, corner + extent]), tile)
+
+
+def block(
+    leaf: MultiscaleLeaf, step: float, region: FloatArray, *, seams: bool = False
+) -> list[o3d.geometry.TriangleMesh]:
+    """Return a piece of the leaf as a solid in two meshes, the surface and the cut faces, in their colours."""
+    solid = leaf.realise(step, region, closed=True).extract()
+    vertices, triangles = mesh_arrays(solid.mesh)
+    surface, cut = (build_mesh(vertices, triangles[chosen]) for chosen in (solid.labels < 2, solid.labels == 2))
+    for mesh in (surface, cut):
+        mesh.remove_unreferenced_vertices()
+    surface.paint_uniform_color(to_rgb(GREENS[0]))
+    if seams:
+        surface.vertex_colors = o3d.utility.Vector3dVector(_pattern(leaf, np.asarray(surface.vertices), step))
+    cut.paint_uniform_color(to_rgb(CUT))
+    return [surface, cut]
+
+
+def _pattern(leaf: MultiscaleLeaf, vertices: FloatArray, step: float) -> FloatArray:
+    """Return the sRGB (n, 3) of vertices: each other tile in another green, seams a line."""
+    tile = np.asarray(getattr(leaf.texture, "tile", leaf.texture.period)) / leaf.scale
+    place = (leaf.blade.flatten(vertices)[:, :2] - np.asarray(leaf.texture.cell)[0, :2] / leaf.scale) / tile
+    colours = np.array([to_rgb(green) for green in GREENS])[np.floor(place).astype(int).sum(axis=1) % 2]
+    colours[(np.abs(place - np.round(place)) * tile < 0.6 * step).any(axis=1)] = to_rgb(VERMILION)
+    return colours
+
+
+def _picture(leaf: MultiscaleLeaf, window: Window, steps: int, view: View, *, seams: bool = False) -> Page:
+    """Return a page with a window of the leaf as a block."""
+    solid = block(leaf, float(window.tile.max()) / steps, window.region, seams=seams)
+    return draw_page(Inset(solid, view=view, unit=leaf.unit), size=PICTURE)
+
+
+def _of_leaf(blade: Blade) -> View:
+    """Return the view in which all figures show the whole leaf."""
+    mesh = mesh_arrays(blade.extract_mesh(float(np.sqrt(blade.outline.area / APPRAISED))))
+    toward = Camera.framing(*mesh, View(tilt=0.0)).toward
+    return View(direction=(float(toward[0]), float(toward[1]), float(toward[2])), tilt=20.0, text=TEXT)
+
+
+def _against_midrib(blade: Blade, along: float) -> tuple[float, float, float]:
+    """Return the way along the midrib from which the adaxial side is up, whichever way across is to the right."""
+    _, tangent, across, _ = (row[0] for row in blade.frame.stations(along))
+    x, y, z = (tangent * np.sign(across[np.abs(across).argmax()])).tolist()
+    return x, y, z
+
+
+def _extent(leaf: MultiscaleLeaf, window: Window) -> str:
+    """Return the size of a window in words."""
+    along, across = window.region[1] - window.region[0]
+    return f"{along:.3g} × {across:.3g} {leaf.unit or ''}".rstrip()
