@@ -8,14 +8,14 @@ from matplotlib.colors import to_rgb
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
-from o3dleaf.figures.style import ALONG, PICTURE, TEXT, VERMILION, Sheet, words
+from o3dleaf.figures.style import ALONG, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf.blade import APPRAISED, Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
 from o3dleaf.view.camera import Camera, View
 from o3dleaf.view.panel import Page
-from o3dleaf.view.points import Points
+from o3dleaf.view.points import Points, make_facets
 from o3dleaf.view.render import Inset, Scalars, draw_page
 
 TILE_STEPS = 140
@@ -28,8 +28,13 @@ SECTION = 0.3
 """Depth of the slab that a cross-section shows, in tiles."""
 
 GREENS = ("#79b151", "#4f9a6a")
-CUT = "#f0e2b6"
+CUT = "#fff4d6"
 """Colours of the tiles of a pattern, and of cut leaf."""
+
+CUT_WITHIN, SEAM_WITHIN = 0.25, 0.75
+"""Steps of the mesh within which a vertex belongs to a cut, or to a seam."""
+
+OBLIQUE = View(tilt=52.0, turn=28.0, text=TEXT)
 
 
 class Window(NamedTuple):
@@ -53,13 +58,17 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
     control = frame.stations(frame.breaks)[0]
     size = 0.006 * frame.length
     curve = frame.stations(np.linspace(frame.breaks[0], frame.breaks[-1], 1000))[0]
+    view = _of_leaf(blade)
+    # The midrib runs inside the scan: moved toward the eye, it is drawn where it is, and in front.
+    front = 2 * size * Camera.framing(*make_facets(points), view).toward
     things = [
-        Points(points, 0.35 * size),
-        Points(control, size, VERMILION),
-        Points(curve, 0.22 * size, VERMILION),
+        Points(points, 0.25 * size),
+        Points(control + front, size, VERMILION),
+        Points(curve + front, 0.25 * size, VERMILION),
     ]
-    along = Scalars(frame.to_leaf(points)[:, 0], words(blade.unit, "along the midrib"), ALONG)
-    page = draw_page(Inset(things, view=_of_leaf(blade), scalars=along, unit=blade.unit), size=PICTURE)
+    name, limits = words(blade.unit, "along the midrib"), (0.0, frame.length)
+    along = Scalars(frame.to_leaf(points)[:, 0], name, ALONG, limits)
+    page = draw_page(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
     return Sheet(
         page.figure,
         f"The laser scan, {len(points):,} points coloured by their first leaf coordinate, and the midrib with its "
@@ -70,7 +79,7 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
 def one_tile(leaf: MultiscaleLeaf) -> Sheet:
     """Return one copy of the micro-structure on the leaf, cut out as a block."""
     window = whole_tiles(leaf, (1, 1))
-    page = _picture(leaf, window, TILE_STEPS, View(tilt=48.0, turn=28.0, text=TEXT))
+    page = _picture(leaf, window, TILE_STEPS, OBLIQUE)
     return Sheet(
         page.figure,
         f"One copy of the micro-structure on the leaf, {_extent(leaf, window)}, as a block; cut faces are pale.",
@@ -80,7 +89,7 @@ def one_tile(leaf: MultiscaleLeaf) -> Sheet:
 def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
     """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
     window = whole_tiles(leaf, (2, 2))
-    page = _picture(leaf, window, TILE_STEPS * 2 // 3, View(tilt=42.0, turn=28.0, text=TEXT), seams=True)
+    page = _picture(leaf, window, TILE_STEPS * 2 // 3, OBLIQUE, seams=True)
     energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
     match = "" if energy is None else f" (seam energy {energy:.3g})"
     return Sheet(
@@ -101,10 +110,12 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     view = View(direction=_against_midrib(leaf.blade, middle), tilt=-12.0, text=TEXT)
     step = float(window.tile.max()) / TILE_STEPS
     inset = Inset(block(leaf, step, close), view=view)
-    page = draw_page(
-        Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], (PICTURE[0], PICTURE[1] * 3 // 4)
+    page = draw_page(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
+    return Sheet(
+        page.figure,
+        f"A cross-section of the leaf at {middle:.0f} {leaf.unit or ''} along the midrib, {high - low:.3g} wide, the "
+        "adaxial side up; cut faces are pale. Inset: a close-up.",
     )
-    return Sheet(page.figure, f"A cross-section of the leaf at {middle:.0f} {leaf.unit or ''} along the midrib.")
 
 
 def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
@@ -113,7 +124,7 @@ def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
     step = float(window.tile.max()) / LEAF_STEPS
     mesh = leaf.realise(step).extract().mesh
     fine = float(window.tile.max()) / TILE_STEPS
-    inset = Inset(leaf.extract_mesh(fine, window.region), view=View(tilt=48.0, turn=28.0))
+    inset = Inset(block(leaf, fine, window.region), view=OBLIQUE)
     page = draw_page(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset], PICTURE)
     return Sheet(
         page.figure,
@@ -158,25 +169,32 @@ def block(
     leaf: MultiscaleLeaf, step: float, region: FloatArray, *, seams: bool = False
 ) -> list[o3d.geometry.TriangleMesh]:
     """Return a piece of the leaf as a solid in two meshes, the surface and the cut faces, in their colours."""
-    solid = leaf.realise(step, region, closed=True).extract()
-    vertices, triangles = mesh_arrays(solid.mesh)
-    surface, cut = (build_mesh(vertices, triangles[chosen]) for chosen in (solid.labels < 2, solid.labels == 2))
-    for mesh in (surface, cut):
-        mesh.remove_unreferenced_vertices()
-    surface.paint_uniform_color(to_rgb(GREENS[0]))
-    if seams:
-        surface.vertex_colors = o3d.utility.Vector3dVector(_pattern(leaf, np.asarray(surface.vertices), step))
-    cut.paint_uniform_color(to_rgb(CUT))
-    return [surface, cut]
+    vertices, triangles = mesh_arrays(leaf.extract_mesh(step, region, closed=True))
+    plane = leaf.blade.flatten(vertices)[:, :2]
+    # In the plane of a cut, and not only beside it.
+    near = (np.abs(plane[:, np.newaxis] - region) < CUT_WITHIN * step).reshape(-1, 4)
+    at_cut = near[triangles].all(axis=1).any(axis=1)
+    meshes = []
+    for chosen, colour in ((~at_cut, GREENS[0]), (at_cut, CUT)):
+        used = np.unique(triangles[chosen])
+        mesh = build_mesh(vertices[used], np.searchsorted(used, triangles[chosen]))
+        mesh.paint_uniform_color(to_rgb(colour))
+        if seams and colour != CUT:
+            mesh.vertex_colors = o3d.utility.Vector3dVector(_pattern(leaf, plane[used], region, step))
+        meshes.append(mesh)
+    return meshes
 
 
-def _pattern(leaf: MultiscaleLeaf, vertices: FloatArray, step: float) -> FloatArray:
-    """Return the sRGB (n, 3) of vertices: each other tile in another green, seams a line."""
+def _pattern(leaf: MultiscaleLeaf, plane: FloatArray, region: FloatArray, step: float) -> FloatArray:
+    """Return the sRGB (n, 3) of places on the blade: each other tile in another green, seams within a region a line."""
     tile = np.asarray(getattr(leaf.texture, "tile", leaf.texture.period)) / leaf.scale
-    place = (leaf.blade.flatten(vertices)[:, :2] - np.asarray(leaf.texture.cell)[0, :2] / leaf.scale) / tile
+    first = np.asarray(leaf.texture.cell)[0, :2] / leaf.scale
+    place = (plane - first) / tile
     colours = np.array([to_rgb(green) for green in GREENS])[np.floor(place).astype(int).sum(axis=1) % 2]
-    colours[(np.abs(place - np.round(place)) * tile < 0.6 * step).any(axis=1)] = to_rgb(VERMILION)
-    return colours
+    seam = first + np.round(place) * tile
+    inner = (seam > region[0] + step) & (seam < region[1] - step)
+    colours[(inner & (np.abs(plane - seam) < SEAM_WITHIN * step)).any(axis=1)] = to_rgb(VERMILION)
+    return np.asarray(colours)
 
 
 def _picture(leaf: MultiscaleLeaf, window: Window, steps: int, view: View, *, seams: bool = False) -> Page:

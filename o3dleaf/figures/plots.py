@@ -2,24 +2,22 @@
 
 import numpy as np
 import shapely
-from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.ct.threshold import MOST_VOXELS
 from o3dleaf.ct.volume import Volume
-from o3dleaf.figures.style import ALONG, HEIGHT, RULES, VERMILION, Sheet, plot, words
+from o3dleaf.figures.style import ALONG, HEIGHT, VERMILION, Sheet, plot, styled, words
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf.blade import Blade
 from o3dleaf.view.panel import FAINT, INK
 
-TALL = 0.22
-"""Height of a panel of the plane over its width, to which the across direction is enlarged."""
-
 BINS = 128
-SAMPLES = 600
-"""Bins of the histogram, and samples of the height map along the leaf."""
+SAMPLES = (600, 150)
+"""Bins of the histogram, and samples of the height map along and across the leaf."""
 
 
 def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
@@ -32,7 +30,7 @@ def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
         In the blade's unit.
     """
     leaf = blade.frame.to_leaf(points_of(scan, "scan", least=1))
-    with rc_context(RULES):
+    with styled():
         figure, axes = plot(2.3, 2, sharex=True)
         for axis, across, name in zip(axes, (leaf[:, 1], leaf[:, 2]), ("across", "height"), strict=True):
             dots = axis.scatter(leaf[:, 0], across, c=leaf[:, 0], s=0.8, linewidths=0, cmap=ALONG, rasterized=True)
@@ -41,7 +39,7 @@ def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
         axes[1].set_xlabel(words(blade.unit, "along the midrib"))
         bar = figure.colorbar(dots, ax=axes, shrink=0.8, aspect=30, pad=0.02)
         bar.set_label(words(blade.unit, "along"))
-        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar.outline.set_visible(False)
     return Sheet(
         figure,
         f"The scan ({len(leaf):,} points) in leaf coordinates, y = T(x): from above and from the side. "
@@ -52,27 +50,30 @@ def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
 def height_map(blade: Blade) -> Sheet:
     """Return the smoothed height map H inside the outline of the blade, with contours."""
     low, high = blade.outline.bounds
-    step = float((high - low)[0]) / SAMPLES
-    along, across = (np.linspace(a, b, max(2, round((b - a) / step))) for a, b in zip(low, high, strict=True))
+    along, across = (np.linspace(low[axis], high[axis], count) for axis, count in enumerate(SAMPLES))
     plane = np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 2)
-    inside = blade.outline.contains(plane)
-    values = np.full(len(plane), np.nan)
-    values[inside] = blade.height_map(plane[inside])
+    values = blade.height_map(plane)
+    spread = np.quantile(values[blade.outline.contains(plane)], (0.01, 0.99)).tolist()
     grid = values.reshape(len(across), len(along))
-    spread = np.quantile(values[inside], (0.01, 0.99)).tolist()
-    with rc_context(RULES):
+    with styled():
         figure, (axis,) = plot(1.55)
         picture = axis.imshow(
             grid, extent=(low[0], high[0], low[1], high[1]), origin="lower", aspect="auto", cmap=HEIGHT,
-            vmin=spread[0], vmax=spread[1], interpolation="nearest",
+            vmin=spread[0], vmax=spread[1], interpolation="bilinear",
         )  # fmt: skip
-        axis.contour(along, across, grid, levels=_round_levels(*spread), colors="white", linewidths=0.3, alpha=0.7)
-        _draw_outline(axis, blade.outline.polygon)
+        levels = MaxNLocator(8).tick_values(*spread)
+        lines = axis.contour(along, across, grid, levels=levels, colors="white", linewidths=0.35, linestyles="solid")
+        outline = PathPatch(_path_of(blade.outline.polygon), fill=False, edgecolor=INK, linewidth=0.6)
+        axis.add_patch(outline)
+        for drawn in (picture, lines):
+            drawn.set_clip_path(outline)
+        axis.set_xlim(low[0] - 0.01 * (high - low)[0], high[0] + 0.01 * (high - low)[0])
+        axis.set_ylim(low[1] - 0.03 * (high - low)[1], high[1] + 0.03 * (high - low)[1])
         axis.set_xlabel(words(blade.unit, "along the midrib"))
         axis.set_ylabel(words(blade.unit, "across"))
         bar = figure.colorbar(picture, ax=axis, aspect=18, pad=0.02, extend="both")
         bar.set_label(words(blade.unit, "height H"))
-        bar.outline.set_visible(False)  # type: ignore[operator]
+        bar.outline.set_visible(False)
     return Sheet(
         figure,
         "The height map H of the blade over its midrib, and the outline, an α-shape of the flattened scan with "
@@ -96,7 +97,7 @@ def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
     low, high = np.quantile(sample, (0.0005, 0.9995))
     counts, edges = np.histogram(sample, BINS, (min(low, threshold), max(high, threshold)))
     share = 100 * counts / len(sample)
-    with rc_context(RULES):
+    with styled():
         figure, (axis,) = plot(2.0)
         axis.stairs(share, edges, fill=True, color="#9fb4a4")
         axis.axvline(threshold, color=VERMILION, linewidth=1.2)
@@ -105,8 +106,8 @@ def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
         axis.set_xlim(edges[0], edges[-1])
         right = threshold < (edges[0] + edges[-1]) / 2
         axis.annotate(
-            f"threshold {threshold:.3g}", (threshold, 0.93 * top), (4 if right else -4, 0), ha="left" if right else "right",
-            textcoords="offset points", color=VERMILION, va="center",
+            f"threshold {threshold:.3g}", (threshold, 0.93 * top), (4 if right else -4, 0), textcoords="offset points",
+            ha="left" if right else "right", va="center", color=VERMILION,
         )  # fmt: skip
         for name, side in (("air", edges[:-1] < threshold), ("leaf", edges[:-1] >= threshold)):
             _name_peak(axis, name, np.where(side, share, 0), edges)
@@ -128,12 +129,6 @@ def _name_peak(axis: Axes, name: str, share: FloatArray, edges: FloatArray) -> N
     axis.annotate(name, (x, share[peak]), (0, 3), textcoords="offset points", ha="center", color=INK)
 
 
-def _draw_outline(axis: Axes, outline: shapely.Polygon) -> None:
-    """Draw the rings of a polygon."""
-    for ring in (outline.exterior, *outline.interiors):
-        axis.plot(*np.asarray(ring.coords).T, color=INK, linewidth=0.6)
-
-
-def _round_levels(low: float, high: float) -> FloatArray:
-    """Return about eight round levels between two heights."""
-    return np.asarray(MaxNLocator(8).tick_values(low, high), dtype=np.float64)
+def _path_of(outline: shapely.Polygon) -> Path:
+    """Return the rings of a polygon as a path."""
+    return Path.make_compound_path(*(Path(np.asarray(ring.coords)) for ring in (outline.exterior, *outline.interiors)))

@@ -1,5 +1,7 @@
 """What all figures share: a column's width, the fonts, colours that colour-blind readers can tell apart."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +14,8 @@ from o3dleaf.view.panel import FAINT, INK
 COLUMN = 3.35
 """Width of a printed column in inches, 85 mm."""
 
-PICTURE = (1200, 760)
-"""Pixels of a picture in such a column: 360 an inch."""
+PICTURE, LOW = (1200, 760), (1200, 570)
+"""Pixels of a picture in such a column, 360 an inch, and of one of something long."""
 
 TEXT = 1.75
 """Words of a picture, relative to those on a screen: 7 points in a column."""
@@ -54,9 +56,16 @@ class Sheet(NamedTuple):
     caption: str
 
 
+@contextmanager
+def styled() -> Iterator[None]:
+    """Draw by `RULES` meanwhile."""
+    with rc_context(RULES):  # type: ignore[arg-type]
+        yield
+
+
 def plot(height: float, rows: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
     """Return a figure a column wide and `height` inches high, and the axes of its rows."""
-    with rc_context(RULES):
+    with styled():
         figure = Figure(figsize=(COLUMN, height), dpi=300, layout="constrained")
         axes = figure.subplots(rows, 1, squeeze=False, **options)
     return figure, list(np.ravel(axes))
