@@ -126,9 +126,8 @@ def draw_figures(
         If there is no such format or figure, the folder cannot be written to, or nothing can be drawn.
     """
     journal = journal or Journal()
-    suffixes = [require_choice(name, FORMATS, "formats") for name in formats]
-    wanted = list(FIGURES) if only is None else [require_choice(name, FIGURES, "only") for name in only]
-    target = _make_folder(folder)
+    suffixes, wanted = check_request(formats, only)
+    target = make_folder(folder)
     blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)
     subject = Subject(blade, whole, scan, volume, level)
     captions: list[str] = []
@@ -156,7 +155,17 @@ def draw_figures(
     return _write_captions(target / CAPTIONS, captions, drawn)
 
 
-def _make_folder(folder: str | PathLike[str]) -> Path:
+def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[list[str], list[str]]:
+    """Return the formats and figures asked for, or raise `InputError` for one that there is not, or for none."""
+    suffixes = [require_choice(name, FORMATS, "formats") for name in formats]
+    wanted = list(FIGURES) if only is None else [require_choice(name, FIGURES, "only") for name in only]
+    if not (suffixes and wanted):
+        raise InputError("formats, only: ask for nothing; name a format and a figure, or leave them out")
+    return suffixes, wanted
+
+
+def make_folder(folder: str | PathLike[str]) -> Path:
+    """Return the folder, made if it was not there, or raise `InputError`."""
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)

@@ -31,6 +31,9 @@ GREENS = ("#79b151", "#4f9a6a")
 CUT = "#fff4d6"
 """Colours of the tiles of a pattern, and of cut leaf."""
 
+AT = 0.4
+"""Share of the leaf's length at which its micro-structure is shown: wide, and not in the shadow of a curled tip."""
+
 CUT_WITHIN, SEAM_WITHIN = 0.25, 0.75
 """Steps of the mesh within which a vertex belongs to a cut, or to a seam."""
 
@@ -69,6 +72,7 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
     name, limits = words(blade.unit, "along the midrib"), (0.0, frame.length)
     along = Scalars(frame.to_leaf(points)[:, 0], name, ALONG, limits)
     page = draw_page(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
+    page.key(VERMILION, "o", "control points and midrib")
     return Sheet(
         page.figure,
         f"The laser scan, {len(points):,} points coloured by their first leaf coordinate, and the midrib with its "
@@ -90,6 +94,7 @@ def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
     """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
     window = whole_tiles(leaf, (2, 2))
     page = _picture(leaf, window, TILE_STEPS * 2 // 3, OBLIQUE, seams=True)
+    page.key(VERMILION, "-", "seams of the tiles")
     energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
     match = "" if energy is None else f" (seam energy {energy:.3g})"
     return Sheet(
@@ -133,7 +138,7 @@ def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
 
 
 def whole_tiles(leaf: MultiscaleLeaf, count: tuple[int, int]) -> Window:
-    """Return a window of so many whole tiles near the middle of the blade, inside its outline.
+    """Return a window of so many whole tiles near the midrib, `AT` of the way along, inside its outline.
 
     Raises
     ------
@@ -158,9 +163,9 @@ def whole_tiles(leaf: MultiscaleLeaf, count: tuple[int, int]) -> Window:
         raise ReconstructionError(
             f"tile: no {count[0]} × {count[1]} whole tiles fit into the outline; give a smaller period, or a wider leaf"
         )
-    centre = (low + high) / 2
-    # Halfway along, and as near to the midrib as may be.
-    off = np.abs(corners[inside] + extent / 2 - [centre[0], 0.0]) / (high - low)
+    # As near to the midrib as may be.
+    place = np.array([low[0] + AT * (high - low)[0], 0.0])
+    off = (corners[inside] + extent / 2 - place) / (high - low)
     corner = corners[inside][(off**2).sum(axis=1).argmin()]
     return Window(np.array([corner, corner + extent]), tile)
 
@@ -173,7 +178,7 @@ def block(
     plane = leaf.blade.flatten(vertices)[:, :2]
     # In the plane of a cut, and not only beside it.
     near = (np.abs(plane[:, np.newaxis] - region) < CUT_WITHIN * step).reshape(-1, 4)
-    at_cut = near[triangles].all(axis=1).any(axis=1)
+    at_cut = np.any(np.all(near[triangles], axis=1), axis=1)
     meshes = []
     for chosen, colour in ((~at_cut, GREENS[0]), (at_cut, CUT)):
         used = np.unique(triangles[chosen])

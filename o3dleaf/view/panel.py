@@ -99,6 +99,14 @@ class Page:
         points = scale * self.em * 0.72
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
 
+    def key(self, colour: str, marker: str, text: str) -> None:
+        """Say in the upper left corner what a marker of Matplotlib in a colour stands for."""
+        width = {"-": 0.15}.get(marker, 0.0) * self.em
+        x = [0.9 * self.em, 2.1 * self.em] if marker == "-" else [1.5 * self.em]
+        dot = "" if marker == "-" else marker
+        self.axes.plot(x, [1.3 * self.em] * len(x), color=colour, linewidth=width, marker=dot, markersize=0.5 * self.em)
+        self.write(2.6 * self.em, 1.3 * self.em, text)
+
     def frame(self, box: Box) -> None:
         """Draw the frame of an inset."""
         self.axes.add_patch(
