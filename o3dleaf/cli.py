@@ -288,6 +288,9 @@ def render(
 def figures(
     scan: Annotated[Path | None, typer.Argument(help="Scan of one leaf; the samples, if there is no --model.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write into.")] = Path("figures"),
+    samples: Annotated[Path, typer.Option(help="Folder of the samples; made anew if not there.")] = Path(
+        "data_samples"
+    ),
     ct: Annotated[Path | None, typer.Option(help="Micro-CT volume, or a model that `patch` made.")] = None,
     model: Annotated[
         Path | None, typer.Option(help="A leaf that `leaf --model` wrote, instead of building it.")
@@ -314,6 +317,7 @@ def figures(
         ct=ct,
         model=model,
         midrib=midrib,
+        samples=samples,
         scan_unit=scan_unit,
         ct_unit=ct_unit,
         voxel_spacing=voxel_spacing,

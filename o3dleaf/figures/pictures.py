@@ -1,5 +1,7 @@
 """Figures of surfaces: the scan with its control points, a tile, four tiles, a cross-section, the whole leaf."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,13 +10,13 @@ from matplotlib.colors import to_rgb
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
-from o3dleaf.figures.style import ALONG, LOW, PICTURE, TEXT, VERMILION, Sheet, words
+from o3dleaf.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.leaf.blade import APPRAISED, Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
 from o3dleaf.view.camera import Camera, View
-from o3dleaf.view.panel import Page
+from o3dleaf.view.panel import Page, em_of
 from o3dleaf.view.points import Points, make_facets
 from o3dleaf.view.render import Inset, Scalars, draw_page
 
@@ -37,7 +39,8 @@ AT = 0.4
 CUT_WITHIN, SEAM_WITHIN = 0.25, 0.75
 """Steps of the mesh within which a vertex belongs to a cut, or to a seam."""
 
-OBLIQUE = View(tilt=52.0, turn=28.0, text=TEXT)
+TILT, TURN = 52.0, 28.0
+"""Degrees by which a block is seen from the side, and the midrib runs down to the right."""
 
 
 class Window(NamedTuple):
@@ -71,7 +74,7 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
     ]
     name, limits = words(blade.unit, "along the midrib"), (0.0, frame.length)
     along = Scalars(frame.to_leaf(points)[:, 0], name, ALONG, limits)
-    page = draw_page(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
+    page = _print(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
     page.key(VERMILION, "o", "control points and midrib")
     return Sheet(
         page.figure,
@@ -83,7 +86,7 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
 def one_tile(leaf: MultiscaleLeaf) -> Sheet:
     """Return one copy of the micro-structure on the leaf, cut out as a block."""
     window = whole_tiles(leaf, (1, 1))
-    page = _picture(leaf, window, TILE_STEPS, OBLIQUE)
+    page = _picture(leaf, window, TILE_STEPS)
     return Sheet(
         page.figure,
         f"One copy of the micro-structure on the leaf, {_extent(leaf, window)}, as a block; cut faces are pale.",
@@ -93,7 +96,7 @@ def one_tile(leaf: MultiscaleLeaf) -> Sheet:
 def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
     """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
     window = whole_tiles(leaf, (2, 2))
-    page = _picture(leaf, window, TILE_STEPS * 2 // 3, OBLIQUE, seams=True)
+    page = _picture(leaf, window, TILE_STEPS * 2 // 3, seams=True)
     page.key(VERMILION, "-", "seams of the tiles")
     energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
     match = "" if energy is None else f" (seam energy {energy:.3g})"
@@ -112,10 +115,10 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     depth = SECTION * window.tile[0]
     slab = np.array([[middle - depth / 2, low], [middle + depth / 2, high]])
     close = np.array([[slab[0, 0], window.region[0, 1]], [slab[1, 0], window.region[1, 1]]])
-    view = View(direction=_against_midrib(leaf.blade, middle), tilt=-12.0, text=TEXT)
+    view = View(direction=_against_midrib(leaf.blade, middle), tilt=-12.0)
     step = float(window.tile.max()) / TILE_STEPS
     inset = Inset(block(leaf, step, close), view=view)
-    page = draw_page(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
+    page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
     return Sheet(
         page.figure,
         f"A cross-section of the leaf at {middle:.0f} {leaf.unit or ''} along the midrib, {high - low:.3g} wide, the "
@@ -129,8 +132,9 @@ def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
     step = float(window.tile.max()) / LEAF_STEPS
     mesh = leaf.realise(step).extract().mesh
     fine = float(window.tile.max()) / TILE_STEPS
-    inset = Inset(block(leaf, fine, window.region), view=OBLIQUE)
-    page = draw_page(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset], PICTURE)
+    solid = block(leaf, fine, window.region)
+    inset = Inset(solid, view=_oblique(leaf.blade, solid))
+    page = _print(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset])
     return Sheet(
         page.figure,
         f"The whole multi-scale surface, {len(mesh.triangles):,} triangles; inset: {_extent(leaf, window)} of it.",
@@ -176,9 +180,8 @@ def block(
     """Return a piece of the leaf as a solid in two meshes, the surface and the cut faces, in their colours."""
     vertices, triangles = mesh_arrays(leaf.extract_mesh(step, region, closed=True))
     plane = leaf.blade.flatten(vertices)[:, :2]
-    # In the plane of a cut, and not only beside it.
-    near = (np.abs(plane[:, np.newaxis] - region) < CUT_WITHIN * step).reshape(-1, 4)
-    at_cut = np.any(np.all(near[triangles], axis=1), axis=1)
+    near = np.abs(plane[:, np.newaxis] - region).min(axis=(1, 2)) < CUT_WITHIN * step
+    at_cut = np.all(near[triangles], axis=1)
     meshes = []
     for chosen, colour in ((~at_cut, GREENS[0]), (at_cut, CUT)):
         used = np.unique(triangles[chosen])
@@ -202,17 +205,35 @@ def _pattern(leaf: MultiscaleLeaf, plane: FloatArray, region: FloatArray, step: 
     return np.asarray(colours)
 
 
-def _picture(leaf: MultiscaleLeaf, window: Window, steps: int, view: View, *, seams: bool = False) -> Page:
+def _picture(leaf: MultiscaleLeaf, window: Window, steps: int, *, seams: bool = False) -> Page:
     """Return a page with a window of the leaf as a block."""
     solid = block(leaf, float(window.tile.max()) / steps, window.region, seams=seams)
-    return draw_page(Inset(solid, view=view, unit=leaf.unit), size=PICTURE)
+    return _print(Inset(solid, view=_oblique(leaf.blade, solid), unit=leaf.unit))
+
+
+def _print(subject: Inset, insets: Sequence[Inset] = (), size: tuple[int, int] = PICTURE) -> Page:
+    """Return a page as wide as a column, with words of one height whatever the picture's."""
+    text = TEXT * em_of(PICTURE) / em_of(size)
+    shown = replace(subject, view=replace(subject.view, text=text))
+    return draw_page(shown, insets, size, dpi=size[0] / COLUMN)
+
+
+def _oblique(blade: Blade, solid: list[o3d.geometry.TriangleMesh]) -> View:
+    """Return a view of a block with its adaxial side up, in which the midrib runs down to the right."""
+    vertices, triangles = mesh_arrays(solid[0])
+    place = blade.flatten(vertices.mean(axis=0))[0, 0]
+    _, along, _, up = (row[0] for row in blade.frame.stations(place))
+    x, y, z = up.tolist()
+    camera = Camera.framing(vertices, triangles, View(direction=(x, y, z), tilt=0.0))
+    now = float(np.degrees(np.arctan2(along @ camera.up, along @ camera.right)))
+    return View(direction=(x, y, z), tilt=TILT, turn=now + TURN)
 
 
 def _of_leaf(blade: Blade) -> View:
     """Return the view in which all figures show the whole leaf."""
     mesh = mesh_arrays(blade.extract_mesh(float(np.sqrt(blade.outline.area / APPRAISED))))
     toward = Camera.framing(*mesh, View(tilt=0.0)).toward
-    return View(direction=(float(toward[0]), float(toward[1]), float(toward[2])), tilt=20.0, text=TEXT)
+    return View(direction=(float(toward[0]), float(toward[1]), float(toward[2])), tilt=20.0)
 
 
 def _against_midrib(blade: Blade, along: float) -> tuple[float, float, float]:

@@ -134,8 +134,12 @@ def draw_page(
     *,
     scale_bar: bool = True,
     engine: str = "cpu",
+    dpi: float = 100.0,
 ) -> Page:
-    """Return the page of `render`, to which more can be added: shade every panel, then draw the furniture."""
+    """Return the page of `render`, to which more can be added: shade every panel, then draw the furniture.
+
+    `dpi`, pixels an inch, says how large it is in a PDF.
+    """
     if min(size) < 64:
         raise InputError(f"size: is {size}; give a width and a height of 64 pixels or more")
     unit = check_unit(subject.unit)
@@ -150,7 +154,7 @@ def draw_page(
     shots = [
         _shoot(scene, each.view, box.without_foot(foot)) for scene, each, box in zip(scenes, panels, boxes, strict=True)
     ]
-    page = Page(_expose(shots, boxes, size, engine), subject.view.text)
+    page = Page(_expose(shots, boxes, size, engine), subject.view.text, dpi)
     if title:
         page.write(em, 1.3 * em, title, scale=1.25)
     for inset, scene, box in zip(details, scenes[1:], beside, strict=True):
