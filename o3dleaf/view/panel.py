@@ -102,14 +102,15 @@ class Page:
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
 
     def key(self, colour: str, marker: str, text: str) -> None:
-        """Say in the upper left corner what a marker of Matplotlib in a colour stands for."""
-        width = 0.15 * self.line if marker == "-" else 0.0
-        x = [0.9 * self.em, 2.1 * self.em] if marker == "-" else [1.5 * self.em]
-        dot = "" if marker == "-" else marker
-        self.axes.plot(
-            x, [1.3 * self.em] * len(x), color=colour, linewidth=width, marker=dot, markersize=0.5 * self.line
-        )
-        self.write(2.6 * self.em, 1.3 * self.em, text)
+        """Say at the foot, between scale bar and colour bar, what a marker of Matplotlib in a colour stands for."""
+        width, height = self.figure.bbox.size
+        left, base = 0.29 * width, height - 1.3 * self.em
+        line = marker == "-"
+        x = left + self.em * np.array([-0.6, 0.6] if line else [0.0])
+        drawn = self.axes.plot(x, np.full(len(x), base), color=colour, linewidth=0.15 * self.line)[0]
+        if not line:
+            drawn.set(marker=marker, markersize=0.5 * self.line)
+        self.write(left + 1.1 * self.em, base, text, scale=0.85)
 
     def frame(self, box: Box) -> None:
         """Draw the frame of an inset."""
