@@ -12,7 +12,7 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.geometry import CloudLike, points_of
-from o3dleaf.leaf.blade import APPRAISED, Blade
+from o3dleaf.leaf.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
 from o3dleaf.view.camera import Camera, View
@@ -231,9 +231,10 @@ def _oblique(blade: Blade, solid: list[o3d.geometry.TriangleMesh]) -> View:
 
 def _of_leaf(blade: Blade) -> View:
     """Return the view in which all figures show the whole leaf."""
-    mesh = mesh_arrays(blade.extract_mesh(float(np.sqrt(blade.outline.area / APPRAISED))))
-    toward = Camera.framing(*mesh, View(tilt=0.0)).toward
-    return View(direction=(float(toward[0]), float(toward[1]), float(toward[2])), tilt=20.0)
+    plane = blade.outline.points
+    surface = blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
+    x, y, z = Camera.framing(surface, blade.outline.triangles, View(tilt=0.0)).toward.tolist()
+    return View(direction=(x, y, z))
 
 
 def _against_midrib(blade: Blade, along: float) -> tuple[float, float, float]:
