@@ -190,7 +190,7 @@ class Scene:
 
 def _is_several(things: object) -> TypeGuard[list[Any]]:
     """Say whether it is a list of things, and not one mesh given as the list of its two arrays."""
-    return isinstance(things, list) and bool(things) and all(isinstance(thing, GEOMETRIES) for thing in things)
+    return isinstance(things, list) and any(isinstance(thing, GEOMETRIES) for thing in things)
 
 
 def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
