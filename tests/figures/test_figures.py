@@ -9,13 +9,14 @@ import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
 from o3dleaf.ct.volume import Volume
 from o3dleaf.errors import InputError, ReconstructionError
-from o3dleaf.figures import flattened_scan, height_map, histogram, scan_picture
+from o3dleaf.figures import flattened_scan, height_map, histogram, pictures, scan_picture
 from o3dleaf.figures.draw import CAPTIONS, FIGURES, draw_figures
 from o3dleaf.figures.job import FiguresJob
 from o3dleaf.figures.pictures import CUT, block, whole_tiles
-from o3dleaf.figures.style import COLUMN, VERMILION
+from o3dleaf.figures.style import COLUMN, PICTURE, VERMILION
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.arrays import mesh_arrays
+from o3dleaf.view.render import PAPER
 from tolerances import ON_A_SEAM
 
 
@@ -152,11 +153,16 @@ def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, tmp_path):
     assert all("figure" in name for name in journal.seconds)
 
 
-def test_all_figures_of_a_leaf_are_as_wide_as_a_column(leaf, scan, volume, tmp_path):
-    drawn = o3l.draw_figures(leaf, tmp_path, scan=scan, volume=volume, formats=["png"], only=["tile", "cross-section"])
+def test_pictures_of_a_leaf_are_as_wide_as_a_column(leaf, tmp_path, monkeypatch):
+    monkeypatch.setattr(pictures, "TILE_STEPS", 24)
+    monkeypatch.setattr(pictures, "LEAF_STEPS", 8)
+    drawn = o3l.draw_figures(leaf, tmp_path, formats=["png"], only=["four-tiles", "cross-section", "whole-leaf"])
     assert not drawn.left_out
     for path in drawn.paths[:-1]:
-        assert imread(path).shape[1] == 1200
+        page = imread(path)
+        assert page.shape[1] == PICTURE[0]
+        covered = (np.abs(page[..., :3] - PAPER).max(axis=2) > 0.1).mean()
+        assert 0.05 < covered < 0.6
 
 
 @pytest.mark.parametrize(
