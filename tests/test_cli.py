@@ -225,6 +225,18 @@ def test_clean_and_render(tmp_path):
     assert (tmp_path / "clean.png").stat().st_size > 10_000
 
 
+def test_figures_and_render_draw_a_scan(files, tmp_path):
+    only = ("--only", "flattened,histogram", "--formats", "png")
+    drawn = run("figures", files / "scan.ply", "--midrib", files / "midrib.ply", *only, "-o", tmp_path / "figures")
+    assert drawn.returncode == 0, drawn.stderr
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["2-flattened.png", "captions.md"]
+    assert "histogram: left out" in " ".join(drawn.stderr.split())
+    picture = tmp_path / "scan.png"
+    both = run("render", files / "scan.ply", files / "midrib.ply", "-o", picture, "--size", 300, 200)
+    assert both.returncode == 0, both.stderr
+    assert picture.stat().st_size > 5_000
+
+
 def test_view_without_a_screen_says_so(files, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
@@ -233,7 +245,9 @@ def test_view_without_a_screen_says_so(files, monkeypatch):
     assert "no screen" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view"])
+@pytest.mark.parametrize(
+    "command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view", "figures"]
+)
 def test_each_command_has_help(command):
     result = run(command, "--help")
     assert result.returncode == 0

@@ -9,6 +9,7 @@ import pytest
 
 from mesh_fields import sphere
 from o3dleaf.errors import InputError, MemoryBudgetError, O3DLeafError
+from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
 from o3dleaf.mesh.isosurface import extract_isosurface
 from o3dleaf.view import offscreen, scene
 from o3dleaf.view import points as points_module
@@ -73,10 +74,11 @@ def test_spheres_have_their_radius_and_are_closed(monkeypatch):
 
 
 def test_facets_lie_in_the_cloud(scattered):
-    vertices, triangles = make_facets(scattered * [1, 1, 0])
-    assert np.abs(vertices[triangles][..., 2]).max() < 1e-9
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    vertices, triangles = make_facets(scattered * [1, 1, 0] @ turn)
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert np.abs((vertices @ turn.T)[:, 2]).max() < 1e-9
     assert np.abs(normals.sum(axis=0)).max() < 1e-12 < np.abs(normals).max()
 
 
@@ -88,6 +90,22 @@ def test_things_of_a_list_are_drawn_together_each_in_its_colour(ball):
     assert left.argmax() == 0
     assert middle.argmax() == 1
     assert right.argmax() == 2
+
+
+def test_each_mesh_of_a_list_keeps_the_colours_of_its_vertices(ball):
+    halves = []
+    for shift, colours in ((-1.5, ([1, 0, 0], [0, 0, 1])), (1.5, ([0, 0, 1], [1, 0, 0]))):
+        # Longest along x, which tells the picture's right.
+        vertices, triangles = mesh_arrays(ball)
+        mesh = build_mesh(vertices * [1.3, 1, 1] + [shift, 0, 0], triangles)
+        upper = np.asarray(mesh.vertices)[:, 1] > 0
+        mesh.vertex_colors = o3d.utility.Vector3dVector(np.where(upper[:, np.newaxis], *np.array(colours, float)))
+        halves.append(mesh)
+    page = render(halves, size=SIZE, scale_bar=False, view=FACE_ON).astype(float)
+    warm = (page[..., 0] - page[..., 2]) * ~is_paper(page)
+    quarters = [[warm[:90, :140], warm[:90, 180:]], [warm[110:, :140], warm[110:, 180:]]]
+    assert [[quarter.sum() > 0 for quarter in row] for row in quarters] == [[True, False], [False, True]]
+    assert min(abs(quarter.sum()) for row in quarters for quarter in row) > 1e5
 
 
 def test_scalars_of_a_list_are_those_of_the_first(scattered):
@@ -151,22 +169,28 @@ def test_the_engines_draw_the_same_picture(ball):
     if not offscreen.has_renderer():
         pytest.skip("Open3D's renderer does not work here: no Vulkan driver")
     heights = np.asarray(ball.vertices)[:, 1]
+    # A bowl, seen from its inside too.
+    vertices, triangles = mesh_arrays(ball)
+    bowl = vertices, triangles[vertices[triangles, 2].mean(axis=1) < 0]
     pages = []
     for engine in ("cpu", "open3d"):
         view = View(tilt=30.0, perspective=True)
-        inset = Inset(ball, "inset", at=[[0, 0, 1]], view=View(tilt=60.0, smooth=False))
-        pages.append(
-            render(
-                [ball, Points([[1.5, 0, 0]], 0.2, "#d55e00")], size=(480, 300), insets=[inset], unit="mm", view=view,
-                scalars=Scalars(heights, "height", "coolwarm"), engine=engine,
-            ) / 255.0
-        )  # fmt: skip
+        inset = Inset(bowl, "inset", at=[[0, 0, 1]], view=View((0.0, 0.0, 1.0), tilt=30.0))
+        flat = Inset(ball, at=[], view=View(tilt=60.0, smooth=False))
+        things = [ball, Points([[1.5, 0, 0]], 0.2, "#d55e00")]
+        colours = Scalars(heights, "height", "coolwarm")
+        page = render(
+            things, size=(480, 300), insets=[inset, flat], scalars=colours, unit="mm", view=view, engine=engine
+        )
+        pages.append(page / 255.0)
     covered = [np.abs(page - PAPER).max(axis=2) > 0.1 for page in pages]
     assert np.mean(covered[0] != covered[1]) < ENGINES_COVER
     both = covered[0] & covered[1]
-    apart = np.abs(pages[0] - pages[1])[both].max(axis=1)
+    apart = np.where(both, np.abs(pages[0] - pages[1]).max(axis=2), np.nan)
     assert both.mean() > 0.15
-    assert np.median(apart) < ENGINES_COLOUR
+    # The main picture, then each inset.
+    for panel in (apart[:, :300], apart[:150, 300:], apart[150:, 300:]):
+        assert np.nanmedian(panel) < ENGINES_COLOUR
 
 
 def test_without_a_driver_auto_is_the_cpu_and_open3d_an_error_with_a_cure(ball, monkeypatch):
