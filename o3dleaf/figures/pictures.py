@@ -119,9 +119,10 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     step = float(window.tile.max()) / TILE_STEPS
     inset = Inset(block(leaf, step, close), view=view)
     page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
+    unit = leaf.unit or ""
     return Sheet(
         page.figure,
-        f"A cross-section of the leaf at {middle:.0f} {leaf.unit or ''} along the midrib, {high - low:.3g} wide, the "
+        f"A cross-section of the leaf, {middle:.0f} {unit} along the midrib and {high - low:.3g} {unit} wide, the "
         "adaxial side up; cut faces are pale. Inset: a close-up.",
     )
 

@@ -1,5 +1,7 @@
 """Figures show the numbers that they are drawn of, and what cannot be drawn is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -19,7 +21,7 @@ from o3dleaf.leaf.height import HeightMap
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
 from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.view.render import PAPER
+from o3dleaf.view.render import PAPER, draw_page
 from tolerances import ON_A_SEAM
 
 
@@ -50,6 +52,19 @@ def uneven(leaf):
     narrow = (s < 9) | (np.abs(c) < 0.9)
     outline = AlphaShape(np.column_stack([s, c])[narrow], 0.5)
     return MultiscaleLeaf(leaf.texture, leaf.blade.frame, heights, outline)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Coarse meshes, one ray a pixel."""
+
+    def draw(subject, insets=(), size=PICTURE, **options):
+        single = [replace(each, view=replace(each.view, supersampling=1)) for each in (subject, *insets)]
+        return draw_page(single[0], single[1:], size, **options)
+
+    monkeypatch.setattr(pictures, "draw_page", draw)
+    monkeypatch.setattr(pictures, "TILE_STEPS", 24)
+    monkeypatch.setattr(pictures, "LEAF_STEPS", 8)
 
 
 class Notes(Journal):
@@ -103,7 +118,7 @@ def test_the_histogram_counts_voxels_and_marks_the_threshold(volume, level):
     assert f"{threshold:.4g}" in caption
 
 
-def test_control_points_are_marked_where_they_are(leaf, scan):
+def test_control_points_are_marked_where_they_are(leaf, scan, quick):
     """The midrib is in front of the scan all the way along the leaf."""
     figure, caption = scan_picture(leaf.blade, scan)
     pixels = figure.axes[0].images[0].get_array()[..., :3]
@@ -151,7 +166,7 @@ def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
     assert len(np.unique(green, axis=0)) == 2
 
 
-def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, tmp_path):
+def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, quick, tmp_path):
     journal = Notes()
     drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"], journal=journal)
     names = [f"{number}-{name}.{suffix}" for number, name in ((1, "scan"), (2, "flattened"), (3, "height-map"))
@@ -167,9 +182,7 @@ def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, tmp_path):
     assert all("figure" in name for name in journal.seconds)
 
 
-def test_pictures_of_a_leaf_are_as_wide_as_a_column(leaf, tmp_path, monkeypatch):
-    monkeypatch.setattr(pictures, "TILE_STEPS", 24)
-    monkeypatch.setattr(pictures, "LEAF_STEPS", 8)
+def test_pictures_of_a_leaf_are_as_wide_as_a_column(leaf, quick, tmp_path):
     drawn = o3l.draw_figures(leaf, tmp_path, formats=["png"], only=["four-tiles", "cross-section", "whole-leaf"])
     assert not drawn.left_out
     for path in drawn.paths[:-1]:
