@@ -4,7 +4,7 @@
 `points`     a point cloud as small spheres
 `scene`      meshes and clouds together, and their colours
 `shade`      light: Open3D's ray casting on the CPU, shadows, ambient occlusion, no GPU and no Vulkan
-`offscreen`  Open3D's renderer, where it works
+`offscreen`  Open3D's renderer in a process of its own, where it works
 `render`     the page: the leaf, insets of its micro-structure, scale bars, colour bar, title
 `panel`      the furniture of the page, drawn by Matplotlib
 `window`     Open3D's own viewer

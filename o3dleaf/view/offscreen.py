@@ -11,7 +11,7 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -37,20 +37,25 @@ CHUNK = 1 << 19
 
 
 @cache
-def has_renderer() -> bool:
-    """Say whether Open3D's renderer works here: one triangle is drawn, once for this process."""
+def find_renderer() -> Literal["hardware", "software"] | None:
+    """Say what Open3D's renderer runs on here, None where it does not work: one triangle is drawn, once a process.
+
+    In software, such as Mesa's llvmpipe, it takes twice as long as casting rays, without the shadows.
+    """
     vertices, triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
     view = View(tilt=0.0, supersampling=1)
     camera = Camera.framing(vertices, triangle, view, 1.0)
     shot = Shot(vertices, triangle, lambda number, _weights, _facing: np.ones((len(number), 3)), camera, (64, 64), view)
     try:
-        (picture,) = rasterise([shot], PROBE_SECONDS)
+        (picture,), log = _draw_in_child([shot], PROBE_SECONDS)
     except O3DLeafError:
-        return False
-    return bool(picture[..., 3].any())
+        return None
+    if not picture[..., 3].any():
+        return None
+    return "software" if b"software device" in log else "hardware"
 
 
-def rasterise(shots: list[Shot], seconds: float = SECONDS) -> list[FloatArray]:
+def rasterise(shots: list[Shot]) -> list[FloatArray]:
     """Return a picture of each shot as `shade_mesh` does, drawn by Open3D's renderer.
 
     Raises
@@ -58,6 +63,11 @@ def rasterise(shots: list[Shot], seconds: float = SECONDS) -> list[FloatArray]:
     O3DLeafError
         If the renderer does not work here, or does not end in time.
     """
+    return _draw_in_child(shots, SECONDS)[0]
+
+
+def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray], bytes]:
+    """Return the pictures and what the renderer printed."""
     with tempfile.TemporaryDirectory(prefix="o3dleaf-") as name:
         folder = Path(name)
         finer = [_hand_over(folder / f"{number}.npz", shot) for number, shot in enumerate(shots)]
@@ -73,7 +83,9 @@ def rasterise(shots: list[Shot], seconds: float = SECONDS) -> list[FloatArray]:
                 f"engine: Open3D's renderer does not work here (exit code {done.returncode}); "
                 "install a Vulkan driver (Debian: mesa-vulkan-drivers), or use engine='cpu'"
             )
-        return [_take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)]
+        return [
+            _take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)
+        ], done.stdout + done.stderr
 
 
 def _hand_over(path: Path, shot: Shot) -> int:
@@ -102,12 +114,17 @@ def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.
     for start in range(0, len(corners), CHUNK):
         part = slice(start, start + CHUNK)
         numbers = np.arange(len(corners))[part]
-        colours[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
+        colours[part], away = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
+        # All of them face the camera, whatever the material culls.
+        for array in (corners[part], colours[part]):
+            array[away] = array[away][:, ::-1]
     return corners.reshape(-1, 3), colours.reshape(-1, 3)
 
 
-def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None) -> FloatArray:
-    """Return the sRGB (n, 3, 3) of the corners of triangles, of the side that the camera sees."""
+def _light_triangles(
+    shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Return the sRGB (n, 3, 3) of the corners of triangles, of the side that the camera sees, and if it is the back."""
     camera = shot.camera
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -122,7 +139,7 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
         light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
         found[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
-    return found
+    return found, facing < 0
 
 
 def _take_back(path: Path, finer: int) -> FloatArray:
@@ -140,12 +157,9 @@ def draw(given: Path, output: Path) -> None:
     from open3d.visualization import rendering  # noqa: PLC0415
 
     shot = np.load(given)
-    mesh = o3d.geometry.TriangleMesh()
-    mesh.vertices = o3d.utility.Vector3dVector(shot["corners"].astype(np.float64))
-    mesh.vertex_colors = o3d.utility.Vector3dVector(shot["colours"].astype(np.float64))
-    triangles = np.arange(len(shot["corners"]), dtype=np.int32).reshape(-1, 3)
-    # Seen from either side, whatever the material culls.
-    mesh.triangles = o3d.utility.Vector3iVector(np.concatenate([triangles, triangles[:, ::-1]]))
+    corners = shot["corners"]
+    mesh = o3d.t.geometry.TriangleMesh(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    mesh.vertex.colors = shot["colours"]
     width, height = shot["size"].tolist()
     renderer = rendering.OffscreenRenderer(width, height)
     material = rendering.MaterialRecord()

@@ -13,7 +13,7 @@ from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable, whole_file
 from o3dleaf.units import check_unit
 from o3dleaf.view.camera import Camera, View
-from o3dleaf.view.offscreen import has_renderer, rasterise
+from o3dleaf.view.offscreen import find_renderer, rasterise
 from o3dleaf.view.panel import Box, Page, em_of, lay_out, save_figure
 from o3dleaf.view.scene import Drawable, Scalars, Scene, encode, linear
 from o3dleaf.view.shade import Shot, shade_mesh
@@ -98,7 +98,7 @@ def render(
     engine : {"cpu", "open3d", "auto"}
         "cpu" casts rays, with shadows and ambient occlusion, and draws the same everywhere. "open3d" is Open3D's
         renderer, which needs Vulkan, in a process of its own: the same camera, colours and light without
-        shadows, for meshes whose ray tree would be too large or slow. "auto" is "open3d" where that works.
+        shadows, for meshes whose ray tree would be too large or slow. "auto" is "open3d" where that runs on a GPU.
 
     Returns
     -------
@@ -180,7 +180,7 @@ def _shoot(scene: Scene, view: View, box: Box) -> Shot:
 def _expose(shots: list[Shot], boxes: list[Box], size: tuple[int, int], engine: str) -> FloatArray:
     """Return the page of all panels over the paper, sRGB."""
     chosen = require_choice(engine, ENGINES, "engine")
-    raster = chosen == "open3d" or (chosen == "auto" and has_renderer())
+    raster = chosen == "open3d" or (chosen == "auto" and find_renderer() == "hardware")
     pictures = rasterise(shots) if raster else [shade_mesh(shot) for shot in shots]
     pixels = np.broadcast_to(PAPER, (size[1], size[0], 3)).copy()
     for shaded, box in zip(pictures, boxes, strict=True):
