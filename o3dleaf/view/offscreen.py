@@ -83,9 +83,8 @@ def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray],
                 f"engine: Open3D's renderer does not work here (exit code {done.returncode}); "
                 "install a Vulkan driver (Debian: mesa-vulkan-drivers), or use engine='cpu'"
             )
-        return [
-            _take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)
-        ], done.stdout + done.stderr
+        pictures = [_take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)]
+    return pictures, done.stdout + done.stderr
 
 
 def _hand_over(path: Path, shot: Shot) -> int:
@@ -114,17 +113,12 @@ def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.
     for start in range(0, len(corners), CHUNK):
         part = slice(start, start + CHUNK)
         numbers = np.arange(len(corners))[part]
-        colours[part], away = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
-        # All of them face the camera, whatever the material culls.
-        for array in (corners[part], colours[part]):
-            array[away] = array[away][:, ::-1]
+        colours[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
     return corners.reshape(-1, 3), colours.reshape(-1, 3)
 
 
-def _light_triangles(
-    shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Return the sRGB (n, 3, 3) of the corners of triangles, of the side that the camera sees, and if it is the back."""
+def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None) -> FloatArray:
+    """Return the sRGB (n, 3, 3) of the corners of triangles, of the side that the camera sees."""
     camera = shot.camera
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -139,7 +133,7 @@ def _light_triangles(
         light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
         found[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
-    return found, facing < 0
+    return found
 
 
 def _take_back(path: Path, finer: int) -> FloatArray:
@@ -158,8 +152,9 @@ def draw(given: Path, output: Path) -> None:
 
     shot = np.load(given)
     corners = shot["corners"]
-    mesh = o3d.t.geometry.TriangleMesh(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
-    mesh.vertex.colors = shot["colours"]
+    triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(corners), o3d.core.Tensor(triangles))
+    mesh.vertex.colors = o3d.core.Tensor(shot["colours"])
     width, height = shot["size"].tolist()
     renderer = rendering.OffscreenRenderer(width, height)
     material = rendering.MaterialRecord()
