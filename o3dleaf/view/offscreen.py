@@ -153,8 +153,8 @@ def draw(given: Path, output: Path) -> None:
     shot = np.load(given)
     corners = shot["corners"]
     triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
-    mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(corners), o3d.core.Tensor(triangles))
-    mesh.vertex.colors = o3d.core.Tensor(shot["colours"])
+    mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(triangles))
+    mesh.vertex.colors = o3d.core.Tensor.from_numpy(shot["colours"])
     width, height = shot["size"].tolist()
     renderer = rendering.OffscreenRenderer(width, height)
     material = rendering.MaterialRecord()
