@@ -42,8 +42,11 @@ from .exchange.particles import Particles as Particles
 from .exchange.distance import export_distance as export_distance
 from .view.render import render as render
 from .view.maps import render_distortion as render_distortion
+from .view.points import Points as Points
 from .view.window import show as show
 from .view.pick import pick_midrib as pick_midrib
+from .figures.draw import draw_figures as draw_figures
+from . import figures as figures
 from . import samples as samples
 from .field import Field as Field
 from .parallel import get_num_threads as get_num_threads

@@ -336,18 +336,69 @@ def export(
 
 @app.command()
 def render(
-    mesh: Annotated[Path, typer.Argument(help="Mesh to draw: PLY, OBJ, STL or OFF.")],
+    files: Annotated[list[Path], typer.Argument(help="Meshes and point clouds to draw together.")],
     output: Output,
     unit: Unit = None,
     title: Annotated[str | None, typer.Option(help="A line at the top.")] = None,
+    size: Annotated[tuple[int, int], typer.Option(help="Width and height in pixels.")] = (1600, 1000),
+    engine: Annotated[str, typer.Option(help="'cpu', 'open3d' (needs Vulkan), or 'auto'.")] = "cpu",
 ) -> None:
-    """Draw a mesh into a picture; needs no screen and no GPU."""
+    """Draw meshes and point clouds into a picture (PNG, JPG, PDF or SVG); needs no screen and no GPU."""
     from o3dleaf.files import require_apart
-    from o3dleaf.mesh.files import read_triangle_mesh
-    from o3dleaf.view.render import render as draw_mesh
+    from o3dleaf.report import read_geometry
+    from o3dleaf.view.render import render as draw_files
 
-    require_apart([output], [mesh])
-    draw_mesh(read_triangle_mesh(mesh), output, unit=unit, title=title)
+    require_apart([output], files)
+    draw_files([read_geometry(file) for file in files], output, unit=unit, title=title, size=size, engine=engine)
+
+
+@app.command()
+def figures(
+    scan: Annotated[Path | None, typer.Argument(help="Scan of one leaf; the samples, if there is no --model.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder to write into.")] = Path("figures"),
+    samples: Annotated[Path, typer.Option(help="Folder of the samples; made anew if not there.")] = Path(
+        "data_samples"
+    ),
+    ct: Annotated[Path | None, typer.Option(help="Micro-CT volume, or a model that `patch` made.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="A leaf that `leaf --model` wrote, instead of building it.")
+    ] = None,
+    midrib: Annotated[Path | None, typer.Option(help="Control points from base to tip; found if not given.")] = None,
+    scan_unit: Annotated[str, typer.Option(help="Unit of scan and midrib: m, cm, mm, um or nm.")] = "mm",
+    ct_unit: CtUnit = None,
+    voxel_spacing: VoxelSpacing = None,
+    level: Level = "valley",
+    rho: Rho = "gcv",
+    period: Period = None,
+    formats: Annotated[str, typer.Option("--formats", help="Of png, pdf, svg and jpg.")] = "png,pdf",
+    only: Annotated[str | None, typer.Option(help="Names of figures, 'scan,tile'; all by default.")] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw figures like the paper's: scan, flattened scan, height map, histogram, tiles, cross-section, whole leaf."""
+    from o3dleaf.figures.job import FiguresJob
+
+    set_num_threads_if(threads)
+    job = FiguresJob(
+        output,
+        scan=scan,
+        ct=ct,
+        model=model,
+        midrib=midrib,
+        samples=samples,
+        scan_unit=scan_unit,
+        ct_unit=ct_unit,
+        voxel_spacing=voxel_spacing,
+        level=number_or_word(level),
+        rho=number_or_word(rho),
+        period=as_period(period),
+        formats=tuple(formats.replace(",", " ").split()),
+        only=None if only is None else tuple(only.replace(",", " ").split()),
+    )
+    with shown(quiet=quiet) as journal:
+        drawn = job.run(journal)
+    if not quiet:
+        typer.echo(f"{output}: {len(drawn.paths) - 1} files and {drawn.paths[-1].name}")
 
 
 @app.command()

@@ -220,9 +220,18 @@ def test_clean_and_render(tmp_path):
     cleaned = run("clean", tmp_path / "dirty.ply", "--smallest-component", 0.1, "-o", tmp_path / "clean.ply")
     assert cleaned.returncode == 0, cleaned.stderr
     assert len(o3d.io.read_triangle_mesh(tmp_path / "clean.ply").cluster_connected_triangles()[1]) == 1
-    drawn = run("render", tmp_path / "clean.ply", "-o", tmp_path / "clean.png", "--unit", "mm")
+    o3d.io.write_point_cloud(tmp_path / "points.ply", sphere.sample_points_uniformly(500))
+    drawn = run("render", tmp_path / "clean.ply", tmp_path / "points.ply", "-o", tmp_path / "clean.png", "--unit", "mm")
     assert drawn.returncode == 0, drawn.stderr
     assert (tmp_path / "clean.png").stat().st_size > 10_000
+
+
+def test_figures_are_drawn_and_what_is_left_out_is_said(files, tmp_path):
+    only = ("--only", "flattened,histogram", "--formats", "png")
+    drawn = run("figures", files / "scan.ply", "--midrib", files / "midrib.ply", *only, "-o", tmp_path / "figures")
+    assert drawn.returncode == 0, drawn.stderr
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["2-flattened.png", "captions.md"]
+    assert "histogram: left out" in " ".join(drawn.stderr.split())
 
 
 def test_view_without_a_screen_says_so(files, monkeypatch):
@@ -233,7 +242,9 @@ def test_view_without_a_screen_says_so(files, monkeypatch):
     assert "no screen" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view"])
+@pytest.mark.parametrize(
+    "command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view", "figures"]
+)
 def test_each_command_has_help(command):
     result = run(command, "--help")
     assert result.returncode == 0

@@ -37,6 +37,9 @@ class View:
         Normals interpolated over each triangle, or one a triangle.
     supersampling : int
         Rays along each side of a pixel.
+    text : float
+        Height of words and scale bars on the page, relative to the usual 1.7 % of its width, which is
+        for a screen: 1.8 is legible in a printed column, 84 mm wide.
     """
 
     direction: tuple[float, float, float] | None = None
@@ -45,6 +48,7 @@ class View:
     perspective: bool = False
     smooth: bool = True
     supersampling: int = 3
+    text: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -72,9 +76,20 @@ class Camera:
     perspective: bool = False
 
     @classmethod
-    def framing(cls, vertices: FloatArray, triangles: IntArray, view: View, aspect: float | None = None) -> "Camera":
-        """Return the camera whose panel, `aspect` times as wide as high, the mesh fills (None: its own aspect)."""
-        right, up, toward = _turned_axes(vertices, triangles, view)
+    def framing(
+        cls,
+        vertices: FloatArray,
+        triangles: IntArray,
+        view: View,
+        aspect: float | None = None,
+        *,
+        facets: tuple[FloatArray, IntArray] | None = None,
+    ) -> "Camera":
+        """Return the camera whose panel, `aspect` times as wide as high, the mesh fills (None: its own aspect).
+
+        What it faces and where its long axis lies can be told by the mesh of `facets` instead.
+        """
+        right, up, toward = _turned_axes(*(facets or (vertices, triangles)), view)
         shown = vertices[np.unique(triangles)]
         across = np.stack([shown @ right, shown @ up, shown @ toward])
         low, high = across.min(axis=1), across.max(axis=1)

@@ -1,16 +1,19 @@
 """The furniture of a page: scale bars, colour bar, frames and words, drawn by Matplotlib without its global state."""
 
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.files import whole_file
 from o3dleaf.units import METRES
 
 INK = "#27302a"
@@ -79,11 +82,13 @@ def em_of(size: tuple[int, int]) -> float:
 class Page:
     """A picture in the making: pixels below, ink above."""
 
-    def __init__(self, pixels: FloatArray) -> None:
-        """Start from (h, w, 3) `pixels`, sRGB from 0 to 1."""
+    def __init__(self, pixels: FloatArray, text: float = 1.0, dpi: float = 100.0) -> None:
+        """Start from (h, w, 3) `pixels`, sRGB, `dpi` an inch, for words of `text` times the usual height."""
         height, width = pixels.shape[:2]
-        self.em = em_of((width, height))
-        self.figure = Figure(figsize=(width / 100, height / 100), dpi=100)
+        self.em = text * em_of((width, height))
+        # Matplotlib measures type and lines in points.
+        self.line = self.em * 100 / dpi
+        self.figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi)
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes: Axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set_axis_off()
@@ -93,13 +98,26 @@ class Page:
 
     def write(self, x: float, y: float, text: str, *, align: str = "left", scale: float = 1.0) -> None:
         """Write `text` with the middle of its line at pixel (x, y)."""
-        points = scale * self.em * 0.72
+        points = scale * self.line * 0.72
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
+
+    def key(self, colour: str, marker: str, text: str) -> None:
+        """Say at the foot, between scale bar and colour bar, what a marker of Matplotlib in a colour stands for."""
+        width, height = self.figure.bbox.size
+        left, base = 0.29 * width, height - 1.3 * self.em
+        line = marker == "-"
+        x = left + self.em * np.array([-0.6, 0.6] if line else [0.0])
+        drawn = self.axes.plot(x, np.full(len(x), base), color=colour, linewidth=0.15 * self.line)[0]
+        if not line:
+            drawn.set(marker=marker, markersize=0.5 * self.line)
+        self.write(left + 1.1 * self.em, base, text, scale=0.85)
 
     def frame(self, box: Box) -> None:
         """Draw the frame of an inset."""
         self.axes.add_patch(
-            Rectangle((box.left, box.top), box.width, box.height, fill=False, edgecolor=FAINT, linewidth=0.06 * self.em)
+            Rectangle(
+                (box.left, box.top), box.width, box.height, fill=False, edgecolor=FAINT, linewidth=0.06 * self.line
+            )
         )
 
     def mark(self, corners: FloatArray, box: Box) -> None:
@@ -108,7 +126,7 @@ class Page:
         middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
         half = np.maximum((corners.max(axis=0) - corners.min(axis=0)) / 2, least)
         low, extent = middle - half, 2 * half
-        width = 0.07 * self.em
+        width = 0.07 * self.line
         self.axes.add_patch(
             Rectangle((low[0], low[1]), extent[0], extent[1], fill=False, edgecolor=INK, linewidth=width)
         )
@@ -122,14 +140,16 @@ class Page:
                 if below
                 else ([low[0] + extent[0], box.left], [near, far])
             )
-            self.axes.plot(*line, color=FAINT, linewidth=0.05 * self.em)
+            self.axes.plot(*line, color=FAINT, linewidth=0.05 * self.line)
 
     def scale_bar(self, box: Box, width: float, unit: str | None) -> None:
         """Draw a scale bar into the lower left corner of a box that shows `width` of the mesh's unit."""
         length = round_length(0.22 * width)
         pixels = length / width * box.width
         left, base = box.left + self.em, box.top + box.height - 0.9 * self.em
-        self.axes.plot([left, left + pixels], [base, base], color=INK, linewidth=0.15 * self.em, solid_capstyle="butt")
+        self.axes.plot(
+            [left, left + pixels], [base, base], color=INK, linewidth=0.15 * self.line, solid_capstyle="butt"
+        )
         self.write(left, base - 0.85 * self.em, name_length(length, unit))
 
     def colour_bar(self, box: Box, colour_map: str, limits: tuple[float, float], label: str) -> None:
@@ -148,6 +168,14 @@ class Page:
         """Return the finished (h, w, 3) page."""
         self.canvas.draw()  # type: ignore[no-untyped-call]
         return np.array(self.canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[no-untyped-call]
+
+
+def save_figure(figure: Figure, path: str | PathLike[str], dpi: float | None = None) -> None:
+    """Write a figure of Matplotlib, whole or not at all; of the same figure always the same bytes."""
+    suffix = Path(path).suffix.lower()
+    dated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(suffix)
+    with whole_file(path) as temporary, rc_context({"svg.hashsalt": "o3dleaf", "svg.fonttype": "path"}):
+        figure.savefig(temporary, dpi=dpi or figure.dpi, metadata=dated)
 
 
 def round_length(length: float) -> float:

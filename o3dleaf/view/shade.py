@@ -6,6 +6,7 @@ gloss as a leaf has, and a faint rim. Both sides of a triangle are lit.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +32,11 @@ LIGHT = np.array([-0.62, 0.50, 0.60])
 """Where the light comes from: right, up, toward the viewer."""
 
 
-def shade_mesh(
-    vertices: FloatArray, triangles: IntArray, paint: Paint, camera: Camera, size: tuple[int, int], view: View
-) -> FloatArray:
-    """Return a picture of a mesh with its coverage.
+@dataclass(frozen=True)
+class Shot:
+    """What is to be shaded for one panel.
 
-    Parameters
+    Attributes
     ----------
     vertices, triangles : (n, 3), (m, 3) ndarrays
     paint : callable
@@ -46,17 +46,30 @@ def shade_mesh(
         Width and height in pixels.
     view : View
         Its `smooth` and `supersampling`.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    paint: Paint
+    camera: Camera
+    size: tuple[int, int]
+    view: View
+
+
+def shade_mesh(shot: Shot) -> FloatArray:
+    """Return a picture of a mesh with its coverage.
 
     Returns
     -------
     (height, width, 4) ndarray
         Linear RGB times coverage, and the coverage from 0 to 1.
     """
+    vertices, triangles, camera, size, view = shot.vertices, shot.triangles, shot.camera, shot.size, shot.view
     # float32 holds the digits of what is near zero: the target becomes the origin.
     local = (vertices - camera.target).astype(np.float32)
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)))
-    normals = _vertex_normals(local, triangles) if view.smooth else None
+    normals = vertex_normals(local, triangles) if view.smooth else None
     width, height = size
     finer = view.supersampling
     image = np.empty((height, width, 4))
@@ -67,7 +80,7 @@ def shade_mesh(
         y = (np.arange(top * finer, bottom * finer) + 0.5) / finer
         columns, lines = (grid.ravel() for grid in np.meshgrid(x, y))
         rays = camera.rays(columns, lines, size)
-        colours = _shade_rays(scene, rays, (triangles, normals), paint, camera)
+        colours = _shade_rays(scene, rays, (triangles, normals), shot.paint, camera)
         image[top:bottom] = colours.reshape(bottom - top, finer, width, finer, 4).mean(axis=(1, 3))
     return image
 
@@ -105,15 +118,35 @@ def _light(
     scene: o3d.t.geometry.RaycastingScene, place: FloatArray, normal: FloatArray, way: FloatArray, camera: Camera
 ) -> FloatArray:
     """Return (n, 2): the light that a surface scatters in its colour, and the gloss added in white."""
-    sun = np.stack([camera.right, camera.up, camera.toward], axis=1) @ (LIGHT / np.linalg.norm(LIGHT))
-    lit = ~_blocked(scene, place, np.broadcast_to(sun, place.shape), np.inf)
+    sun = np.broadcast_to(sun_of(camera), place.shape)
+    lit = ~_blocked(scene, place, sun, np.inf)
+    return reflect(normal, way, camera, lit, _sky_seen(scene, place, normal, camera))
+
+
+def sun_of(camera: Camera) -> FloatArray:
+    """Return the unit vector to the light."""
+    return np.asarray(np.stack([camera.right, camera.up, camera.toward], axis=1) @ (LIGHT / np.linalg.norm(LIGHT)))
+
+
+def reflect(
+    normal: FloatArray,
+    way: FloatArray,
+    camera: Camera,
+    lit: npt.NDArray[np.bool_] | float = 1.0,
+    seen: FloatArray | float = 1.0,
+) -> FloatArray:
+    """Return (n, 2) light, scattered and gloss, of surfaces with a normal, seen along unit `way`.
+
+    `lit` says whether the light reaches them, `seen` is the part of the sky that they see.
+    """
+    sun = sun_of(camera)
     direct = np.clip(normal @ sun, 0, None) * lit
     sky = 0.75 + 0.25 * (normal @ camera.up)
     half = sun - way
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     gloss = np.clip(np.einsum("ij,ij->i", normal, half), 0, None) ** 20 * lit
     rim = (1 - np.clip(-np.einsum("ij,ij->i", normal, way), 0, 1)) ** 3
-    diffuse = 1.15 * direct + 0.40 * sky * _sky_seen(scene, place, normal, camera)
+    diffuse = 1.15 * direct + 0.40 * sky * seen
     return np.column_stack([diffuse + 0.10 * rim, 0.05 * gloss + 0.01 * rim])
 
 
@@ -151,7 +184,7 @@ def _interpolate(values: FloatArray, corners: IntArray, weights: FloatArray) -> 
     return np.asarray(mixed / np.where(length > 0, length, 1))
 
 
-def _vertex_normals(vertices: npt.NDArray[np.float32], triangles: IntArray) -> FloatArray:
+def vertex_normals(vertices: npt.NDArray[np.float32], triangles: IntArray) -> FloatArray:
     """Return the (n, 3) unit normals of the vertices, triangles weighted by area."""
     first, second, third = (vertices[triangles[:, corner]].astype(np.float64) for corner in range(3))
     face = np.cross(second - first, third - first)
