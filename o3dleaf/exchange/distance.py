@@ -13,7 +13,7 @@ from o3dleaf.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.exchange.particles import columns_through
 from o3dleaf.exchange.surface import AnyMesh, Surface
 from o3dleaf.files import require_free, require_writable, whole_file
-from o3dleaf.leaf.grid import _envelope as grid_envelope
+from o3dleaf.leaf.grid import envelope
 from o3dleaf.parallel import Progress
 
 SUFFIXES = (".vti", ".nrrd", ".npy")
@@ -119,7 +119,7 @@ def _write(target: Path, distance: _Distance, unit: str | None, progress: Progre
     header, footer = b"", b""
     if suffix != ".npy":
         place = distance.origin, np.full(3, distance.step)
-        header, footer = grid_envelope(suffix, "distance", np.dtype(np.float32), shape, place, unit)
+        header, footer = envelope(suffix, "distance", np.dtype(np.float32), shape, place, unit)
     with whole_file(target) as temporary, temporary.open("wb") as out:
         if suffix == ".npy":
             head = {"descr": "<f4", "fortran_order": False, "shape": shape[::-1]}

@@ -54,7 +54,7 @@ def write_grid(
     kind = np.dtype(KINDS[what])
     require_free(target, int(np.prod(counts, dtype=object)) * kind.itemsize)
     shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what, closed=closed)
-    header, footer = _envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
+    header, footer = envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
     with whole_file(target) as temporary, temporary.open("wb") as stream:
         stream.write(header)
         _write_values(stream, sampler, first, step, shape, kind, progress)
@@ -105,7 +105,7 @@ def _write_values(  # noqa: PLR0917 - a grid is where it starts, its step and it
             progress(stop, total)
 
 
-def _envelope(
+def envelope(
     suffix: str, what: str, kind: np.dtype[Any], shape: Shape, place: tuple[FloatArray, FloatArray], unit: str | None
 ) -> tuple[bytes, bytes]:
     """Return what stands before and after the numbers."""
@@ -116,7 +116,7 @@ def _envelope(
     size = int(np.prod(shape, dtype=object)) * kind.itemsize
     header = (
         '<?xml version="1.0"?>\n'
-        '<VTKFile type="ImageData" version="1.0" byte_order="little_endian" header_type="UInt64">\n'
+        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt64">\n'
         f"<!-- o3dleaf: {what}, lengths in {unit or 'no stated unit'} -->\n"
         f'<ImageData WholeExtent="{extent}" Origin="{" ".join(origin)}" Spacing="{" ".join(step)}">\n'
         f'<Piece Extent="{extent}">\n<PointData Scalars="{what}">\n'

@@ -42,7 +42,7 @@ class Charted:
 
 
 Work = Callable[[Charted, BoolArray], Charted]
-"""Takes a block and which of its vertices must stay, and returns it edited: vertices keep their rows, new ones follow."""
+"""Takes a block and which vertices must stay, and returns it edited: vertices keep their rows, new ones follow."""
 
 
 def work_in_blocks(mesh: Charted, work: Work, share: float, progress: Progress | None = None) -> Charted:

@@ -115,7 +115,7 @@ def is_near(mesh, place, h, around, count, deviation):
     nearest = np.inf
     for k in range(count):
         p, q = origin[after(around[k])], origin[before(around[k])]
-        if p != w and q != w:
+        if w not in (p, q):
             nearest = min(nearest, square_to_triangle(place[v], place[w], place[p], place[q]))
     if nearest > deviation * deviation:
         return False
