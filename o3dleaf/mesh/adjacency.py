@@ -212,6 +212,29 @@ def mark_duplicates(corners, order, of_half, is_duplicate):
 
 
 @njit(nogil=True, cache=True)
+def list_ends(ends, begin, at_vertex):
+    """List the edges at each vertex: of vertex v, at_vertex[begin[v] : begin[v + 1]], in the edges' order.
+
+    Parameters
+    ----------
+    ends : (b, 2) ndarray
+    begin : (v + 1,) ndarray
+        Zeros; filled.
+    at_vertex : (2 b,) ndarray
+        Filled.
+    """
+    for edge in range(len(ends)):
+        for side in range(2):
+            begin[ends[edge, side]] += 1
+    for vertex in range(1, len(begin)):
+        begin[vertex] += begin[vertex - 1]
+    for edge in range(len(ends) - 1, -1, -1):
+        for side in range(1, -1, -1):
+            begin[ends[edge, side]] -= 1
+            at_vertex[begin[ends[edge, side]]] = edge
+
+
+@njit(nogil=True, cache=True)
 def walk_boundary(begin, neighbours, ends, loop, visited, walk, offsets, of_ring):
     """Walk along boundary edges from vertex to vertex, each edge once, until stuck; return the number of walks.
 
