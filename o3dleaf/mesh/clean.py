@@ -1,69 +1,203 @@
-"""Repair and simplification by MeshLab's filters; the only file that imports pymeshlab (GPL-3).
+"""Cleaning, and simplification by MeshLab's filters; the only file that imports pymeshlab (GPL-3).
 
 Coordinates pass in double precision both ways, sizes are in the mesh's own unit, never percentages.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import open3d as o3d
 import pymeshlab
 
 from o3dleaf.checks import FloatArray, require_positive
 from o3dleaf.errors import InputError
-from o3dleaf.mesh.arrays import IntArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
-from o3dleaf.mesh.topology import EdgeTable, find_holes, label_triangles
+from o3dleaf.mesh.arrays import BoolArray, IntArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
+from o3dleaf.mesh.draft import NEW, Draft
+from o3dleaf.mesh.flips import flip_edges, folded_edges
+from o3dleaf.mesh.merge import merge_close
+from o3dleaf.mesh.repair import (
+    drop_crossing,
+    drop_flat,
+    drop_repeated,
+    drop_small,
+    split_bowties,
+    thin_edges,
+    turn_flipped,
+    weld,
+)
+from o3dleaf.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles
 
 REMESHING_ROUNDS = 5
 """Rounds of splitting, collapsing, flipping and moving; more change little."""
 
-PASSES = 10
-"""Rounds of cleaning at most: a repair can uncover a defect, in practice two rounds reach rest."""
+FOLD_ANGLE = 1.0
+"""Degrees: two triangles that meet at less than this are folded over; the rim of a blade is blunter."""
+
+
+@dataclass(frozen=True)
+class Cleaning:
+    """What `clean_mesh` is asked to do; its arguments."""
+
+    merge: float = 0.0
+    smallest_component: float = 0.0
+    smallest_area: float = 0.0
+    fewest_triangles: int = 0
+    largest_hole: float = 0.0
+    smallest_height: float = 0.0
+    fold_angle: float = FOLD_ANGLE
+    untangle: bool = False
+    orient: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"{name}: is {value}; give zero (leave alone) or more")
+
+    def steps(self) -> list[Callable[[Draft], Draft]]:
+        """Return the repairs in the order in which one makes work for the next."""
+        flip = partial(flip_edges, height=self.smallest_height, angle=self.fold_angle, crossings=mark_crossings)
+        small = partial(
+            drop_small, diameter=self.smallest_component, area=self.smallest_area, triangles=self.fewest_triangles
+        )
+        merge = partial(merge_close, distance=self.merge, angle=self.fold_angle, crossings=mark_crossings)
+        return [
+            weld,
+            *([merge] if self.merge > 0 else []),
+            drop_repeated,
+            *([turn_flipped] if self.orient else []),
+            flip,
+            drop_flat,
+            thin_edges,
+            *([partial(drop_crossing, crossings=mark_crossings)] if self.untangle else []),
+            small,
+            Draft.compact,
+            split_bowties,
+            *([turn_flipped] if self.orient else []),
+            *([partial(_close_holes, largest=self.largest_hole, angle=self.fold_angle)] if self.largest_hole else []),
+        ]
+
+    def of(self, draft: Draft) -> Draft:
+        """Return a mesh that the steps leave as it is, to the bit."""
+        steps = self.steps()
+        # Ends: no step undoes another's, each takes away defects, triangles or vertices, and a split vertex,
+        # which is welded and split again, comes out as it was.
+        while True:
+            before = draft
+            for step in steps:
+                draft = step(draft)
+            if draft.same(before):
+                return draft
 
 
 def clean_mesh(
-    mesh: MeshLike, *, smallest_component: float = 0.0, largest_hole: float = 0.0, orient: bool = True
+    mesh: MeshLike,
+    *,
+    merge: float = 0.0,
+    smallest_component: float = 0.0,
+    smallest_area: float = 0.0,
+    fewest_triangles: int = 0,
+    largest_hole: float = 0.0,
+    smallest_height: float = 0.0,
+    fold_angle: float = FOLD_ANGLE,
+    untangle: bool = False,
+    orient: bool = True,
 ) -> o3d.geometry.TriangleMesh:
-    """Return a mesh without duplicate or null triangles, non-manifold edges or vertices; no vertex moves.
+    """Return a mesh without duplicate or flat triangles, non-manifold edges or vertices; no vertex moves.
 
-    Rounds of MeshLab's filters until nothing changes, so that cleaning twice is cleaning once:
-    duplicate vertices are merged, duplicate and null triangles removed, triangles taken away until
-    every edge has at most two (the smallest first), bow-tie vertices split into one a fan, small
-    components removed, holes closed with triangles between their own vertices.
+    Rounds of repairs until nothing changes, so that cleaning twice is cleaning once, bit for bit:
+    vertices in one place are joined, duplicate and flat triangles removed, edges flipped where a
+    triangle is flat or folded over its neighbour, triangles taken away until every edge has at most
+    two (fins before what they stand on), bow-tie vertices split into one a fan, small components
+    removed, flipped triangles turned, holes closed with triangles between their own vertices
+    (MeshLab's ear cutting).
+
+    Nothing gets worse: compared with the mesh whose coincident vertices are joined, there are not
+    more non-manifold edges or vertices, inconsistent edges, degenerate, duplicate or crossing
+    triangles, nor folded edges, of the first two and of the flat and duplicate ones none at all.
+    What would make a defect is not done: such a flip, merge or closed hole is left out. A triangle
+    taken away leaves at most three edges on the boundary, and nothing else adds to it.
 
     Parameters
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Not modified.
+    merge : float
+        Vertices at most this far from an earlier one are joined to it, and none moves farther; in
+        the mesh's unit. With 0 no vertex moves at all.
     smallest_component : float
         Pieces whose bounding box has a shorter diagonal than this are removed; in the mesh's unit.
+    smallest_area : float
+        Pieces with a smaller area are removed; in the square of the mesh's unit.
+    fewest_triangles : int
+        Pieces of fewer triangles are removed.
     largest_hole : float
         Holes with a perimeter up to this are closed, the rim of an open sheet never is (see
         `mesh_report` for which loop is a rim); in the mesh's unit.
+    smallest_height : float
+        Triangles with a smaller height over their longest edge, at whose foot a vertex stands like a
+        T, are flipped away where that helps; the surface then moves by at most so much. In the
+        mesh's unit.
+    fold_angle : float
+        Two triangles that meet at less than this are folded over; in degrees, 180 being flat.
+    untangle : bool
+        Remove the triangles that cross others; the holes that they leave are closed up to `largest_hole`.
     orient : bool
-        Turn the triangles that run against the larger part, by area, of their piece.
+        Turn the triangles that run against the larger part, by area, of their patch.
 
     Returns
     -------
     open3d.geometry.TriangleMesh
-        float64 vertices, bit for bit those of the input that are left.
+        float64 vertices, bit for bit some of the input's. Vertex colours stay, normals are computed
+        anew if there were any; texture coordinates and materials are dropped. `clean_labels` says
+        what becomes of labels.
 
     Raises
     ------
     InputError
         If the mesh has no triangle or a size is below zero.
     """
-    if min(smallest_component, largest_hole) < 0:
-        raise InputError("smallest_component, largest_hole: give lengths of zero (leave alone) or more")
-    vertices, triangles = _require_triangles(mesh)
-    for _ in range(PASSES):
-        before = len(vertices), len(triangles)
-        vertices, triangles = _repair(vertices, triangles, smallest_component)
-        if orient:
-            triangles = _turn_minority(vertices, triangles)
-        if largest_hole > 0:
-            vertices, triangles = _close_holes(vertices, triangles, largest_hole)
-        if (len(vertices), len(triangles)) == before or not len(triangles):
-            break
-    return build_mesh(vertices, triangles)
+    cleaning = Cleaning(
+        merge=merge,
+        smallest_component=smallest_component,
+        smallest_area=smallest_area,
+        fewest_triangles=fewest_triangles,
+        largest_hole=largest_hole,
+        smallest_height=smallest_height,
+        fold_angle=fold_angle,
+        untangle=untangle,
+        orient=orient,
+    )
+    return _finish(mesh, cleaning.of(Draft.of(*_require_triangles(mesh))))
+
+
+def clean_labels(
+    mesh: MeshLike, labels: npt.ArrayLike, **options: float
+) -> tuple[o3d.geometry.TriangleMesh, npt.NDArray[Any]]:
+    """Return what `clean_mesh` makes of a mesh, and the labels of the triangles that are left.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Not modified.
+    labels : (m, ...) array_like
+        One row a triangle; any type. A triangle that closes a hole takes a neighbour's.
+    **options
+        The other arguments of `clean_mesh`.
+
+    Raises
+    ------
+    InputError
+        As `clean_mesh`; if there is not one label a triangle.
+    """
+    draft, given = Draft.of(*_require_triangles(mesh)), np.asarray(labels)
+    if given.shape[:1] != draft.triangle_origin.shape:
+        raise InputError(f"labels: has shape {given.shape}; give one a triangle, {len(draft.triangles)} in all")
+    draft = Cleaning(**options).of(draft)  # type: ignore[arg-type]
+    return _finish(mesh, draft), given[_spread(draft)]
 
 
 def simplify_mesh(
@@ -159,64 +293,75 @@ def count_self_intersections(mesh: MeshLike) -> int:
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
     """
-    vertices, triangles = mesh_arrays(mesh)
+    return int(mark_crossings(*mesh_arrays(mesh)).sum())
+
+
+def mark_crossings(vertices: FloatArray, triangles: IntArray) -> BoolArray:
+    """Return which (m,) triangles cross others."""
     if not len(triangles):
-        return 0
+        return np.zeros(0, dtype=bool)
     session = _session(vertices, triangles)
     session.compute_selection_by_self_intersections_per_face()
-    return int(session.current_mesh().selected_face_number())
+    return np.array(session.current_mesh().face_selection_array())
 
 
-def _repair(vertices: FloatArray, triangles: IntArray, smallest_component: float) -> tuple[FloatArray, IntArray]:
-    """Run the filters that remove or split, in the order in which one makes work for the next."""
-    session = _session(vertices, triangles)
-    session.meshing_remove_duplicate_vertices()
-    session.meshing_remove_duplicate_faces()
-    session.meshing_remove_null_faces()
-    session.meshing_repair_non_manifold_edges(method="Remove Faces")
-    session.meshing_repair_non_manifold_vertices(vertdispratio=0)
-    if smallest_component > 0:
-        size = pymeshlab.PureValue(smallest_component)
-        session.meshing_remove_connected_component_by_diameter(mincomponentdiag=size)
-    session.meshing_remove_unreferenced_vertices()
-    return _result(session)
-
-
-def _close_holes(vertices: FloatArray, triangles: IntArray, largest: float) -> tuple[FloatArray, IntArray]:
-    """Close the holes with a perimeter up to `largest`; MeshLab is told which by a triangle beside each."""
-    edges = EdgeTable.of(triangles)
-    holes = find_holes(vertices, triangles, edges)
+def _close_holes(draft: Draft, largest: float, angle: float) -> Draft:
+    """Close the holes with a perimeter up to `largest`, but for those where that would make a defect."""
+    edges = EdgeTable.of(draft.triangles)
+    holes = find_holes(draft.vertices, draft.triangles, edges)
     small = ~holes.is_rim & (holes.perimeter <= largest)
     if not small.any():
-        return vertices, triangles
-    beside = np.zeros(len(edges.count), dtype=bool)
-    beside[holes.edges[small[holes.of_edge]]] = True
-    mark = beside[edges.of_half].reshape(-1, 3).any(axis=1)
-    session = _session(vertices, triangles, np.where(mark, 1.0, 0.0))
+        return draft
+    mark = np.zeros(len(draft.triangles))
+    mark[edges.triangles_of(holes.edges[small[holes.of_edge]])] = 1.0
+    session = _session(draft.vertices, draft.triangles, mark)
     session.compute_selection_by_condition_per_face(condselect="fq > 0.5")
     most = int(np.bincount(holes.of_edge)[small].max())
     session.meshing_close_holes(maxholesize=most + 1, selected=True, newfaceselected=False)
-    return _result(session)
+    new = _result(session)[1][len(mark) :]
+    fill = Draft(draft.vertices, new, draft.vertex_origin, np.full(len(new), NEW))
+    # Three vertices in one line make MeshLab's ears flat.
+    fill = flip_edges(fill, 0.0, angle, mark_crossings)
+    origin = np.concatenate([draft.triangle_origin, fill.triangle_origin])
+    filled = replace(draft, triangles=np.concatenate([draft.triangles, fill.triangles]), triangle_origin=origin)
+    patch = label_triangles(fill.triangles)
+    spoilt = np.bincount(patch, weights=_is_defective(filled, angle)[len(mark) :]) > 0
+    return filled.only(np.append(np.ones(len(mark), dtype=bool), ~spoilt[patch]))
 
 
-def _turn_minority(vertices: FloatArray, triangles: IntArray) -> IntArray:
-    """Return the triangles turned alike within each piece, as most of its area was before."""
-    edges = EdgeTable.of(triangles)
-    if not edges.inconsistent().any():
-        return triangles
-    session = _session(vertices, triangles)
-    session.meshing_re_orient_faces_coherently()
-    alike = session.current_mesh().face_matrix().astype(np.int64)
-    turned = _winding(alike) != _winding(triangles)
-    piece, area = label_triangles(triangles, edges), triangle_areas(vertices, triangles)
-    against = np.bincount(piece, weights=area * turned) > np.bincount(piece, weights=area) / 2
-    return np.where((turned ^ against[piece])[:, np.newaxis], triangles[:, ::-1], triangles)
+def _is_defective(draft: Draft, angle: float) -> BoolArray:
+    """Return which triangles have any defect that `clean_mesh` counts."""
+    edges = EdgeTable.of(draft.triangles)
+    bad_edge = (edges.count > 2) | edges.against | folded_edges(draft.vertices, edges, angle)
+    bowtie = fans_per_vertex(draft.triangles, label_fans(draft.triangles, edges), len(draft.vertices)) > 1
+    bad = mark_crossings(draft.vertices, draft.triangles) | draft.heights()[2]
+    bad |= bad_edge[edges.of_half.reshape(-1, 3)].any(axis=1) | bowtie[draft.triangles].any(axis=1)
+    return np.asarray(bad)
 
 
-def _winding(triangles: IntArray) -> IntArray:
-    """Return the vertex after the smallest one of each triangle: turning a triangle changes it."""
-    after = (triangles.argmin(axis=1) + 1) % 3
-    return np.asarray(np.take_along_axis(triangles, after[:, np.newaxis], axis=1)[:, 0])
+def _spread(draft: Draft) -> IntArray:
+    """Return the origins of the triangles; new ones take the first that a neighbour has."""
+    origin = draft.triangle_origin.copy()
+    edges = EdgeTable.of(draft.triangles)
+    pairs = edges.order[edges.first(np.flatnonzero(edges.count == 2))[:, np.newaxis] + [0, 1]] // 3
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    while (origin == NEW).any():
+        to, of = pairs[(origin[pairs[:, 0]] == NEW) & (origin[pairs[:, 1]] != NEW)].T
+        origin[to[::-1]] = origin[of[::-1]]
+    return origin
+
+
+def _finish(mesh: MeshLike, draft: Draft) -> o3d.geometry.TriangleMesh:
+    """Return the draft as a mesh, with the colours and normals that the input had."""
+    result = build_mesh(draft.vertices, draft.triangles)
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        mesh = mesh.to_legacy()
+    if isinstance(mesh, o3d.geometry.TriangleMesh):
+        if mesh.has_vertex_colors():
+            result.vertex_colors = o3d.utility.Vector3dVector(np.asarray(mesh.vertex_colors)[draft.vertex_origin])
+        if mesh.has_vertex_normals():
+            result.compute_vertex_normals()
+    return result
 
 
 def _require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:

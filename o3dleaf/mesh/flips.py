@@ -1,0 +1,139 @@
+"""Edges flipped where triangles are flat or folded over: no vertex moves, no topology changes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.draft import Draft
+from o3dleaf.mesh.repair import FindCrossings
+from o3dleaf.mesh.topology import EdgeTable
+
+
+def folded_edges(vertices: FloatArray, edges: EdgeTable, angle: float) -> BoolArray:
+    """Return which edges have two triangles that meet at less than `angle`, in degrees: 180 is flat.
+
+    The angle is that between the triangles' heights over the edge, whichever way they are turned.
+    """
+    folded = np.zeros(len(edges.ends), dtype=bool)
+    pair = np.flatnonzero(edges.count == 2)
+    begin, end = (vertices[edges.ends[pair, side]] for side in (0, 1))
+    along = end - begin
+    halves = edges.order[edges.first(pair)[:, np.newaxis] + [0, 1]]
+    across = []
+    for side in (0, 1):
+        half = halves[:, side]
+        apex = vertices[edges.corners[half - half % 3 + (half + 2) % 3]] - begin
+        across.append(np.cross(along, apex))
+    sine = np.linalg.norm(np.cross(*across), axis=1)
+    cosine = np.einsum("ij,ij->i", *across)
+    # Both zero where a triangle is flat, which is no fold.
+    folded[pair] = (cosine > 0) & (np.arctan2(sine, cosine) < np.radians(angle))
+    return folded
+
+
+@dataclass(frozen=True, eq=False)
+class _Flips:
+    """Edges to flip: the triangles on both sides, (k, 2) rows, and the ones that stand for them, (k, 2, 3)."""
+
+    rows: IntArray
+    instead: IntArray
+
+    def of(self, which: BoolArray) -> "_Flips":
+        """Return some of them."""
+        return _Flips(self.rows[which], self.instead[which])
+
+    def applied(self, draft: Draft) -> Draft:
+        """Return the mesh with these edges flipped."""
+        triangles = draft.triangles.copy()
+        triangles[self.rows] = self.instead
+        return replace(draft, triangles=triangles)
+
+
+@dataclass(frozen=True, eq=False)
+class _Faults:
+    """What flips can mend: degenerate and flat triangles, folded edges."""
+
+    edges: EdgeTable
+    degenerate: BoolArray
+    folded: BoolArray
+    flat: BoolArray
+    longest: IntArray
+
+    @classmethod
+    def of(cls, draft: Draft, height: float, angle: float) -> "_Faults":
+        edges = EdgeTable.of(draft.triangles)
+        found, corner, degenerate = draft.heights()
+        longest = 3 * np.arange(len(corner)) + corner
+        folded = folded_edges(draft.vertices, edges, angle)
+        return cls(edges, degenerate, folded, degenerate | (found <= height), longest)
+
+    def count(self, rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the faults in each of (k, 2) pairs of triangles, an edge of both counted once."""
+        around = np.sort(self.edges.of_half.reshape(-1, 3)[rows].reshape(-1, 6), axis=1)
+        once = np.diff(around, axis=1, prepend=-1) != 0
+        folds = (self.folded[around] & once).sum(axis=1)
+        return self.degenerate[rows].sum(axis=1), folds, self.flat[rows].sum(axis=1)
+
+
+def flip_edges(draft: Draft, height: float, angle: float, crossings: FindCrossings) -> Draft:
+    """Flip the longest edges of flat triangles and the edges of folded ones, where that makes fewer of them.
+
+    A flip is done if of its two triangles and their five edges not more are degenerate or folded than
+    before, if fewer of them are, or else fewer flat, and if they cross no triangle of the mesh.
+
+    Parameters
+    ----------
+    height : float
+        A triangle is flat if its height over its longest edge is at most this, or it is degenerate.
+    angle : float
+        An edge is folded if its triangles meet at less than this, in degrees.
+    crossings : callable
+    """
+    tried: set[tuple[int, int]] = set()
+    while True:
+        before = _Faults.of(draft, height, angle)
+        flips = _choose(draft, before, tried)
+        if not len(flips.rows):
+            return draft
+        while len(flips.rows):
+            changed = flips.applied(draft)
+            good = _is_better(before.count(flips.rows), _Faults.of(changed, height, angle).count(flips.rows))
+            good &= ~crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
+            if good.all():
+                draft = changed
+                break
+            flips = flips.of(good)
+
+
+def _is_better(before: tuple[IntArray, ...], after: tuple[IntArray, ...]) -> BoolArray:
+    """Return which flips mend: not more degenerate, not more folded, and fewer of these or else fewer flat."""
+    degenerate, folded, flat = (now - then for then, now in zip(before, after, strict=True))
+    fewer = (degenerate < 0) | (folded < 0) | (flat < 0)
+    return np.asarray((degenerate <= 0) & (folded <= 0) & fewer)
+
+
+def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flips:
+    """Return flips that share no vertex, of edges not tried before; these are then tried."""
+    edges, wanted = faults.edges, faults.folded.copy()
+    wanted[edges.of_half[faults.longest[faults.flat]]] = True
+    candidates = np.flatnonzero(wanted & (edges.count == 2) & ~edges.against)
+    halves = edges.order[edges.first(candidates)[:, np.newaxis] + [0, 1]].astype(np.int64)
+    corner = [halves - halves % 3 + (halves + step) % 3 for step in (0, 1, 2)]
+    start, stop, apex = (edges.corners[each].astype(np.int64) for each in corner)
+    base = len(draft.vertices)
+    known = edges.ends[:, 0].astype(np.int64) * base + edges.ends[:, 1]
+    across = apex.min(axis=1) * base + apex.max(axis=1)
+    free = ~np.isin(across, known) & (apex[:, 0] != apex[:, 1])
+    chosen, busy = [], set()
+    for k in np.flatnonzero(free).tolist():
+        edge = int(start[k, 0]), int(stop[k, 0])
+        corners = {*edge, *apex[k].tolist()}
+        if busy.isdisjoint(corners) and (min(edge), max(edge)) not in tried:
+            busy |= corners
+            tried.add((min(edge), max(edge)))
+            chosen.append(k)
+    a, b, c, d = start[chosen, 0], stop[chosen, 0], apex[chosen, 0], apex[chosen, 1]
+    instead = np.stack([np.stack([c, a, d], axis=1), np.stack([d, b, c], axis=1)], axis=1)
+    return _Flips(halves[chosen] // 3, instead)
