@@ -7,6 +7,7 @@ membership is a comparison of all distances. A twin is to be read beside the pap
 import itertools
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -222,3 +223,58 @@ def difference(function, x, step=1e-4):
         return (8 * (function(x + e) - function(x - e)) - (function(x + 2 * e) - function(x - 2 * e))) / (12 * step)
 
     return np.array([along(e) for e in step * np.eye(x.shape[1])]).T
+
+
+# --- mesh: triangles that meet ---
+
+
+def meet(first, second):
+    """Say whether two triangles, (3, 3) corners, share a point outside the corner or edge that they have in common.
+
+    The first is cut, in exact fractions, by the plane of the second and then by its three edges; the corners of what
+    is left are common corners, or the triangles meet elsewhere. Two triangles on the same places meet.
+    """
+    a, b = ([tuple(map(Fraction, corner)) for corner in triangle.tolist()] for triangle in (first, second))
+    normal = _cross(_minus(b[1], b[0]), _minus(b[2], b[0]))
+    left = _cut(_cut(a, normal, b[0]), _minus((0, 0, 0), normal), b[0])
+    for i in range(3):
+        left = _cut(left, _cross(normal, _minus(b[(i + 1) % 3], b[i])), b[i])
+    common = set(a) & set(b)
+    return len(common) == 3 or not set(left) <= common
+
+
+def _cut(polygon, normal, origin):
+    """Return the part of a convex polygon with normal · (x − origin) >= 0 (Sutherland & Hodgman 1974)."""
+    heights, kept = [_dot(normal, _minus(point, origin)) for point in polygon], []
+    for i, point in enumerate(polygon):
+        before, height = heights[i - 1], heights[i]
+        if before * height < 0:
+            share = before / (before - height)
+            kept.append(tuple(p + share * (q - p) for p, q in zip(polygon[i - 1], point, strict=True)))
+        if height >= 0:
+            kept.append(point)
+    return kept
+
+
+def _minus(a, b):
+    return tuple(p - q for p, q in zip(a, b, strict=True))
+
+
+def _dot(a, b):
+    return sum(p * q for p, q in zip(a, b, strict=True))
+
+
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def is_line(triangle):
+    """Say whether the (3, 3) corners of a triangle are in one line, exactly."""
+    a, b, c = (tuple(map(Fraction, corner)) for corner in triangle.tolist())
+    return not any(_cross(_minus(b, a), _minus(c, a)))
+
+
+def plane_side(a, b, c, d):
+    """Return the sign of det(a − d, b − d, c − d) in fractions."""
+    a, b, c, d = (tuple(map(Fraction, point)) for point in (a, b, c, d))
+    return int(np.sign(_dot(_minus(a, d), _cross(_minus(b, d), _minus(c, d)))))
