@@ -16,6 +16,7 @@ import pymeshlab
 from o3dleaf.checks import FloatArray, require_positive
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import BoolArray, IntArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
+from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import NEW, Draft
 from o3dleaf.mesh.flips import flip_edges, folded_edges
 from o3dleaf.mesh.merge import merge_close
@@ -59,11 +60,11 @@ class Cleaning:
 
     def steps(self) -> list[Callable[[Draft], Draft]]:
         """Return the repairs in the order in which one makes work for the next."""
-        flip = partial(flip_edges, height=self.smallest_height, angle=self.fold_angle, crossings=mark_crossings)
+        flip = partial(flip_edges, height=self.smallest_height, angle=self.fold_angle)
         small = partial(
             drop_small, diameter=self.smallest_component, area=self.smallest_area, triangles=self.fewest_triangles
         )
-        merge = partial(merge_close, distance=self.merge, angle=self.fold_angle, crossings=mark_crossings)
+        merge = partial(merge_close, distance=self.merge, angle=self.fold_angle, orient=self.orient)
         return [
             weld,
             *([merge] if self.merge > 0 else []),
@@ -72,7 +73,7 @@ class Cleaning:
             flip,
             drop_flat,
             thin_edges,
-            *([partial(drop_crossing, crossings=mark_crossings)] if self.untangle else []),
+            *([drop_crossing] if self.untangle else []),
             small,
             Draft.compact,
             split_bowties,
@@ -88,7 +89,7 @@ class Cleaning:
         while True:
             before = draft
             for step in steps:
-                draft = step(draft)
+                draft = step(draft) if len(draft.triangles) else draft
             if draft.same(before):
                 return draft
 
@@ -293,16 +294,12 @@ def count_self_intersections(mesh: MeshLike) -> int:
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
     """
-    return int(mark_crossings(*mesh_arrays(mesh)).sum())
-
-
-def mark_crossings(vertices: FloatArray, triangles: IntArray) -> BoolArray:
-    """Return which (m,) triangles cross others."""
+    vertices, triangles = mesh_arrays(mesh)
     if not len(triangles):
-        return np.zeros(0, dtype=bool)
+        return 0
     session = _session(vertices, triangles)
     session.compute_selection_by_self_intersections_per_face()
-    return np.array(session.current_mesh().face_selection_array())
+    return int(session.current_mesh().selected_face_number())
 
 
 def _close_holes(draft: Draft, largest: float, angle: float) -> Draft:
@@ -321,7 +318,7 @@ def _close_holes(draft: Draft, largest: float, angle: float) -> Draft:
     new = _result(session)[1][len(mark) :]
     fill = Draft(draft.vertices, new, draft.vertex_origin, np.full(len(new), NEW))
     # Three vertices in one line make MeshLab's ears flat.
-    fill = flip_edges(fill, 0.0, angle, mark_crossings)
+    fill = flip_edges(fill, 0.0, angle)
     origin = np.concatenate([draft.triangle_origin, fill.triangle_origin])
     filled = replace(draft, triangles=np.concatenate([draft.triangles, fill.triangles]), triangle_origin=origin)
     patch = label_triangles(fill.triangles)
@@ -334,7 +331,7 @@ def _is_defective(draft: Draft, angle: float) -> BoolArray:
     edges = EdgeTable.of(draft.triangles)
     bad_edge = (edges.count > 2) | edges.against | folded_edges(draft.vertices, edges, angle)
     bowtie = fans_per_vertex(draft.triangles, label_fans(draft.triangles, edges), len(draft.vertices)) > 1
-    bad = mark_crossings(draft.vertices, draft.triangles) | draft.heights()[2]
+    bad = find_crossings(draft.vertices, draft.triangles) | draft.heights()[2]
     bad |= bad_edge[edges.of_half.reshape(-1, 3)].any(axis=1) | bowtie[draft.triangles].any(axis=1)
     return np.asarray(bad)
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import Draft
-from o3dleaf.mesh.repair import FindCrossings
 from o3dleaf.mesh.topology import EdgeTable
 
 
@@ -16,21 +16,21 @@ def folded_edges(vertices: FloatArray, edges: EdgeTable, angle: float) -> BoolAr
 
     The angle is that between the triangles' heights over the edge, whichever way they are turned.
     """
-    folded = np.zeros(len(edges.ends), dtype=bool)
-    pair = np.flatnonzero(edges.count == 2)
-    begin, end = (vertices[edges.ends[pair, side]] for side in (0, 1))
-    along = end - begin
-    halves = edges.order[edges.first(pair)[:, np.newaxis] + [0, 1]]
-    across = []
-    for side in (0, 1):
-        half = halves[:, side]
-        apex = vertices[edges.corners[half - half % 3 + (half + 2) % 3]] - begin
-        across.append(np.cross(along, apex))
-    sine = np.linalg.norm(np.cross(*across), axis=1)
-    cosine = np.einsum("ij,ij->i", *across)
-    # Both zero where a triangle is flat, which is no fold.
-    folded[pair] = (cosine > 0) & (np.arctan2(sine, cosine) < np.radians(angle))
+    folded, of_edge = np.zeros(len(edges.ends), dtype=bool), edges.of_half[edges.order]
+    for step in range(1, int(edges.count.max(initial=0))):
+        pair = np.flatnonzero(of_edge[step:] == of_edge[:-step])
+        one, other = edges.order[pair], edges.order[pair + step]
+        start, stop = (vertices[edges.ends[of_edge[pair], side]] for side in (0, 1))
+        first, second = (np.cross(stop - start, vertices[edges.corners[_before(h)]] - start) for h in (one, other))
+        sine, cosine = np.linalg.norm(np.cross(first, second), axis=1), np.einsum("ij,ij->i", first, second)
+        # Both zero where a triangle is flat, which is no fold.
+        folded[of_edge[pair[(cosine > 0) & (np.arctan2(sine, cosine) < np.radians(angle))]]] = True
     return folded
+
+
+def _before(half: IntArray) -> IntArray:
+    """Return the half-edges that come before some in the same triangles; they start at the corners across."""
+    return half - half % 3 + (half + 2) % 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class _Faults:
         return self.degenerate[rows].sum(axis=1), folds, self.flat[rows].sum(axis=1)
 
 
-def flip_edges(draft: Draft, height: float, angle: float, crossings: FindCrossings) -> Draft:
+def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
     """Flip the longest edges of flat triangles and the edges of folded ones, where that makes fewer of them.
 
     A flip is done if of its two triangles and their five edges not more are degenerate or folded than
@@ -89,7 +89,6 @@ def flip_edges(draft: Draft, height: float, angle: float, crossings: FindCrossin
         A triangle is flat if its height over its longest edge is at most this, or it is degenerate.
     angle : float
         An edge is folded if its triangles meet at less than this, in degrees.
-    crossings : callable
     """
     tried: set[tuple[int, int]] = set()
     while True:
@@ -100,7 +99,7 @@ def flip_edges(draft: Draft, height: float, angle: float, crossings: FindCrossin
         while len(flips.rows):
             changed = flips.applied(draft)
             good = _is_better(before.count(flips.rows), _Faults.of(changed, height, angle).count(flips.rows))
-            good &= ~crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
+            good &= ~find_crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
             if good.all():
                 draft = changed
                 break
@@ -120,13 +119,14 @@ def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flip
     wanted[edges.of_half[faults.longest[faults.flat]]] = True
     candidates = np.flatnonzero(wanted & (edges.count == 2) & ~edges.against)
     halves = edges.order[edges.first(candidates)[:, np.newaxis] + [0, 1]].astype(np.int64)
-    corner = [halves - halves % 3 + (halves + step) % 3 for step in (0, 1, 2)]
-    start, stop, apex = (edges.corners[each].astype(np.int64) for each in corner)
+    ahead = _before(halves)
+    start, stop, apex = (edges.corners[each].astype(np.int64) for each in (halves, _before(ahead), ahead))
     base = len(draft.vertices)
     known = edges.ends[:, 0].astype(np.int64) * base + edges.ends[:, 1]
     across = apex.min(axis=1) * base + apex.max(axis=1)
     free = ~np.isin(across, known) & (apex[:, 0] != apex[:, 1])
-    chosen, busy = [], set()
+    chosen: list[int] = []
+    busy: set[int] = set()
     for k in np.flatnonzero(free).tolist():
         edge = int(start[k, 0]), int(stop[k, 0])
         corners = {*edge, *apex[k].tolist()}

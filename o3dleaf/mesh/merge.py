@@ -1,38 +1,48 @@
 """Vertices nearer to each other than a tolerance are joined, where that breaks nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import Draft
 from o3dleaf.mesh.flips import folded_edges
-from o3dleaf.mesh.repair import FindCrossings, drop_repeated
+from o3dleaf.mesh.repair import drop_repeated, turn_flipped
 from o3dleaf.mesh.topology import EdgeTable
 
 
-def merge_close(draft: Draft, distance: float, angle: float, crossings: FindCrossings) -> Draft:
+def merge_close(draft: Draft, distance: float, angle: float, *, orient: bool) -> Draft:
     """Join each vertex to one before it that is at most `distance` away, if there is one that stays itself.
 
     So nothing moves by more than `distance`, however long a chain of close vertices is. Merges are
     undone where they would make a triangle cross another one, fold over (meet its neighbour at less
-    than `angle`, in degrees), or stand on an edge of three.
+    than `angle`, in degrees), stand on an edge of three, or run against its neighbour; where triangles
+    may be turned (`orient`), only if that cannot be mended.
     """
     target = _targets(draft.vertices, distance)
-    broken = _broken(draft, angle, crossings)
+    turn = turn_flipped if orient else _as_it_is
+    rows = replace(draft, triangle_origin=np.arange(len(draft.triangles)))
+    target = _targets(draft.vertices, distance)
+    before = _faults(rows, turn(rows), angle)
     while True:
         moved = target != np.arange(len(target))
         if not moved.any():
             return draft
-        merged = draft.joined(target)
-        tidy = drop_repeated(merged)
-        worse = np.zeros(len(broken), dtype=bool)
-        at = np.searchsorted(draft.triangle_origin, tidy.triangle_origin)
-        worse[at] = _broken(tidy, angle, crossings) & ~broken[at]
-        if not worse.any():
-            return tidy.compact()
-        guilty = np.isin(target, merged.triangles[worse]) & moved
+        tidy = drop_repeated(rows.joined(target))
+        kept = tidy.triangle_origin
+        worse = kept[(_faults(tidy, turn(tidy), angle) & ~before[kept]).any(axis=1)]
+        if not len(worse):
+            return replace(tidy, triangle_origin=draft.triangle_origin[kept]).compact()
+        guilty = moved & np.isin(target, target[draft.triangles[worse]])
         target = np.where(guilty if guilty.any() else moved, np.arange(len(target)), target)
+
+
+def _as_it_is(draft: Draft) -> Draft:
+    """Return a mesh."""
+    return draft
 
 
 def _targets(vertices: FloatArray, distance: float) -> IntArray:
@@ -45,8 +55,13 @@ def _targets(vertices: FloatArray, distance: float) -> IntArray:
     return target
 
 
-def _broken(draft: Draft, angle: float, crossings: FindCrossings) -> BoolArray:
-    """Return which triangles cross others, are folded over, or stand on an edge of three or more."""
+def _faults(draft: Draft, turned: Draft, angle: float) -> BoolArray:
+    """Return what is wrong with each triangle: crossing, and of each edge folded, of three, inconsistent; (m, 10).
+
+    Edges are inconsistent if they are so in the `turned` mesh, which has the same edges.
+    """
     edges = EdgeTable.of(draft.triangles)
-    bad = folded_edges(draft.vertices, edges, angle) | (edges.count > 2)
-    return np.asarray(crossings(draft.vertices, draft.triangles) | bad[edges.of_half.reshape(-1, 3)].any(axis=1))
+    wrong = folded_edges(draft.vertices, edges, angle), edges.count > 2, EdgeTable.of(turned.triangles).against
+    return np.column_stack(
+        [find_crossings(draft.vertices, draft.triangles), *(kind[edges.of_half.reshape(-1, 3)] for kind in wrong)]
+    )

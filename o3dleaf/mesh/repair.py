@@ -1,17 +1,13 @@
 """Repairs that move no vertex: what is there twice, flat, non-manifold, small or turned the wrong way."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from o3dleaf.checks import FloatArray
-from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.mesh.arrays import triangle_areas
+from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import Draft
 from o3dleaf.mesh.topology import EdgeTable, find_flipped, label_fans, label_nodes, label_triangles
-
-FindCrossings = Callable[[FloatArray, IntArray], BoolArray]
-"""Takes vertices and triangles, returns which triangles meet another in more than a common corner or edge."""
 
 
 def weld(draft: Draft) -> Draft:
@@ -90,8 +86,6 @@ def turn_flipped(draft: Draft) -> Draft:
 
 def drop_small(draft: Draft, diameter: float, area: float, triangles: int) -> Draft:
     """Remove the edge-connected pieces below a diagonal of the bounding box, an area, or a number of triangles."""
-    if not len(draft.triangles):
-        return draft
     piece = label_triangles(draft.triangles)
     order = np.argsort(piece, kind="stable")
     start = np.flatnonzero(np.diff(piece[order], prepend=-1))
@@ -103,6 +97,6 @@ def drop_small(draft: Draft, diameter: float, area: float, triangles: int) -> Dr
     return draft.only(~small[piece])
 
 
-def drop_crossing(draft: Draft, crossings: FindCrossings) -> Draft:
+def drop_crossing(draft: Draft) -> Draft:
     """Remove the triangles that cross others."""
-    return draft.only(~crossings(draft.vertices, draft.triangles))
+    return draft.only(~find_crossings(draft.vertices, draft.triangles))
