@@ -17,14 +17,18 @@ def folded_edges(vertices: FloatArray, edges: EdgeTable, angle: float) -> BoolAr
     The angle is that between the triangles' heights over the edge, whichever way they are turned.
     """
     folded, of_edge = np.zeros(len(edges.ends), dtype=bool), edges.of_half[edges.order]
+    first, second, third = (vertices[edges.corners[corner::3]] for corner in range(3))
+    normal = np.cross(second - first, third - first)
+    # What the edge, from its smaller vertex to its larger, and the corner across it span.
+    forward = (edges.corners == edges.ends[edges.of_half, 0])[edges.order]
     for step in range(1, int(edges.count.max(initial=0))):
         pair = np.flatnonzero(of_edge[step:] == of_edge[:-step])
-        one, other = edges.order[pair], edges.order[pair + step]
-        start, stop = (vertices[edges.ends[of_edge[pair], side]] for side in (0, 1))
-        first, second = (np.cross(stop - start, vertices[edges.corners[_before(h)]] - start) for h in (one, other))
-        sine, cosine = np.linalg.norm(np.cross(first, second), axis=1), np.einsum("ij,ij->i", first, second)
-        # Both zero where a triangle is flat, which is no fold.
-        folded[of_edge[pair[(cosine > 0) & (np.arctan2(sine, cosine) < np.radians(angle))]]] = True
+        one, other = normal[edges.order[pair] // 3], normal[edges.order[pair + step] // 3]
+        cosine = np.einsum("ij,ij->i", one, other) * np.where(forward[pair] == forward[pair + step], 1.0, -1.0)
+        # Not above zero where a triangle is flat, which is no fold.
+        sharp = np.flatnonzero(cosine > 0)
+        sine = np.linalg.norm(np.cross(one[sharp], other[sharp]), axis=1)
+        folded[of_edge[pair[sharp[np.arctan2(sine, cosine[sharp]) < np.radians(angle)]]]] = True
     return folded
 
 
@@ -124,7 +128,8 @@ def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flip
     base = len(draft.vertices)
     known = edges.ends[:, 0].astype(np.int64) * base + edges.ends[:, 1]
     across = apex.min(axis=1) * base + apex.max(axis=1)
-    free = ~np.isin(across, known) & (apex[:, 0] != apex[:, 1])
+    at = np.minimum(np.searchsorted(known, across), len(known) - 1)
+    free = (known[at] != across) & (apex[:, 0] != apex[:, 1])
     chosen: list[int] = []
     busy: set[int] = set()
     for k in np.flatnonzero(free).tolist():
