@@ -13,8 +13,10 @@ import numpy.typing as npt
 import open3d as o3d
 import pymeshlab
 
-from o3dleaf.checks import FloatArray, require_positive
-from o3dleaf.errors import InputError
+from o3dleaf.checks import FloatArray, as_points, require_positive
+from o3dleaf.errors import InputError, O3DLeafError
+from o3dleaf.geometry import CloudLike, points_of
+from o3dleaf.mesh.apart import run_apart
 from o3dleaf.mesh.arrays import BoolArray, IntArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import NEW, Draft
@@ -37,6 +39,10 @@ REMESHING_ROUNDS = 5
 
 FOLD_ANGLE = 1.0
 """Degrees: two triangles that meet at less than this are folded over; the rim of a blade is blunter."""
+
+
+POISSON_SECONDS = 600.0
+"""Time limit of `screened_poisson`: a depth of 10 over a million points takes a few minutes."""
 
 
 @dataclass(frozen=True)
@@ -285,6 +291,57 @@ def remesh_mesh(mesh: MeshLike, *, target_edge: float, deviation: float | None =
         maxsurfdist=pymeshlab.PureValue(most),
     )
     return build_mesh(*_result(session))
+
+
+def screened_poisson(
+    points: CloudLike, normals: npt.ArrayLike, depth: int = 8, *, seconds: float = POISSON_SECONDS
+) -> o3d.geometry.TriangleMesh:
+    """Return MeshLab's screened Poisson surface of oriented points, computed in a process of its own.
+
+    Kazhdan & Hoppe 2013 (ACM Trans. Graph. 32), as a peer to compare with. One thread: with more,
+    MeshLab's solver now and then never ends. Its surface goes on where there are no points.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like or Open3D point cloud
+        In any unit.
+    normals : (n, 3) array_like
+        Outward.
+    depth : int
+        Depth of the octree: its finest cells are 1.1 times the cloud's extent over 2**depth.
+    seconds : float
+        Time limit.
+
+    Raises
+    ------
+    InputError
+        If there is not one normal a point, or a number is not above zero.
+    O3DLeafError
+        If MeshLab crashes, does not end in time, or finds no surface.
+    """
+    given, facing = points_of(points, least=1), as_points(normals, "normals", dim=3)
+    if len(given) != len(facing):
+        raise InputError(f"normals: are {len(facing)} for {len(given)} points; give one a point")
+    require_positive(depth, "depth")
+    found = run_apart(
+        poisson_arrays,
+        (given, facing),
+        {"depth": int(depth)},
+        name="screened Poisson",
+        cure="check the normals, or lower the depth",
+        seconds=require_positive(seconds, "seconds"),
+    )
+    if not len(found[1]):
+        raise O3DLeafError("screened Poisson: found no surface; check the normals, or give more points")
+    return build_mesh(*found)
+
+
+def poisson_arrays(points: FloatArray, normals: FloatArray, depth: int) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of the screened Poisson surface; `screened_poisson` runs this apart."""
+    session = pymeshlab.MeshSet(verbose=False)
+    session.add_mesh(pymeshlab.Mesh(points, v_normals_matrix=normals))
+    session.generate_surface_reconstruction_screened_poisson(depth=depth, threads=1)
+    return _result(session)
 
 
 def count_self_intersections(mesh: MeshLike) -> int:
