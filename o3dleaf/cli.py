@@ -253,8 +253,9 @@ def clean(
 ) -> None:
     """Clean a mesh with MeshLab's filters, lengths in the mesh's own unit, and simplify it on request."""
     from o3dleaf.files import require_apart, require_writable
-    from o3dleaf.mesh.clean import clean_mesh, simplify_mesh
+    from o3dleaf.mesh.clean import simplify_mesh
     from o3dleaf.mesh.files import SUFFIXES, read_triangle_mesh, write_triangle_mesh
+    from o3dleaf.mesh.mend import clean_mesh
 
     require_writable(output, SUFFIXES)
     require_apart([output], [mesh])

@@ -8,9 +8,11 @@ The road through the chapter, one module a step:
 `clip`        triangles outside an outline are discarded, the rim is left manifold
 `components`  edge-connected pieces; the largest are kept, voids and specks are counted
 `quality`     `mesh_report`: what a mesh is, in numbers
-`clean`       repair and simplification by MeshLab's filters (the only file that imports pymeshlab)
+`mend`        `clean_mesh`: repairs in rounds until a mesh is at rest
+`clean`       simplification, remeshing, Poisson by MeshLab's filters (the only file that imports pymeshlab)
 `files`       meshes to disk, whole or not at all
 
 `arrays` holds the door between Open3D's meshes and NumPy, `topology` the edges, fans and loops that
-the others count with, `loops` the compiled code. Nothing here knows where a field comes from.
+the others count with, `draft` a mesh under repair, `apart` a call in a process of its own, `loops` the
+compiled code. Nothing here knows where a field comes from.
 """

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from o3dleaf.mesh.arrays import triangle_areas
+from o3dleaf.mesh.arrays import IntArray, triangle_areas
 from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.draft import Draft
 from o3dleaf.mesh.topology import EdgeTable, find_flipped, label_fans, label_nodes, label_triangles
@@ -58,22 +58,22 @@ def thin_edges(draft: Draft) -> Draft:
 
 def split_bowties(draft: Draft) -> Draft:
     """Give every fan of triangles a vertex of its own, in the same place; the first fan keeps the old one."""
-    fans, corners = label_fans(draft.triangles).ravel(), draft.triangles.ravel()
+    triangles, source = split_fans(draft.triangles, len(draft.vertices))
+    if len(source) == len(draft.vertices):
+        return draft
+    return Draft(draft.vertices[source], triangles, draft.vertex_origin[source], draft.triangle_origin)
+
+
+def split_fans(triangles: IntArray, vertices: int) -> tuple[IntArray, IntArray]:
+    """Return triangles of which no two fans share a vertex, and the old vertex of each of theirs."""
+    fans = label_fans(triangles).ravel()
     label, first = np.unique(fans, return_index=True)
-    vertex = corners[first]
+    vertex = triangles.ravel()[first]
     order = np.lexsort((label, vertex))
     again = np.zeros(len(label), dtype=bool)
     again[order[1:]] = vertex[order[1:]] == vertex[order[:-1]]
-    if not again.any():
-        return draft
-    number = np.where(again, len(draft.vertices) + np.cumsum(again) - 1, vertex)
-    more = vertex[again]
-    return replace(
-        draft,
-        vertices=np.concatenate([draft.vertices, draft.vertices[more]]),
-        vertex_origin=np.concatenate([draft.vertex_origin, draft.vertex_origin[more]]),
-        triangles=number[np.searchsorted(label, fans)].reshape(-1, 3),
-    )
+    number = np.where(again, vertices + np.cumsum(again) - 1, vertex)
+    return number[np.searchsorted(label, fans)].reshape(-1, 3), np.append(np.arange(vertices), vertex[again])
 
 
 def turn_flipped(draft: Draft) -> Draft:
