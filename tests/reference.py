@@ -7,6 +7,7 @@ membership is a comparison of all distances. A twin is to be read beside the pap
 import itertools
 import math
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
@@ -278,3 +279,37 @@ def plane_side(a, b, c, d):
     """Return the sign of det(a − d, b − d, c − d) in fractions."""
     a, b, c, d = (tuple(map(Fraction, point)) for point in (a, b, c, d))
     return int(np.sign(_dot(_minus(a, d), _cross(_minus(b, d), _minus(c, d)))))
+
+
+# --- mesh: what is beside what ---
+
+
+def edge_triangles(triangles):
+    """Return for each edge, a set of vertices, the triangles on it, once for each side that they have there."""
+    found = {}
+    for row, corners in enumerate(triangles.tolist()):
+        for i in range(3):
+            found.setdefault(frozenset((corners[i], corners[(i + 1) % 3])), []).append(row)
+    return found
+
+
+def fans(triangles, vertex):
+    """Return the number of pieces of a vertex's link: its neighbours, joined where a triangle has both."""
+    pieces = []
+    for corners in triangles.tolist():
+        if vertex in corners:
+            link = set(corners) - {vertex}
+            touching = [piece for piece in pieces if piece & link]
+            pieces = [piece for piece in pieces if not piece & link] + [link.union(*touching)]
+    return len(pieces)
+
+
+def smallest_angle(a, b, c):
+    """Return the smallest angle of a triangle in degrees, by the law of cosines in 40 digits."""
+    with localcontext() as context:
+        context.prec = 40
+        a, b, c = (tuple(map(Decimal, corner.tolist())) for corner in (a, b, c))
+        squares = sorted(_dot(_minus(p, q), _minus(p, q)) for p, q in ((a, b), (b, c), (c, a)))
+        cosine = (squares[1] + squares[2] - squares[0]) / (2 * (squares[1] * squares[2]).sqrt())
+        # The sine keeps what the cosine of a small angle has lost in float64.
+        return math.degrees(math.asin(float((1 - cosine**2).sqrt())))

@@ -287,3 +287,20 @@ MERGED = 1e-9
 
 SINGLE_PRECISION_DISTANCE = 1e-6
 """Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
+
+# --- mesh: reports ---
+
+MESHLAB_AREA = 1e-6
+"""MeshLab adds the areas up in single precision; found 5e-8."""
+
+TURNED_MESH = 1e-9
+"""Sums in another order, and coordinates of size 50 rounded to 1e-14 where slivers are 1e-3 high; found 1e-11."""
+
+SMALL_ANGLE = 1e-7
+"""Relative, and in degrees: coordinates of size 50 are rounded to 7e-15, of edges of 1e-6; found 1e-9."""
+
+NEWTON_STEP = 2e-3
+"""The first step from a thousandth outside a sphere is half a thousandth too short, by |d|/2r."""
+
+SCENE = 1e-5
+"""Open3D's ray casting has single precision: 6e-8 of the extent, 1, for distances of 0.005."""

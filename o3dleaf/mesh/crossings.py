@@ -1,5 +1,6 @@
 """Self-intersections: which triangles meet others in more than a common corner or edge, decided exactly."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +21,8 @@ from o3dleaf.mesh.forest import (
 from o3dleaf.mesh.topology import IndexArray, index_type
 from o3dleaf.parallel import Progress, run_blocks
 
-DOUBLINGS = 3
-"""Triangles of a class of size differ by up to this many doublings."""
+DOUBLINGS = 6
+"""Triangles of a class of size differ by up to this many doublings: more widen a tree, fewer have more trees to ask."""
 
 BLOCK = 2**12
 """Leaves or triangles that one thread looks up at a time."""
@@ -75,20 +76,24 @@ def _search(
     vertices: FloatArray, triangles: IntArray, view: Any, origin: FloatArray, trees: list[Tree], crosses: BoolArray
 ) -> None:
     """Mark what the triangles of the last tree meet, in it and in those before it."""
-    rows, boxes, nodes, depth = own = trees[-1]
+    own = trees[-1]
 
     def within(start: int, stop: int) -> None:
         cross_within(vertices, triangles, view, *own, start, stop, crosses)
 
-    run_blocks(within, 1 << depth, BLOCK // LEAF)
-    for tree in trees[:-1]:
+    run_blocks(within, 1 << own.depth, BLOCK // LEAF)
+    for other in trees[:-1]:
+        # The fewer ask. If they are the larger ones, they leave out what their planes and sides miss; if they are
+        # the smaller ones, they find no more boxes each than the larger ones found among themselves.
+        few, many = sorted((own, other), key=lambda tree: len(tree.rows))
         # Boxes are rounded to 2⁻²⁴ of a coordinate.
-        slack = float(max(np.abs(tree.nodes[1]).max(), np.abs(nodes[1]).max())) * 2.0**-20
+        slack = float(np.abs([few.nodes[1], many.nodes[1]]).max()) * 2.0**-20
 
-        def between(start: int, stop: int, tree: Tree = tree, slack: float = slack) -> None:
-            cross_between(vertices, triangles, view, origin, slack, (rows, boxes), start, stop, tuple(tree), crosses)
+        def between(start: int, stop: int, few: Tree = few, many: Tree = many, slack: float = slack) -> None:
+            asking = few.rows, few.boxes
+            cross_between(vertices, triangles, view, origin, slack, asking, start, stop, tuple(many), crosses)
 
-        run_blocks(between, len(rows), BLOCK)
+        run_blocks(between, len(few.rows), BLOCK)
 
 
 def _build_tree(vertices: FloatArray, triangles: IntArray, origin: FloatArray, rows: IndexArray) -> Tree:
@@ -99,7 +104,8 @@ def _build_tree(vertices: FloatArray, triangles: IntArray, origin: FloatArray, r
     run_blocks(lambda i, j: box_triangles(vertices, triangles, origin, rows, i, j, boxes), many, LEAF * BLOCK)
     order = np.arange(many, dtype=rows.dtype)
     for level in range(depth):
-        run_blocks(lambda i, j, at=level: split_level(boxes, at, i, j, order, key), 1 << level, max(1, 1 << level >> 6))
+        split = partial(split_level, boxes, order, key, level)
+        run_blocks(split, 1 << level, max(1, 1 << level >> 6))
     rows, boxes = rows[order], boxes[order]
     nodes = np.empty((2 << depth, 6), dtype=np.float32)
     nodes[0] = 0

@@ -1,8 +1,8 @@
 """The compiled loops that find which triangles' boxes overlap: a forest of trees, one for each class of size.
 
 A tree over k triangles has 2^depth leaves; node j of a level holds the triangles from j k / 2^level on, so that the
-tree is its order alone. A triangle looks into its own tree and those of smaller ones: a large one never widens a
-tree that small ones are looked up in, and it leaves out what its own plane and sides miss.
+tree is its order alone. Large triangles never widen a tree of small ones; between two trees the fewer triangles are
+looked up among the more, and leave out what their own planes and sides miss.
 
 Boxes are in single precision. Rounding never swaps two numbers: boxes that overlap still do.
 """
@@ -53,7 +53,7 @@ def box_triangles(vertices, triangles, origin, rows, start, stop, boxes):
 
 
 @njit(nogil=True, cache=True)
-def split_level(boxes, level, start, stop, order, key):
+def split_level(boxes, order, key, level, start, stop):
     """Split nodes start:stop of a level in two halves, along the axis on which their centres spread most."""
     for node in range(start, stop):
         low, high = node * len(order) >> level, (node + 1) * len(order) >> level
@@ -172,22 +172,22 @@ def _mark(vertices, triangles, view, one, other, crosses):
 
 
 @njit(nogil=True, cache=True)
-def cross_between(vertices, triangles, view, origin, slack, large, start, stop, trees, crosses):
-    """Mark the triangles `large` start:stop that meet triangles of trees of smaller ones, and those.
+def cross_between(vertices, triangles, view, origin, slack, asking, start, stop, tree, crosses):
+    """Mark the triangles start:stop of those asking that meet triangles of a tree of another size, and those.
 
     Parameters
     ----------
-    large : tuple
-        Rows and boxes of a tree.
-    trees : tuple
-        Rows, boxes, nodes and depth of a tree.
+    asking : tuple
+        Rows and boxes of triangles.
+    tree : tuple
+        Rows, boxes, nodes and depth of the tree.
     slack : float
         More than the rounding of a coordinate of a box.
     """
-    rows, boxes, nodes, depth = trees
+    rows, boxes, nodes, depth = tree
     many, waiting, corners = len(rows), np.empty(DEEP, np.int64), np.empty((3, 3))
     for n in range(start, stop):
-        box, t = large[1][n], large[0][n]
+        box, t = asking[1][n], asking[0][n]
         if not _overlap(box, nodes[1]):
             continue
         for corner in range(3):

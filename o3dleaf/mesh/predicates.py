@@ -92,8 +92,8 @@ def _exact_plane_side(v, i, j, k, m):
     for row, node in enumerate((i, j, k)):
         for axis in range(3):
             high, low = two_sum(v[node, axis], -v[m, axis])
-            factors[3 * row + axis] = high, low
-            factors[9 + 3 * row + axis] = -high, -low
+            factors[3 * row + axis, 0], factors[3 * row + axis, 1] = high, low
+            factors[9 + 3 * row + axis, 0], factors[9 + 3 * row + axis, 1] = -high, -low
     for axis in range(3):
         one, other = (axis + 1) % 3, (axis + 2) % 3
         size = grow_product(expansion, size, factors, axis, 3 + one, 6 + other)
@@ -116,10 +116,10 @@ def line_side(v, axis, i, j, k):
 def _exact_line_side(v, x, y, i, j, k):
     """Return the same from two exact products of exact differences."""
     factors, expansion = np.empty((5, 2)), np.empty(64)
-    factors[0] = two_sum(v[i, x], -v[k, x])
-    factors[1] = two_sum(v[j, y], -v[k, y])
-    factors[2] = two_sum(v[k, y], -v[i, y])
-    factors[3] = two_sum(v[j, x], -v[k, x])
-    factors[4] = 1.0, 0.0
+    factors[0, 0], factors[0, 1] = two_sum(v[i, x], -v[k, x])
+    factors[1, 0], factors[1, 1] = two_sum(v[j, y], -v[k, y])
+    factors[2, 0], factors[2, 1] = two_sum(v[k, y], -v[i, y])
+    factors[3, 0], factors[3, 1] = two_sum(v[j, x], -v[k, x])
+    factors[4, 0], factors[4, 1] = 1.0, 0.0
     size = grow_product(expansion, 0, factors, 0, 1, 4)
     return sign_of(expansion, grow_product(expansion, size, factors, 2, 3, 4))

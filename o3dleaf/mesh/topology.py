@@ -20,6 +20,7 @@ from o3dleaf.mesh.adjacency import (
     walk_boundary,
 )
 from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.mesh.measures import measure_edges
 
 IndexArray = npt.NDArray[np.signedinteger[Any]]
 """Whole numbers of four bytes where they suffice, else of eight."""
@@ -179,10 +180,10 @@ def find_holes(
     edges = edges or EdgeTable.of(triangles)
     piece = label_triangles(triangles, edges) if piece is None else piece
     boundary = np.flatnonzero(edges.count == 1)
-    names, ends = np.unique(edges.ends[boundary], return_inverse=True)
-    ends = ends.reshape(-1, 2)
+    names, ends = _renumber(edges.ends[boundary], len(vertices))
     of_edge = label_nodes(ends[:, 0], ends[:, 1], len(names))[ends[:, 0]]
-    length = np.linalg.norm(np.diff(vertices[edges.ends[boundary]], axis=1)[:, 0], axis=1)
+    length = np.empty(len(boundary))
+    measure_edges(vertices, edges.ends[boundary], 0, len(boundary), length)
     perimeter = np.bincount(of_edge, weights=length).astype(np.float64)
     whole = np.bincount(piece, weights=triangle_areas(vertices, triangles) if area is None else area)
     of_loop = np.empty(len(perimeter), dtype=np.int64)
@@ -191,6 +192,13 @@ def find_holes(
     longest = np.zeros(len(perimeter), dtype=bool)
     longest[ranking[np.diff(of_loop[ranking], prepend=-1) > 0]] = True
     return BoundaryLoops(boundary, of_edge, perimeter, longest & (perimeter**2 >= np.pi * whole[of_loop]))
+
+
+def _renumber(ends: IndexArray, vertices: int) -> tuple[IntArray, IndexArray]:
+    """Return the rising vertices that (b, 2) `ends` name, and the ends as places among them."""
+    named = np.zeros(vertices, dtype=bool)
+    named[ends] = True
+    return np.flatnonzero(named), (np.cumsum(named) - 1)[ends]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,13 +232,12 @@ class BoundaryRings:
 
 def trace_rings(edges: EdgeTable, loops: BoundaryLoops) -> BoundaryRings:
     """Return the boundary as walks; a loop that meets itself in a bow-tie may be several."""
-    names, ends = np.unique(edges.ends[loops.edges], return_inverse=True)
-    ends = ends.reshape(-1, 2)
+    names, ends = _renumber(edges.ends[loops.edges], int(edges.ends.max(initial=-1)) + 1)
     many = len(loops.edges)
     at_vertex = np.argsort(ends.ravel(), kind="stable") // 2
     begin = np.concatenate([[0], np.cumsum(np.bincount(ends.ravel(), minlength=len(names)))])
     walk, offsets, of_ring = np.empty(2 * many, np.int64), np.empty(many + 1, np.int64), np.empty(many, np.int64)
     rings = walk_boundary(begin, at_vertex, ends, loops.of_edge, np.zeros(many, bool), walk, offsets, of_ring)
     of_ring = of_ring[:rings]
-    vertices = names[walk[: offsets[rings]]].astype(np.int64)
+    vertices = names[walk[: offsets[rings]]]
     return BoundaryRings(vertices, offsets[: rings + 1], ~loops.is_rim[of_ring], loops.perimeter[of_ring])
