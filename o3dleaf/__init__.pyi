@@ -36,6 +36,14 @@ from .mesh.defects import Defects as Defects
 from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
+from .exchange.consumers import export_mesh as export_mesh
+from .exchange.read import read_labelled_mesh as read_labelled_mesh
+from .exchange.surface import LabelledMesh as LabelledMesh
+from .exchange.particles import sample_particles as sample_particles
+from .exchange.particles import fill_particles as fill_particles
+from .exchange.particles import export_particles as export_particles
+from .exchange.particles import Particles as Particles
+from .exchange.distance import export_distance as export_distance
 from .view.render import render as render
 from .view.maps import render_distortion as render_distortion
 from .view.window import show as show

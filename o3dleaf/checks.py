@@ -62,6 +62,18 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
     return require_finite(array, name)
 
 
+def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels") -> npt.NDArray[np.uint8]:
+    """Return `labels` as (count,) whole numbers from 0 to `kinds` - 1, or raise `InputError`."""
+    array = np.asarray(labels)
+    if array.shape != (count,) or array.dtype.kind not in "bui":
+        raise InputError(
+            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number a triangle, ({count},)"
+        )
+    if count and (array.min() < 0 or array.max() >= kinds):
+        raise InputError(f"{name}: run from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
+    return array.astype(np.uint8)
+
+
 def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> FloatArray:
     """Return `weights` as a (count,) array of finite numbers above zero, or raise `InputError`."""
     array = as_values(weights, count, name)

@@ -268,6 +268,70 @@ def clean(
 
 
 @app.command()
+def export(
+    source: Annotated[
+        Path, typer.Argument(help="A mesh (PLY, STL, OBJ, OFF), or a model (.o3l) that is meshed first.")
+    ],
+    output: Output,
+    consumer: Annotated[
+        str | None,
+        typer.Option("--for", help="The next program: openfoam, dualsphysics, paraview, web, blender or gmsh."),
+    ] = None,
+    what: Annotated[
+        str, typer.Option(help="'mesh', 'surface-particles', 'volume-particles' or 'distance', of a closed mesh.")
+    ] = "mesh",
+    unit: Unit = None,
+    to_unit: Annotated[str | None, typer.Option(help="Unit of the file; by default the program's, or unit.")] = None,
+    spacing: Annotated[float | None, typer.Option(help="Mesh step, if SOURCE is a model, in its unit.")] = None,
+    region: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(help="Part of the leaf, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1."),
+    ] = None,
+    sheets: Annotated[bool, typer.Option("--open", help="Two open sheets instead of one closed solid.")] = False,
+    tile: Annotated[bool, typer.Option(help="One flat period as a closed block, instead of the leaf.")] = False,
+    step: Annotated[float | None, typer.Option(help="Distance of particles or grid points, in unit.")] = None,
+    bounds: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option(help="Box of the distances: X0 Y0 Z0 X1 Y1 Z1, in unit; the mesh's own by default."),
+    ] = None,
+    origin: Annotated[
+        tuple[float, float, float] | None, typer.Option(help="The point X Y Z that becomes 0 0 0, in unit.")
+    ] = None,
+    scalar: Annotated[
+        list[str] | None, typer.Option(help="Values at the vertices: curvature or deviation; again for more.")
+    ] = None,
+    field: Annotated[Path | None, typer.Option(help="The leaf's model, if SOURCE is a mesh, for them.")] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a mesh, particles or distances for the next program, in its format and unit; see docs/consumers."""
+    from o3dleaf.exchange.job import ExportRun
+
+    set_num_threads_if(threads)
+    job = ExportRun(
+        source=source,
+        output=output,
+        what=what,
+        consumer=consumer,
+        unit=unit,
+        to_unit=to_unit,
+        spacing=spacing,
+        region=None if region is None else (region[:2], region[2:]),
+        sheets=sheets,
+        tile=tile,
+        step=step,
+        bounds=None if bounds is None else (bounds[:3], bounds[3:]),
+        origin=origin,
+        field=field,
+        scalars=tuple(scalar or ()),
+    )
+    with shown(quiet=quiet) as journal:
+        said = job.run(journal)
+    if not quiet:
+        typer.echo(f"{output}: {said}")
+
+
+@app.command()
 def render(
     mesh: Annotated[Path, typer.Argument(help="Mesh to draw: PLY, OBJ, STL or OFF.")],
     output: Output,

@@ -187,6 +187,29 @@ SIMPLIFIED_SPHERE = 0.01
 STL_DIGITS = 1e-6
 """STL holds float32: 6e-8 of lengths around 1."""
 
+# --- exchange ---
+
+SINGLE = 2e-7
+"""float32 rounds by 6e-8 of a length, a difference of two by twice that; a vertex of another triangle is 0.1 off."""
+
+SPHERE_NORMAL = 1e-2
+"""1 − cos of 8°: at a step of 1/20 of the radius triangles turn by 3°, slivers beside a vertex more; flipped, 2."""
+
+FILLED_VOLUME = 1e-2
+"""Cubes of 0.043 in a tube of radius 0.3: found 6e-3; half a cube too many along one side makes 0.05."""
+
+FLAT_FACES = 1e-3
+"""A parabola's zero found linearly in layers of 0.06: found 3e-4; a neighbour's number would be 0.1 off."""
+
+FIRST_ORDER = 1e-3
+"""A parabola 0.31 wide, 0.02 from its zero: 0.02²/(2 · 0.31) = 6e-4; without the slope it is 6e-3."""
+
+ON_LATTICE = 1e-9
+"""Whole numbers of up to 30 out of a division."""
+
+CHORD = 1e-3
+"""Triangles of 0.05 in a sphere of radius 1 lie inside it by up to h²/8 · 2 = 6e-4; float32 adds 1e-7."""
+
 # --- view ---
 
 BACKGROUND = 1.5 / 255

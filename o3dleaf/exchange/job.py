@@ -1,0 +1,180 @@
+"""One export from file to file: a mesh or a model in; a mesh, particles or distances out."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray, as_points, require_choice, require_positive
+from o3dleaf.errors import InputError
+from o3dleaf.exchange.consumers import CONSUMERS, SUFFIXES, export_mesh
+from o3dleaf.exchange.distance import SUFFIXES as DISTANCE_SUFFIXES
+from o3dleaf.exchange.distance import export_distance
+from o3dleaf.exchange.particles import SUFFIXES as PARTICLE_SUFFIXES
+from o3dleaf.exchange.particles import export_particles, fill_particles, sample_particles
+from o3dleaf.exchange.read import read_labelled_mesh
+from o3dleaf.exchange.surface import LabelledMesh
+from o3dleaf.files import require_apart, require_writable
+from o3dleaf.journal import Journal
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.realisation import LeafMesh, extract_flat_tile
+from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
+from o3dleaf.models import load
+from o3dleaf.parallel import Progress
+from o3dleaf.store import SUFFIX as MODEL
+from o3dleaf.texture.patches import PatchBlend
+from o3dleaf.texture.tiling import TiledField
+
+WHAT = {
+    "mesh": SUFFIXES,
+    "surface-particles": PARTICLE_SUFFIXES,
+    "volume-particles": PARTICLE_SUFFIXES,
+    "distance": DISTANCE_SUFFIXES,
+}
+"""What can be exported, and as which files."""
+SCALARS = ("curvature", "deviation")
+
+
+@dataclass(frozen=True)
+class ExportRun:
+    """The settings of one export; see `o3dleaf export --help`, which they come from.
+
+    Attributes
+    ----------
+    source, output : Path
+    what : {"mesh", "surface-particles", "volume-particles", "distance"}
+    consumer : str, optional
+        Of a mesh: the program that it is for.
+    unit, to_unit : str, optional
+        Of the source, where it is a mesh, and of the output.
+    spacing : float, optional
+        Mesh step, where the source is a model, in its unit.
+    region : (2, 2) nested tuples, optional
+        Part of a leaf, in leaf coordinates.
+    sheets, tile : bool
+        Two open sheets instead of a closed solid; one flat period instead of the leaf.
+    step : float, optional
+        Of particles and distances, in the source's unit.
+    bounds : (2, 3) nested tuples, optional
+        Box of the distances, in the source's unit, before the origin is moved.
+    origin : tuple of float, optional
+        The point of the source that becomes 0 0 0.
+    field : Path, optional
+        A leaf model that the scalars of a mesh are asked of.
+    scalars : tuple of str
+        curvature, deviation.
+    """
+
+    source: Path
+    output: Path
+    what: str = "mesh"
+    consumer: str | None = None
+    unit: str | None = None
+    to_unit: str | None = None
+    spacing: float | None = None
+    region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    sheets: bool = False
+    tile: bool = False
+    step: float | None = None
+    bounds: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    origin: tuple[float, float, float] | None = None
+    field: Path | None = None
+    scalars: tuple[str, ...] = ()
+
+    def check(self) -> None:
+        """Raise `InputError` before the work for what would fail after it."""
+        suffixes = WHAT[require_choice(self.what, WHAT, "what")]
+        if self.consumer is not None:
+            consumer = CONSUMERS[require_choice(self.consumer, CONSUMERS, "for")]
+            if self.what != "mesh":
+                raise InputError(f"for: {self.consumer} is about meshes; leave it out for {self.what}")
+            suffixes = consumer.suffixes
+        require_writable(self.output, suffixes)
+        require_apart([self.output], [self.source, self.field])
+        if self.what != "mesh" and self.step is None:
+            raise InputError(f"step: {self.what} need one; give it in the unit of {self.source.name}")
+        for name in self.scalars:
+            require_choice(name, SCALARS, "scalar")
+
+    def run(self, journal: Journal | None = None) -> str:
+        """Export; return a line that says what was written."""
+        self.check()
+        journal = journal or Journal()
+        with journal.stage("mesh" if self.source.suffix.lower() == MODEL else "read") as progress:
+            mesh, model = self._mesh(progress)
+        scalars = {}
+        if self.scalars:
+            with journal.stage("scalars"):
+                scalars = self._scalars(mesh, model)
+        with journal.stage("write") as progress:
+            return self._write(self._moved(mesh), scalars, progress)
+
+    def _mesh(self, progress: Progress) -> tuple[LabelledMesh, Any]:
+        """Return the mesh of the source, and the model where there is one."""
+        if self.source.suffix.lower() != MODEL:
+            found = read_labelled_mesh(self.source)
+            unit = self.unit or found.unit
+            model = None if self.field is None else load(self.field)
+            return LabelledMesh(found.mesh, found.labels, found.names, unit), model
+        model = load(self.source)
+        if self.spacing is None:
+            raise InputError(f"spacing: {self.source} is a model; give the step to mesh it at")
+        spacing = require_positive(self.spacing, "spacing")
+        made: LeafMesh
+        if isinstance(model, TiledField | PatchBlend):
+            made = extract_flat_tile(model, 1.0, spacing)
+        elif not isinstance(model, MultiscaleLeaf):
+            raise InputError(
+                f"{self.source}: holds a {type(model).__name__}, which has no surface; give a leaf's model"
+            )
+        elif self.tile:
+            made = model.extract_tile(spacing)
+        else:
+            made = model.realise(spacing, self.region, closed=not self.sheets, progress=progress).extract(progress)
+        return LabelledMesh(made.mesh, made.labels, unit=model.unit), model
+
+    def _scalars(self, mesh: LabelledMesh, model: Any) -> dict[str, FloatArray]:
+        """Return what is asked of the leaf's field at the vertices."""
+        if not isinstance(model, MultiscaleLeaf) or self.tile:
+            raise InputError("scalar: is asked of a leaf's field; give its model (--field leaf.o3l)")
+        vertices = mesh_arrays(mesh.mesh)[0]
+        calls: dict[str, Callable[[MultiscaleLeaf, FloatArray], FloatArray]]
+        calls = {"curvature": MultiscaleLeaf.mean_curvature, "deviation": field_deviation}
+        return {name: calls[name](model, vertices) for name in self.scalars}
+
+    def _moved(self, mesh: LabelledMesh) -> LabelledMesh:
+        """Return the mesh with the new origin."""
+        if self.origin is None:
+            return mesh
+        vertices, triangles = mesh_arrays(mesh.mesh)
+        moved = build_mesh(vertices - as_points(self.origin, "origin", dim=3), triangles)
+        return LabelledMesh(moved, mesh.labels, mesh.names, mesh.unit)
+
+    def _write(self, mesh: LabelledMesh, scalars: dict[str, FloatArray], progress: Progress) -> str:
+        """Write what was asked for; return a line about it."""
+        step, ours = self.step or 0.0, mesh.unit or "of no stated unit"
+        if self.what == "mesh":
+            how: dict[str, Any] = {"consumer": self.consumer, "to_unit": self.to_unit, "scalars": scalars}
+            export_mesh(self.output, mesh, **how, progress=progress)
+            return f"{len(mesh.mesh.triangles):,} triangles"
+        if self.what == "distance":
+            box = None if self.bounds is None else np.array(self.bounds) - (self.origin or (0.0, 0.0, 0.0))
+            export_distance(self.output, mesh, step, box, to_unit=self.to_unit, progress=progress)
+            return f"distances at {step:g} {ours}"
+        if self.what == "surface-particles":
+            found = sample_particles(mesh, step)
+        else:
+            found = fill_particles(mesh, step, progress=progress)
+        export_particles(self.output, found, to_unit=self.to_unit)
+        return f"{len(found.points):,} particles"
+
+
+def field_deviation(leaf: MultiscaleLeaf, points: FloatArray) -> FloatArray:
+    r"""Return the (n,) signed distances to the leaf's faces to first order, −G/\|∇G\|; negative inside, 0 where ∇G is.
+
+    At the rim of a closed mesh, where its surface is not G = 0, they say nothing.
+    """
+    slope = np.linalg.norm(leaf.gradient(points), axis=1)
+    return np.asarray(-leaf(points) / np.where(slope > 0, slope, np.inf))
