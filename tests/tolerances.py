@@ -327,3 +327,6 @@ NEWTON_STEP = 2e-3
 
 SCENE = 1e-5
 """Open3D's ray casting has single precision: 6e-8 of the extent, 1, for distances of 0.005."""
+
+POISSON_SPHERE = 0.01
+"""Cells of 1/14 of a unit sphere, smoothed: found 2e-3."""

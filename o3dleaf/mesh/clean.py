@@ -66,6 +66,11 @@ def simplify_mesh(
     quality : float
         From 0 (any shape of triangle) to 1 (equilateral ones are preferred).
 
+    Returns
+    -------
+    open3d.geometry.TriangleMesh
+        float64 vertices, without colours or normals; `simplify_labels` keeps labels.
+
     Raises
     ------
     InputError
