@@ -1,11 +1,11 @@
 """How far two meshes are apart."""
 
 import numpy as np
-import open3d as o3d
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import IntArray, MeshLike, mesh_arrays
+from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.topology import EdgeTable
 
 
@@ -34,19 +34,13 @@ def surface_distance(mesh: MeshLike, other: MeshLike) -> float:
 
 def surface_distance_of(first: tuple[FloatArray, IntArray], second: tuple[FloatArray, IntArray]) -> float:
     """Return `surface_distance` of two pairs of arrays that have triangles."""
-    middle = first[0].mean(axis=0)
-    sides = [(vertices - middle, triangles) for vertices, triangles in (first, second)]
-    return max(_farthest(*sides), _farthest(*sides[::-1]))
+    return max(_farthest(first, second), _farthest(second, first))
 
 
 def _farthest(mesh: tuple[FloatArray, IntArray], other: tuple[FloatArray, IntArray]) -> float:
     """Return the largest distance of samples of `mesh` from `other`."""
     vertices, triangles = mesh
-    edges = EdgeTable.of(triangles)
-    samples = np.concatenate(
-        [vertices[np.unique(triangles)], vertices[edges.ends].mean(axis=1), vertices[triangles].mean(axis=1)]
-    )
-    scene = o3d.t.geometry.RaycastingScene()
-    tensor = o3d.core.Tensor.from_numpy
-    scene.add_triangles(tensor(other[0].astype(np.float32)), tensor(other[1].astype(np.uint32)))
-    return float(scene.compute_distance(tensor(samples.astype(np.float32))).numpy().max())
+    ends = EdgeTable.of(triangles).ends
+    middles = vertices[ends].mean(axis=1), vertices[triangles].mean(axis=1)
+    samples = np.concatenate([vertices[np.unique(triangles)], *middles])
+    return float(distance_to_mesh(*other, samples).max())

@@ -64,6 +64,7 @@ class _Faults:
     folded: BoolArray
     flat: BoolArray
     longest: IntArray
+    slimness: FloatArray
 
     @classmethod
     def of(cls, draft: Draft, height: float, angle: float) -> "_Faults":
@@ -71,7 +72,11 @@ class _Faults:
         found, corner, degenerate = draft.heights()
         longest = 3 * np.arange(len(corner)) + corner
         folded = folded_edges(draft.vertices, edges, angle)
-        return cls(edges, degenerate, folded, degenerate | (found <= height), longest)
+        side = (
+            draft.vertices[draft.triangles.ravel()[longest]] - draft.vertices[edges.corners[_before(_before(longest))]]
+        )
+        slimness = found / np.maximum(np.linalg.norm(side, axis=1), np.finfo(float).tiny)
+        return cls(edges, degenerate, folded, degenerate | (found <= height), longest, slimness)
 
     def count(self, rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
         """Return the faults in each of (k, 2) pairs of triangles, an edge of both counted once."""
@@ -85,7 +90,7 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
     """Flip the longest edges of flat triangles and the edges of folded ones, where that makes fewer of them.
 
     A flip is done if of its two triangles and their five edges not more are degenerate or folded than
-    before, if fewer of them are, or else fewer flat, and if they cross no triangle of the mesh.
+    before, if fewer of them are, or else fewer flat and none slimmer, and if they cross no triangle of the mesh.
 
     Parameters
     ----------
@@ -102,7 +107,7 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
             return draft
         while len(flips.rows):
             changed = flips.applied(draft)
-            good = _is_better(before.count(flips.rows), _Faults.of(changed, height, angle).count(flips.rows))
+            good = _is_better(before, _Faults.of(changed, height, angle), flips.rows)
             good &= ~find_crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
             if good.all():
                 draft = changed
@@ -110,11 +115,14 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
             flips = flips.of(good)
 
 
-def _is_better(before: tuple[IntArray, ...], after: tuple[IntArray, ...]) -> BoolArray:
-    """Return which flips mend: not more degenerate, not more folded, and fewer of these or else fewer flat."""
-    degenerate, folded, flat = (now - then for then, now in zip(before, after, strict=True))
-    fewer = (degenerate < 0) | (folded < 0) | (flat < 0)
-    return np.asarray((degenerate <= 0) & (folded <= 0) & fewer)
+def _is_better(before: _Faults, after: _Faults, rows: IntArray) -> BoolArray:
+    """Return which flips mend: not more degenerate, not more folded, and fewer of these or else fewer flat.
+
+    For the last alone no triangle may become slimmer than the slimmer one was.
+    """
+    degenerate, folded, flat = (now - then for then, now in zip(before.count(rows), after.count(rows), strict=True))
+    flatter = (flat < 0) & (after.slimness[rows].min(axis=1) >= before.slimness[rows].min(axis=1))
+    return np.asarray((degenerate <= 0) & (folded <= 0) & ((degenerate < 0) | (folded < 0) | flatter))
 
 
 def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flips:
