@@ -13,8 +13,12 @@ from o3dleaf.mesh.repair import drop_repeated, split_fans
 from o3dleaf.mesh.topology import EdgeTable, find_holes, label_triangles
 
 
-def close_holes(draft: Draft, largest: float, angle: float) -> Draft:
-    """Close the holes with a perimeter up to `largest`, but for those where that would make a defect."""
+def close_holes(draft: Draft, largest: float, height: float, angle: float) -> Draft:
+    """Close the holes with a perimeter up to `largest`, but for those where that would make a defect.
+
+    A crack between an edge and the vertices that stand on it is closed by flat triangles, which are
+    flipped away, with the surface beside them if need be; `height` and `angle` are those of `flip_edges`.
+    """
     new = _fill(draft, largest)
     if not len(new):
         return draft
@@ -23,7 +27,12 @@ def close_holes(draft: Draft, largest: float, angle: float) -> Draft:
     fill = flip_edges(fill, 0.0, angle)
     origin = np.concatenate([draft.triangle_origin, fill.triangle_origin])
     filled = replace(draft, triangles=np.concatenate([draft.triangles, fill.triangles]), triangle_origin=origin)
-    patch, old = label_triangles(fill.triangles), len(draft.triangles)
+    flipped, old = flip_edges(filled, height, angle), len(draft.triangles)
+    changed = (flipped.triangles != filled.triangles).any(axis=1)
+    changed[old:] = True
+    if not _is_defective(flipped, angle)[changed].any():
+        return flipped
+    patch = label_triangles(fill.triangles)
     spoilt = np.bincount(patch, weights=_is_defective(filled, angle)[old:]) > 0
     return filled.only(np.append(np.ones(old, dtype=bool), ~spoilt[patch]))
 

@@ -60,6 +60,7 @@ class Cleaning:
         small = partial(
             drop_small, diameter=self.smallest_component, area=self.smallest_area, triangles=self.fewest_triangles
         )
+        close = partial(close_holes, largest=self.largest_hole, height=self.smallest_height, angle=self.fold_angle)
         merge = partial(merge_close, distance=self.merge, angle=self.fold_angle, orient=self.orient)
         return [
             weld,
@@ -72,7 +73,7 @@ class Cleaning:
             *([drop_crossing] if self.untangle else []),
             small,
             *([turn_flipped] if self.orient else []),
-            *([partial(close_holes, largest=self.largest_hole, angle=self.fold_angle)] if self.largest_hole else []),
+            *([close] if self.largest_hole > 0 else []),
             Draft.compact,
             split_bowties,
         ]

@@ -33,9 +33,9 @@ def ball():
     return mesh_arrays(o3d.geometry.TriangleMesh.create_icosahedron(1.0).subdivide_loop(2))
 
 
-def figures(vertices, triangles):
+def figures(vertices, triangles, angle=FOLD_ANGLE):
     """Return every figure of a mesh that counts defects."""
-    folded = folded_edges(vertices, EdgeTable.of(triangles), FOLD_ANGLE)
+    folded = folded_edges(vertices, EdgeTable.of(triangles), angle)
     return mesh_report((vertices, triangles)).to_dict() | {"folded": int(folded.sum())}
 
 
@@ -59,6 +59,19 @@ def battered(rng, ball):
     return vertices, np.concatenate([kept, kept[5:9, ::-1], kept[20:25], fins])
 
 
+def crumpled(rng):
+    """Return a sheet with holes whose vertices are pushed about in its plane, and hardly out of it."""
+    many = int(rng.integers(4, 9))
+    x, y = np.meshgrid(np.arange(many), np.arange(many), indexing="ij")
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(many**2)], axis=1) / 4
+    vertices += rng.normal(size=vertices.shape) * rng.choice([0.0, 0.05, 0.15]) * [1, 1, rng.choice([0.0, 0.02, 0.3])]
+    a = (x[:-1, :-1] * many + y[:-1, :-1]).ravel()
+    triangles = np.concatenate([[a, a + many, a + 1], [a + 1, a + many, a + many + 1]], axis=1).T
+    turned = rng.random(len(triangles)) < rng.choice([0.0, 0.1])
+    triangles[turned] = triangles[turned, ::-1]
+    return vertices, triangles[rng.random(len(triangles)) > rng.choice([0.0, 0.1, 0.3])]
+
+
 OPTIONS = st.fixed_dictionaries(
     {
         "merge": st.sampled_from([0.0, 0.0, 0.03, 0.2]),
@@ -67,6 +80,7 @@ OPTIONS = st.fixed_dictionaries(
         "fewest_triangles": st.sampled_from([0, 3]),
         "largest_hole": st.sampled_from([0.0, 2.0, 10.0]),
         "smallest_height": st.sampled_from([0.0, 0.01, 0.1]),
+        "fold_angle": st.sampled_from([FOLD_ANGLE, 30.0]),
         "untangle": st.booleans(),
         "orient": st.sampled_from([True, True, False]),
     }
@@ -84,7 +98,7 @@ def hold(mesh, options):
     old = np.flatnonzero(np.isin(cleaned.triangle_origin, given_.triangle_origin))
     far = cKDTree(cleaned.vertices).query(mesh[0][np.unique(mesh[1][cleaned.triangle_origin[old]])])[0]
     assert far.max(initial=0.0) <= options["merge"] * (1 + MERGED)
-    before, after = (figures(each.vertices, each.triangles) for each in (given_, cleaned))
+    before, after = (figures(each.vertices, each.triangles, options["fold_angle"]) for each in (given_, cleaned))
     assert [name for name in NOT_MORE if after[name] > before[name]] == []
     assert [name for name in NEVER if after[name]] == []
     gone = len(np.setdiff1d(given_.triangle_origin, cleaned.triangle_origin))
@@ -98,6 +112,12 @@ def hold(mesh, options):
 @given(seed=st.integers(0, 2**32 - 1), options=OPTIONS)
 def test_nothing_gets_worse_in_a_soup_of_triangles(seed, options):
     hold(soup(np.random.default_rng(seed)), options)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**32 - 1), options=OPTIONS)
+def test_nothing_gets_worse_on_a_crumpled_sheet(seed, options):
+    hold(crumpled(np.random.default_rng(seed)), options)
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
@@ -126,6 +146,16 @@ def test_a_merge_that_would_break_the_mesh_is_left_out():
     assert (report.triangles, report.components, report.manifold) == (10, 2, True)
     both[0][6] = 0, 0, -1
     assert mesh_report(clean_mesh(both, merge=0.02)).components == 1
+
+
+def test_a_merge_left_out_leaves_the_others_in(ball):
+    ring = np.array([[np.cos(t), np.sin(t), 0] for t in np.arange(6) * np.pi / 3] + [[0, 0, 0]])
+    hub, fan = [[k, (k + 1) % 6, 6] for k in range(6)], np.array([[0, k + 1, k] for k in range(1, 5)])
+    hexagons = np.concatenate([ring, ring[:6] + [0, 0, 0.01]]), np.concatenate([hub, fan + 7])
+    apart = ball[0][ball[1]].reshape(-1, 3) + 5, np.arange(ball[1].size).reshape(-1, 3) + 13
+    apart[0][::2] += 0.001
+    mesh = np.concatenate([hexagons[0], apart[0]]), np.concatenate([hexagons[1], apart[1]])
+    assert mesh_report(clean_mesh(mesh, merge=0.02)).components == 3
 
 
 def test_no_chain_of_merges_moves_a_vertex_farther_than_it_says():
@@ -179,11 +209,33 @@ def test_a_vertex_on_an_edge_is_given_its_place_instead_of_a_crack(ball):
     assert mesh_report(tee).degenerate_triangles == 1
     report = mesh_report(clean_mesh(tee))
     assert (report.watertight, report.degenerate_triangles, report.vertices) == (True, 0, len(vertices) + 1)
+    crack = tee[0], np.delete(tee[1], 2, axis=0)
+    assert mesh_report(crack).holes == 1
+    assert mesh_report(clean_mesh(crack, largest_hole=1.0)).watertight
     low = tee[0].copy()
     low[-1] += 0.001 * (vertices[c] - foot)
     assert mesh_report(clean_mesh((low, tee[1]))).min_angle_deg < 0.2
     assert mesh_report(clean_mesh((low, tee[1]), smallest_height=0.01)).min_angle_deg > 5
     assert mesh_report(clean_mesh((low, tee[1]), smallest_height=0.01)).watertight
+
+
+def border(vertices, triangles):
+    """Return the vertices and edges of a border, by their places."""
+    edges = EdgeTable.of(triangles)
+    ends = vertices[edges.ends[edges.count == 1]]
+    return {frozenset(tuple(v) for v in each) for each in ends.tolist()}
+
+
+def test_cleaning_leaves_the_border_of_a_tile_as_it_is():
+    """So that a tile is cleaned once and set down everywhere."""
+    mesh = mesh_arrays(extract_isosurface(wavy_sheets(), 0.1, [[-1] * 3, [1] * 3]))
+    cleaned = mesh_arrays(clean_mesh(mesh, smallest_height=0.02))
+    before, after = mesh_report(mesh), mesh_report(cleaned)
+    assert after.share_below_10deg < before.share_below_10deg
+    assert after.min_angle_deg >= before.min_angle_deg
+    assert border(*cleaned) == border(*mesh)
+    assert np.array_equal(cleaned[0], mesh[0])
+    assert surface_distance(mesh, cleaned) < 0.02
 
 
 def test_crossing_triangles_go_on_request_and_their_holes_are_closed(ball):
