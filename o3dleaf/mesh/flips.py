@@ -107,7 +107,8 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
             return draft
         while len(flips.rows):
             changed = flips.applied(draft)
-            good = _is_better(before, _Faults.of(changed, height, angle), flips.rows)
+            some, at = _around(changed, flips.rows)
+            good = _is_better((before, flips.rows), (_Faults.of(some, height, angle), at))
             good &= ~find_crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
             if good.all():
                 draft = changed
@@ -115,13 +116,24 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
             flips = flips.of(good)
 
 
-def _is_better(before: _Faults, after: _Faults, rows: IntArray) -> BoolArray:
+def _around(draft: Draft, rows: IntArray) -> tuple[Draft, IntArray]:
+    """Return the triangles that share a vertex with some, and where these are among them."""
+    near = np.zeros(len(draft.vertices), dtype=bool)
+    near[draft.triangles[rows]] = True
+    kept = np.asarray(near[draft.triangles].any(axis=1))
+    return draft.only(kept).compact(), (np.cumsum(kept) - 1)[rows]
+
+
+def _is_better(before: tuple[_Faults, IntArray], after: tuple[_Faults, IntArray]) -> BoolArray:
     """Return which flips mend: not more degenerate, not more folded, and fewer of these or else fewer flat.
 
-    For the last alone no triangle may become slimmer than the slimmer one was.
+    For the last alone no triangle may become slimmer than the slimmer one was. Given are the faults and the
+    rows, (k, 2), of the flips' triangles.
     """
-    degenerate, folded, flat = (now - then for then, now in zip(before.count(rows), after.count(rows), strict=True))
-    flatter = (flat < 0) & (after.slimness[rows].min(axis=1) >= before.slimness[rows].min(axis=1))
+    counts = (faults.count(rows) for faults, rows in (before, after))
+    degenerate, folded, flat = (now - then for then, now in zip(*counts, strict=True))
+    slimmest = [faults.slimness[rows].min(axis=1) for faults, rows in (before, after)]
+    flatter = (flat < 0) & (slimmest[1] >= slimmest[0])
     return np.asarray((degenerate <= 0) & (folded <= 0) & ((degenerate < 0) | (folded < 0) | flatter))
 
 
