@@ -5,14 +5,14 @@ import open3d as o3d
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 from typer.testing import CliRunner
 
 from mesh_fields import sphere, wavy_sheets
 from o3dleaf.cli import app
 from o3dleaf.errors import InputError
 from o3dleaf.journal import Journal
-from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
+from o3dleaf.mesh.arrays import build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.mesh.clean import simplify_labels, simplify_mesh
 from o3dleaf.mesh.distance import surface_distance
 from o3dleaf.mesh.draft import Draft
@@ -217,6 +217,31 @@ def test_a_vertex_on_an_edge_is_given_its_place_instead_of_a_crack(ball):
     assert mesh_report(clean_mesh((low, tee[1]))).min_angle_deg < 0.2
     assert mesh_report(clean_mesh((low, tee[1]), smallest_height=0.01)).min_angle_deg > 5
     assert mesh_report(clean_mesh((low, tee[1]), smallest_height=0.01)).watertight
+
+
+def rough(seed, height):
+    """Return a rough sheet of slim triangles."""
+    rng = np.random.default_rng(seed)
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(12.0), np.arange(12.0)))
+    plane = np.stack([x, y], axis=1) + rng.uniform(-0.4, 0.4, (144, 2))
+    triangles = Delaunay(plane).simplices
+    return np.column_stack([plane * [1.0, 0.25], height * rng.normal(size=144)]), triangles
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_flips_make_no_triangle_slimmer_and_no_folds(seed):
+    flat, ridged = rough(seed, 0.0), rough(seed, 0.3)
+    flipped = mesh_arrays(clean_mesh(flat, smallest_height=0.15, fold_angle=0.0))
+    assert not np.array_equal(flipped[1], flat[1])
+
+    def slimmest(vertices, triangles):
+        sides = np.linalg.norm(vertices[triangles] - vertices[np.roll(triangles, 1, axis=1)], axis=2)
+        return (2 * triangle_areas(vertices, triangles) / sides.max(axis=1) ** 2).min()
+
+    assert slimmest(*flipped) >= slimmest(*flat) * (1 - MERGED)
+    flipped = mesh_arrays(clean_mesh(ridged, smallest_height=0.2, fold_angle=60.0))
+    assert not np.array_equal(flipped[1], ridged[1])
+    assert figures(*flipped, 60.0)["folded"] <= figures(*ridged, 60.0)["folded"]
 
 
 def border(vertices, triangles):
