@@ -23,8 +23,12 @@ from .pipeline import create_blade as create_blade
 from .pipeline import create_texture as create_texture
 from .pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .mesh.isosurface import extract_isosurface as extract_isosurface
-from .mesh.clean import clean_mesh as clean_mesh
+from .mesh.mend import clean_mesh as clean_mesh
+from .mesh.mend import clean_labels as clean_labels
 from .mesh.clean import simplify_mesh as simplify_mesh
+from .mesh.clean import simplify_labels as simplify_labels
+from .mesh.clean import screened_poisson as screened_poisson
+from .mesh.distance import surface_distance as surface_distance
 from .mesh.quality import mesh_report as mesh_report
 from .mesh.quality import MeshReport as MeshReport
 from .mesh.defects import find_defects as find_defects

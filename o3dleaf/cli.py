@@ -1,6 +1,7 @@
 """The command line: each command reads files, does one job of the package, and writes files."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -249,23 +250,65 @@ def info(
 def clean(
     mesh: Annotated[Path, typer.Argument(help="Mesh to clean: PLY, OBJ, STL or OFF.")],
     output: Output,
-    smallest_component: Annotated[float, typer.Option(help="Drop pieces of less than this diameter.")] = 0.0,
-    largest_hole: Annotated[float, typer.Option(help="Close holes up to this diameter.")] = 0.0,
-    triangles: Annotated[int | None, typer.Option(help="Simplify to about so many triangles.")] = None,
+    merge: Annotated[float, typer.Option(help="Join vertices up to this far apart, in the mesh's unit.")] = 0.0,
+    smallest_component: Annotated[
+        float, typer.Option(help="Drop pieces of less than this diameter, in the mesh's unit.")
+    ] = 0.0,
+    smallest_area: Annotated[
+        float, typer.Option(help="Drop pieces of less than this area, in the square of the mesh's unit.")
+    ] = 0.0,
+    fewest_triangles: Annotated[int, typer.Option(help="Drop pieces of fewer triangles.")] = 0,
+    largest_hole: Annotated[float, typer.Option(help="Close holes up to this perimeter, in the mesh's unit.")] = 0.0,
+    smallest_height: Annotated[
+        float, typer.Option(help="Flip away triangles of at most this height, in the mesh's unit.")
+    ] = 0.0,
+    fold_angle: Annotated[
+        float, typer.Option(help="Neighbours that meet at less than this are folded, in degrees; 0: none.")
+    ] = 1.0,
+    untangle: Annotated[bool, typer.Option(help="Remove triangles that cross others.")] = False,
+    orient: Annotated[bool, typer.Option(help="Turn triangles that run against their neighbours.")] = True,
+    triangles: Annotated[int | None, typer.Option(help="Then simplify to about so many triangles.")] = None,
+    edge: Annotated[float | None, typer.Option(help="Or to this mean edge, in the mesh's unit.")] = None,
+    deviation: Annotated[
+        float | None, typer.Option(help="Simplify while the surface is off by no more, in the mesh's unit.")
+    ] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Clean a mesh with MeshLab's filters, lengths in the mesh's own unit, and simplify it on request."""
+    """Clean a mesh, and simplify it on request; nothing gets worse, and labels and the lines between them stay."""
+    from o3dleaf.exchange.read import read_labelled_mesh
     from o3dleaf.files import require_apart, require_writable
-    from o3dleaf.mesh.clean import clean_mesh, simplify_mesh
-    from o3dleaf.mesh.files import SUFFIXES, read_triangle_mesh, write_triangle_mesh
+    from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
+    from o3dleaf.mesh.mend import CleaningRun
 
+    set_num_threads_if(threads)
     require_writable(output, SUFFIXES)
     require_apart([output], [mesh])
-    found = read_triangle_mesh(mesh)
-    cleaned = clean_mesh(found, smallest_component=smallest_component, largest_hole=largest_hole)
-    if triangles is not None:
-        cleaned = simplify_mesh(cleaned, target_triangles=triangles)
-    write_triangle_mesh(output, cleaned)
-    typer.echo(f"{output}: {len(cleaned.triangles):,} of {len(found.triangles):,} triangles")
+    job = CleaningRun(
+        cleaning={
+            "merge": merge,
+            "smallest_component": smallest_component,
+            "smallest_area": smallest_area,
+            "fewest_triangles": fewest_triangles,
+            "largest_hole": largest_hole,
+            "smallest_height": smallest_height,
+            "fold_angle": fold_angle,
+            "untangle": untangle,
+            "orient": orient,
+        },
+        simplifying={"target_triangles": triangles, "target_edge": edge, "deviation": deviation},
+    )
+    given = read_labelled_mesh(mesh)
+    with shown(quiet=quiet) as journal:
+        found, labels = job.run(given.mesh, given.labels, journal)
+    if labels is None:
+        write_triangle_mesh(output, found)
+    else:
+        from o3dleaf.exchange.consumers import export_mesh
+
+        export_mesh(output, replace(given, mesh=found, labels=labels))
+    if not quiet:
+        typer.echo("\n".join(job.table()))
 
 
 @app.command()

@@ -314,6 +314,14 @@ DISTANCE_MESH = (2e-3, 1e-2)
 """Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;
 samples of the same step, midway between two faces 0.4 apart, may mistake the nearer one: found 1.3e-3 and 5.8e-3."""
 
+# --- mesh: cleaning ---
+
+MERGED = 1e-9
+"""Relative: a k-d tree rounds distances as it adds up squares."""
+
+SINGLE_PRECISION_DISTANCE = 1e-6
+"""Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
+
 # --- mesh: reports ---
 
 MESHLAB_AREA = 1e-6
@@ -330,3 +338,6 @@ NEWTON_STEP = 2e-3
 
 SCENE = 1e-5
 """Open3D's ray casting has single precision: 6e-8 of the extent, 1, for distances of 0.005."""
+
+POISSON_SPHERE = 0.01
+"""Cells of 1/14 of a unit sphere, smoothed: found 2e-3."""

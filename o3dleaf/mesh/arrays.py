@@ -47,6 +47,14 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
     return vertices, triangles
 
 
+def require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
+    """Return the mesh's arrays, or raise `InputError` where it has no triangle."""
+    vertices, triangles = mesh_arrays(mesh)
+    if not len(triangles):
+        raise InputError("mesh: has no triangles; nothing to work on")
+    return vertices, triangles
+
+
 def _require_pair(mesh: object) -> tuple[npt.ArrayLike, npt.ArrayLike]:
     """Return a pair as it is; anything else is no mesh."""
     if not (isinstance(mesh, Sequence) and len(mesh) == 2):

@@ -82,10 +82,14 @@ class EdgeTable:
         wanted[edges] = True
         return np.unique(np.flatnonzero(wanted[self.of_half]) // 3) if len(edges) else np.empty(0, dtype=np.int64)
 
+    def first(self, edges: IntArray) -> IndexArray:
+        """Return where in `order` some edges begin."""
+        begin = np.cumsum(self.count, dtype=self.order.dtype) - self.count
+        return np.asarray(begin[edges])
+
     def first_triangle(self, edges: IntArray) -> IndexArray:
         """Return the first triangle on each of some edges."""
-        begin = np.cumsum(self.count, dtype=self.order.dtype) - self.count
-        return np.asarray(self.order[begin[edges]] // 3)
+        return np.asarray(self.order[self.first(edges)] // 3)
 
     def duplicates(self) -> BoolArray:
         """Return which triangles are on the same three vertices as one before."""

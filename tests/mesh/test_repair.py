@@ -7,8 +7,9 @@ import pytest
 from mesh_fields import DEFECTS, joined, planted, sphere, wavy_sheets
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
-from o3dleaf.mesh.clean import clean_mesh, count_self_intersections, simplify_mesh
+from o3dleaf.mesh.clean import count_self_intersections, simplify_mesh
 from o3dleaf.mesh.isosurface import extract_isosurface
+from o3dleaf.mesh.mend import clean_mesh
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.mesh.topology import EdgeTable
 from tolerances import SIMPLIFIED_SPHERE
