@@ -27,6 +27,10 @@ from .mesh.clean import clean_mesh as clean_mesh
 from .mesh.clean import simplify_mesh as simplify_mesh
 from .mesh.quality import mesh_report as mesh_report
 from .mesh.quality import MeshReport as MeshReport
+from .mesh.defects import find_defects as find_defects
+from .mesh.defects import Defects as Defects
+from .mesh.inspection import inspect_mesh as inspect_mesh
+from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .view.render import render as render
 from .view.maps import render_distortion as render_distortion

@@ -1,67 +1,110 @@
-"""Edges, pieces, fans and boundary loops of a triangle mesh: sorted arrays, never a pairwise test."""
+"""Edges, pieces, fans and boundary loops of a triangle mesh: counted and joined, never a pairwise test."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components as _graph_components
+import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.mesh.adjacency import (
+    describe_edges,
+    find_turns,
+    join_corners,
+    join_pairs,
+    join_triangles,
+    mark_duplicates,
+    number_edges,
+    number_roots,
+    sort_half_edges,
+    walk_boundary,
+)
 from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
 
+IndexArray = npt.NDArray[np.signedinteger[Any]]
+"""Whole numbers of four bytes where they suffice, else of eight."""
 
-@dataclass(frozen=True)
+
+def index_type(largest: int) -> type[np.signedinteger[Any]]:
+    """Return the smaller of int32 and int64 that holds a number."""
+    return np.int32 if largest <= np.iinfo(np.int32).max else np.int64
+
+
+@dataclass(frozen=True, eq=False)
 class EdgeTable:
     """The edges of m triangles; half-edge 3 t + c runs from corner c of triangle t to the next corner.
 
     Attributes
     ----------
-    ends : (e, 2) ndarray of int64
+    corners : (3 m,) ndarray
+        The vertex that each half-edge leaves.
+    ends : (e, 2) ndarray
         The vertices of each edge, the smaller first, in sorted order.
-    of_half : (3 m,) ndarray of int64
+    of_half : (3 m,) ndarray
         The edge of each half-edge.
-    forward : (3 m,) ndarray of bool
-        Whether the half-edge runs from the smaller vertex to the larger.
-    count : (e,) ndarray of int64
+    order : (3 m,) ndarray
+        The half-edges by their edge, then by number.
+    count : (e,) ndarray
         Triangles on each edge: 1 on the boundary, 2 inside a manifold surface.
+    against : (e,) ndarray of bool
+        Whether two triangles run along the edge in the same direction.
     """
 
-    ends: IntArray
-    of_half: IntArray
-    forward: BoolArray
-    count: IntArray
+    corners: IndexArray
+    ends: IndexArray
+    of_half: IndexArray
+    order: IndexArray
+    count: IndexArray
+    against: BoolArray
 
     @classmethod
     def of(cls, triangles: IntArray) -> "EdgeTable":
         """Return the edges of (m, 3) `triangles`."""
-        start, stop = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-        base = int(triangles.max(initial=0)) + 1
-        key = np.minimum(start, stop) * base + np.maximum(start, stop)
-        unique, of_half, count = np.unique(key, return_inverse=True, return_counts=True)
-        return cls(np.stack([unique // base, unique % base], axis=1), of_half, start < stop, count)
-
-    def neighbours(self) -> tuple[IntArray, IntArray]:
-        """Return the half-edges that lie on one edge as pairs; k of them make a chain of k - 1 pairs."""
-        order = np.argsort(self.of_half, kind="stable")
-        same = self.of_half[order[1:]] == self.of_half[order[:-1]]
-        return order[:-1][same], order[1:][same]
+        vertices = int(triangles.max(initial=-1)) + 1
+        index = index_type(max(triangles.size, vertices))
+        corners = triangles.astype(index).ravel()
+        order, of_half = np.empty_like(corners), np.empty_like(corners)
+        sort_half_edges(corners, np.empty(vertices + 1, dtype=index), of_half, order)
+        edges = number_edges(corners, order, of_half)
+        ends, count, against = np.empty((edges, 2), index), np.empty(edges, index), np.empty(edges, bool)
+        describe_edges(corners, order, of_half, ends, count, against)
+        return cls(corners, ends, of_half, order, count, against)
 
     def inconsistent(self) -> BoolArray:
         """Return which edges two triangles run along in the same direction."""
-        along = np.bincount(self.of_half[self.forward], minlength=len(self.ends))
-        return np.asarray((along > 1) | (self.count - along > 1))
+        return self.against
+
+    def triangles_of(self, edges: IntArray) -> IntArray:
+        """Return the rising rows of the triangles on some edges."""
+        wanted = np.zeros(len(self.ends), dtype=bool)
+        wanted[edges] = True
+        return np.unique(np.flatnonzero(wanted[self.of_half]) // 3) if len(edges) else np.empty(0, dtype=np.int64)
+
+    def first(self, edges: IntArray) -> IntArray:
+        """Return where in `order` some edges, rising, begin."""
+        return np.searchsorted(self.of_half[self.order], edges)
+
+    def duplicates(self) -> BoolArray:
+        """Return which triangles are on the same three vertices as one before."""
+        found = np.zeros(len(self.corners) // 3, dtype=bool)
+        mark_duplicates(self.corners, self.order, self.of_half, found)
+        return found
 
 
 def label_nodes(first: IntArray, second: IntArray, nodes: int) -> IntArray:
     """Return the (nodes,) labels 0, 1, ... of the connected pieces of a graph, by first member."""
-    graph = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(nodes, nodes))
-    return np.asarray(_graph_components(graph, directed=False)[1], dtype=np.int64)
+    parent = np.arange(nodes, dtype=np.int64)
+    join_pairs(parent, first, second)
+    number_roots(parent)
+    return parent
 
 
 def label_triangles(triangles: IntArray, edges: EdgeTable | None = None) -> IntArray:
-    """Return the (m,) labels of the edge-connected pieces that the triangles belong to."""
-    first, second = (edges or EdgeTable.of(triangles)).neighbours()
-    return label_nodes(first // 3, second // 3, len(triangles))
+    """Return the (m,) labels of the edge-connected pieces that the triangles belong to, by first triangle."""
+    edges, parent = edges or EdgeTable.of(triangles), np.arange(len(triangles), dtype=np.int64)
+    join_triangles(parent, edges.order, edges.of_half)
+    number_roots(parent)
+    return parent
 
 
 def label_fans(triangles: IntArray, edges: EdgeTable | None = None) -> IntArray:
@@ -69,13 +112,25 @@ def label_fans(triangles: IntArray, edges: EdgeTable | None = None) -> IntArray:
 
     A vertex with one fan has a disc or a half-disc around it; one with more is a bow-tie.
     """
-    first, second = (edges or EdgeTable.of(triangles)).neighbours()
-    corner = triangles.ravel()
-    after = np.arange(len(corner)).reshape(-1, 3)[:, [1, 2, 0]].ravel()
-    alike = corner[first] == corner[second]
-    start, stop = np.where(alike, second, after[second]), np.where(alike, after[second], second)
-    pairs = np.concatenate([first, after[first]]), np.concatenate([start, stop])
-    return label_nodes(*pairs, len(corner)).reshape(-1, 3)
+    edges, parent = edges or EdgeTable.of(triangles), np.arange(triangles.size, dtype=np.int64)
+    join_corners(parent, edges.corners, edges.order, edges.of_half)
+    number_roots(parent)
+    return parent.reshape(-1, 3)
+
+
+def find_flipped(edges: EdgeTable, area: FloatArray) -> tuple[BoolArray, bool]:
+    """Return which (m,) triangles run against the larger part, by `area`, of their patch; and if all can run alike.
+
+    A patch is joined across edges of two triangles. In one that has no two sides (a Möbius strip) none is flipped.
+    """
+    turn, bad = np.zeros(len(area), dtype=bool), np.zeros(len(area), dtype=bool)
+    if not edges.against.any():
+        return turn, True
+    root = np.arange(len(area), dtype=np.int64)
+    find_turns(edges.order, edges.of_half, edges.count, edges.corners, root, turn, bad)
+    turned, whole = (np.bincount(root, weights=some, minlength=len(area)) for some in (area * turn, area))
+    flipped = (turn ^ (turned > whole / 2)[root]) & ~bad[root]
+    return flipped, not bad.any() and int(edges.count.max(initial=0)) <= 2
 
 
 def fans_per_vertex(triangles: IntArray, fans: IntArray, vertices: int) -> IntArray:
@@ -107,7 +162,13 @@ class BoundaryLoops:
     is_rim: BoolArray
 
 
-def find_holes(vertices: FloatArray, triangles: IntArray, edges: EdgeTable | None = None) -> BoundaryLoops:
+def find_holes(
+    vertices: FloatArray,
+    triangles: IntArray,
+    edges: EdgeTable | None = None,
+    piece: IntArray | None = None,
+    area: FloatArray | None = None,
+) -> BoundaryLoops:
     """Return the boundary loops of a mesh, and which of them are rims rather than holes.
 
     The longest loop of an edge-connected piece is its rim if perimeter^2 >= pi * area. A flat sheet
@@ -116,19 +177,60 @@ def find_holes(vertices: FloatArray, triangles: IntArray, edges: EdgeTable | Non
     the loop could bound.
     """
     edges = edges or EdgeTable.of(triangles)
+    piece = label_triangles(triangles, edges) if piece is None else piece
     boundary = np.flatnonzero(edges.count == 1)
     names, ends = np.unique(edges.ends[boundary], return_inverse=True)
     ends = ends.reshape(-1, 2)
     of_edge = label_nodes(ends[:, 0], ends[:, 1], len(names))[ends[:, 0]]
     length = np.linalg.norm(np.diff(vertices[edges.ends[boundary]], axis=1)[:, 0], axis=1)
     perimeter = np.bincount(of_edge, weights=length).astype(np.float64)
-    piece = label_triangles(triangles, edges)
-    area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
-    beside = np.empty(len(edges.count), dtype=np.int64)
-    beside[edges.of_half] = np.arange(len(edges.of_half)) // 3
+    whole = np.bincount(piece, weights=triangle_areas(vertices, triangles) if area is None else area)
     of_loop = np.empty(len(perimeter), dtype=np.int64)
-    of_loop[of_edge] = piece[beside[boundary]]
+    of_loop[of_edge] = piece[edges.order[edges.first(boundary)] // 3]
     ranking = np.lexsort((-perimeter, of_loop))
     longest = np.zeros(len(perimeter), dtype=bool)
     longest[ranking[np.diff(of_loop[ranking], prepend=-1) > 0]] = True
-    return BoundaryLoops(boundary, of_edge, perimeter, longest & (perimeter**2 >= np.pi * area[of_loop]))
+    return BoundaryLoops(boundary, of_edge, perimeter, longest & (perimeter**2 >= np.pi * whole[of_loop]))
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryRings:
+    """The boundary as r walks from vertex to vertex, each of its edges once.
+
+    Attributes
+    ----------
+    vertices : (v,) ndarray
+        One walk after the other; the first vertex of a closed one is not repeated.
+    offsets : (r + 1,) ndarray
+        Where each walk begins in `vertices`, and the end.
+    is_hole : (r,) ndarray of bool
+        Whether it goes around a hole, not along the rim of an open sheet.
+    perimeter : (r,) ndarray of float64
+        Length of the loop that it belongs to, in the mesh's unit.
+    """
+
+    vertices: IntArray
+    offsets: IntArray
+    is_hole: BoolArray
+    perimeter: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.is_hole)
+
+    def __getitem__(self, ring: int) -> IntArray:
+        """Return the vertices of one walk."""
+        return self.vertices[self.offsets[range(len(self))[ring]] : self.offsets[range(len(self))[ring] + 1]]
+
+
+def trace_rings(edges: EdgeTable, loops: BoundaryLoops) -> BoundaryRings:
+    """Return the boundary as walks; a loop that meets itself in a bow-tie may be several."""
+    names, ends = np.unique(edges.ends[loops.edges], return_inverse=True)
+    ends = ends.reshape(-1, 2)
+    many = len(loops.edges)
+    at_vertex = np.argsort(ends.ravel(), kind="stable") // 2
+    begin = np.concatenate([[0], np.cumsum(np.bincount(ends.ravel(), minlength=len(names)))])
+    walk, offsets, of_ring = np.empty(2 * many, np.int64), np.empty(many + 1, np.int64), np.empty(many, np.int64)
+    rings = walk_boundary(begin, at_vertex, ends, loops.of_edge, np.zeros(many, bool), walk, offsets, of_ring)
+    of_ring = of_ring[:rings]
+    vertices = names[walk[: offsets[rings]]].astype(np.int64)
+    return BoundaryRings(vertices, offsets[: rings + 1], ~loops.is_rim[of_ring], loops.perimeter[of_ring])

@@ -150,7 +150,7 @@ def test_tensor_and_legacy_meshes_and_arrays_are_alike(ball):
     tensor = o3d.t.geometry.TriangleMesh(
         o3d.core.Tensor.from_numpy(ball[0].copy()), o3d.core.Tensor.from_numpy(ball[1].copy())
     )
-    reports = [mesh_report(mesh, "mm") for mesh in (ball, legacy, tensor)]
+    reports = [mesh_report(mesh, unit="mm") for mesh in (ball, legacy, tensor)]
     assert reports[0] == reports[1] == reports[2]
     assert reports[0].unit == "mm"
     assert mesh_report(o3d.t.geometry.TriangleMesh()).triangles == 0
