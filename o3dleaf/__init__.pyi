@@ -32,6 +32,9 @@ from .mesh.defects import Defects as Defects
 from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
+from .report.requirements import check_mesh as check_mesh
+from .report.requirements import Verdict as Verdict
+from .report.examine import write_report as write_report
 from .view.render import render as render
 from .view.maps import render_distortion as render_distortion
 from .view.window import show as show

@@ -2,7 +2,14 @@
 
 `summary`       what a run says of itself: settings, units, sizes, times, versions
 `describe`      what a file holds
-`requirements`  what a mesh must be, in words such as "watertight,components=1,min-angle=10", and whether it is
+`words`         figures with their names, kinds and units
+`requirements`  what a mesh must be, "watertight,components=1,min-angle=10", and whether it is
+`examine`       a mesh examined: figures, verdict, JSON and page
+`compose`       the parts of the page; `page` puts them together, with `page.css`
+`reduce`        fewer triangles, to look at
+`places`        where the defects are, and from where to look at them
+`closeups`, `overviews`, `charts`   what is drawn, shaded by `shots`
+`viewer`        the data of the interactive view, which `viewer.js` draws
 """
 
 from o3dleaf.report.describe import describe_file, read_geometry, write_json

@@ -28,6 +28,9 @@ QUALITY = 82
 FOOT = 40
 """Height below a picture that scale bar and colour bar take."""
 
+BANDS = 64
+"""Of a colour bar."""
+
 NO_VALUE = np.array([0.42, 0.42, 0.42])
 """Linear RGB of what has no value."""
 
@@ -57,6 +60,10 @@ class Colours:
         """Return (256, 3) sRGB colours."""
         return np.asarray(colormaps[self.colour_map](np.linspace(0, 1, 256))[:, :3])
 
+    def stops(self) -> list[str]:
+        """Return 16 colours of the map, evenly spaced, as HTML writes them."""
+        return [_hex(colour) for colour in self.table()[::17].tolist()]
+
     def paint(self, triangles: IntArray) -> Paint:
         """Return the colours of the surface; a triangle with a corner without value is grey."""
         low, high = self.limits
@@ -73,15 +80,15 @@ class Colours:
 
     def bar(self, width: float, top: float) -> str:
         """Return the colour bar as SVG, its right end at `width`."""
-        length, name = min(220.0, 0.4 * width), f"map-{self.colour_map}"
-        stops = "".join(
-            f'<stop offset="{place:.3f}" stop-color="{_hex(colour)}"/>'
-            for place, colour in zip(np.linspace(0, 1, 17), self.table()[::17][:16].tolist() + [self.table()[-1].tolist()], strict=True)
+        length = min(320.0, 0.45 * width)
+        left, each = width - length - 8, length / BANDS
+        table = self.table()[np.linspace(0, 255, BANDS).astype(int)].tolist()
+        bands = "".join(
+            f'<path stroke="{_hex(colour)}" d="M{left + (n + 0.5) * each:.2f} {top + 2:.0f}v9"/>'
+            for n, colour in enumerate(table)
         )
-        left = width - length - 8
         return (
-            f'<defs><linearGradient id="{name}">{stops}</linearGradient></defs>'
-            f'<rect x="{left:.0f}" y="{top + 2:.0f}" width="{length:.0f}" height="9" fill="url(#{name})"/>'
+            f'<g class="bands" stroke-width="{each + 0.4:.2f}">{bands}</g>'
             f'<text x="{left:.0f}" y="{top + 25:.0f}">{self.limits[0]:.3g}</text>'
             f'<text class="end" x="{width - 8:.0f}" y="{top + 25:.0f}">{self.limits[1]:.3g}</text>'
             f'<text class="mid" x="{left + length / 2:.0f}" y="{top + 25:.0f}">{escape(self.label)}</text>'
@@ -129,7 +136,15 @@ class Shot:
         )
 
 
-def shoot(vertices: FloatArray, triangles: IntArray, paint: Paint, camera: Camera, size: tuple[int, int], *, smooth: bool = True) -> Shot:
+def shoot(
+    vertices: FloatArray,
+    triangles: IntArray,
+    paint: Paint,
+    camera: Camera,
+    size: tuple[int, int],
+    *,
+    smooth: bool = True,
+) -> Shot:
     """Return the picture of a mesh that a camera sees, with a see-through background."""
     finer = round(FINER * size[0]), round(FINER * size[1])
     shaded = shade_mesh(vertices, triangles, paint, camera, finer, View(smooth=smooth, supersampling=2))
@@ -144,6 +159,11 @@ def _as_address(shaded: FloatArray) -> str:
     stream = io.BytesIO()
     imsave(stream, pixels, format="webp", pil_kwargs={"quality": QUALITY})
     return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def linear_colour(text: str) -> FloatArray:
+    """Return the linear RGB of a colour as HTML writes it, "#rrggbb"."""
+    return linear(np.array([int(text[each : each + 2], 16) / 255 for each in (1, 3, 5)]))
 
 
 def _hex(colour: Sequence[float]) -> str:
