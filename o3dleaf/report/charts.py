@@ -94,8 +94,8 @@ class Histogram:
                     f"<title>{tip}</title></rect>"
                 )
         lines.append(f'<path class="axis" d="M{LEFT} {TOP + plot[1]}H{WIDTH - RIGHT}"/>')
-        for tick in _axis(self.low, self.high)[1]:
-            lines.append(f'<text class="tick mid" x="{x(tick):.1f}" y="{HEIGHT - 26}">{tick:g}</text>')
+        ticks = _axis(self.low, self.high)[1]
+        lines += [f'<text class="tick mid" x="{x(tick):.1f}" y="{HEIGHT - 26}">{tick:g}</text>' for tick in ticks]
         lines.append(f'<text class="label mid" x="{LEFT + plot[0] / 2}" y="{HEIGHT - 7}">{self._axis_label()}</text>')
         lines += self._draw_marks(x)
         return "\n".join([*lines, "</svg>"])

@@ -1,6 +1,7 @@
-"""Close-ups of defects: the triangles with their edges, those concerned in colour, and what is broken drawn over them."""
+"""Close-ups of defects: triangles with their edges, those concerned in colour, what is broken drawn over them."""
 
 import json
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -36,15 +37,14 @@ def draw_closeup(inspection: Inspection, place: Place, number: int) -> str:
     vertices, triangles = anatomy.vertices[used], corner.reshape(-1, 3)
     chosen = np.isin(place.window, place.rows)
     width, height = SIZE
-    camera = Camera(
-        *(getattr(camera, name) for name in ("target", "right", "up", "toward", "width")), camera.width * height / width
-    )
+    camera = replace(camera, height=camera.width * height / width)
     paint = _with_edges(vertices, triangles, chosen, kind.colour, camera.width / width)
     shot = shoot(vertices, triangles, paint, camera, SIZE, smooth=False)
     ink = _outlines(camera, vertices[triangles[chosen]], kind.colour)
     ink += _broken(inspection, place, camera)
     picture = shot.svg(inspection.report.unit, ink)
-    return f'<figure class="closeup" id="place-{number}" data-kind="{place.kind}">{picture}{_caption(inspection, place, number, camera)}</figure>'
+    caption = _caption(inspection, place, number, camera)
+    return f'<figure class="closeup" id="place-{number}" data-kind="{place.kind}">{picture}{caption}</figure>'
 
 
 def _with_edges(vertices: FloatArray, triangles: IntArray, chosen: np.ndarray, colour: str, pixel: float) -> Paint:

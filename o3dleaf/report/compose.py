@@ -12,8 +12,8 @@ from o3dleaf.mesh.inspection import Inspection
 from o3dleaf.report.charts import Histogram, Mark
 from o3dleaf.report.closeups import draw_closeup
 from o3dleaf.report.overviews import draw_map, draw_sides, field_colours, scan_colours
-from o3dleaf.report.page import Section, figures_tables, viewer_section, write_page
-from o3dleaf.report.places import KINDS, Place, find_places
+from o3dleaf.report.page import Section, as_data, figures_tables, viewer_section, write_page
+from o3dleaf.report.places import KINDS, find_places
 from o3dleaf.report.reduce import Reduced, reduce_mesh
 from o3dleaf.report.requirements import Verdict
 from o3dleaf.report.shots import Colours
@@ -78,11 +78,12 @@ def _pictures(inspection: Inspection, points: FloatArray | None, journal: Journa
         ]
         data = viewer_data(inspection, turned, [each for each in layers if each is not None], places)
     legend = "A number marks a close-up below; a dashed ring lies behind the surface." if places else ""
+    note = f'<p class="note">{legend} {_reduced_note(drawn, report.triangles, report.unit)}</p>'
     sections = [
         Section(
             "pictures",
             "Pictures",
-            f'<p class="note">{legend} {_reduced_note(drawn, report.triangles, report.unit)}</p><div class="row">{sides}</div>',
+            f'{note}<div class="row">{sides}</div>',
         ),
         Section(
             "places",
@@ -178,7 +179,8 @@ def _charts(inspection: Inspection, verdict: Verdict) -> str:
     ):
         if values is not None and np.isfinite(values).any():
             charts.append(Histogram.of_lengths(title, values, report.unit, marks(attribute, "length")))
-    return "".join(f"<figure>{each.svg()}</figure>" for each in charts)
+    exact = as_data("angle_histogram", list(report.angle_histogram), "")
+    return exact + "".join(f"<figure>{each.svg()}</figure>" for each in charts)
 
 
 def _lead(inspection: Inspection) -> str:

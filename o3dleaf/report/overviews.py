@@ -107,7 +107,7 @@ def _markers(shot: Shot, places: list[Place], hidden: list[bool]) -> list[str]:
         ink += [
             f'<path class="lead" d="M{dot[0]:.1f} {dot[1]:.1f}L{label[0]:.1f} {label[1]:.1f}"/>',
             f'<circle class="ring" style="stroke:{colour}"{dashes} cx="{dot[0]:.1f}" cy="{dot[1]:.1f}" r="5"/>',
-            f'<a href="#place-{number}"><circle fill="{colour}" cx="{label[0]:.1f}" cy="{label[1]:.1f}" r="9"/>'
+            f'<a href="#place-{number}"><circle fill="{colour}" cx="{label[0]:.1f}" cy="{label[1]:.1f}" r="9"/>',
             f'<text class="number" x="{label[0]:.1f}" y="{label[1] + 4:.1f}">{number}</text></a>',
         ]
     return ink
@@ -138,7 +138,7 @@ def field_colours(inspection: Inspection, reduced: Reduced) -> Colours | None:
 
 
 def scan_colours(inspection: Inspection, reduced: Reduced, points: FloatArray | None) -> Colours | None:
-    """Return for each vertex how far the nearest point of the scan is from the mesh; without a value where none is near."""
+    """Return for each vertex how far the nearest point of the scan is from the mesh; NaN where none is near."""
     deviation = inspection.deviation
     if points is None or deviation.from_scan is None or deviation.spacing is None:
         return None

@@ -1,11 +1,12 @@
 """The page: one HTML file that needs nothing else, for a screen, a dark one, and paper."""
 
-import math
+import json
 from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from typing import Any, NamedTuple
 
+from o3dleaf.report.places import KINDS
 from o3dleaf.report.requirements import Verdict
 from o3dleaf.report.viewer import as_json, viewer_script
 from o3dleaf.report.words import TABLES, figure_of, in_words
@@ -48,8 +49,7 @@ def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer
         f"<nav>{links}</nav>",
         requirements_table(verdict),
     ]
-    for each in sections:
-        parts.append(f'<section id="{each.name}"><h2>{escape(each.heading)}</h2>\n{each.body}</section>')
+    parts += [f'<section id="{each.name}"><h2>{escape(each.heading)}</h2>\n{each.body}</section>' for each in sections]
     return "\n".join([*parts, f"<footer>{footer}</footer>", "</body>", "</html>", ""])
 
 
@@ -57,9 +57,10 @@ def requirements_table(verdict: Verdict) -> str:
     """Return the table of what was required and found."""
     if not verdict.findings:
         return '<p class="note">Nothing was required of this mesh; the figures below are what it is.</p>'
+    results = {True: '<td class="met">✓ met</td>', False: '<td class="unmet">✗ not met</td>'}
     rows = [
         f"<tr><td><code>{escape(str(each.requirement))}</code></td><td>{escape(each.wanted)}</td>"
-        f'<td>{escape(each.found)}</td><td class="{"met" if each.met else "unmet"}">{"✓ met" if each.met else "✗ not met"}</td></tr>'
+        f"<td>{escape(each.found)}</td>{results[each.met]}</tr>"
         for each in verdict.findings
     ]
     head = "<tr><th>Required</th><th>Wanted</th><th>Found</th><th>Result</th></tr>"
@@ -70,24 +71,22 @@ def figures_tables(figures: Mapping[str, Any], unit: str | None) -> str:
     """Return every figure of a report in tables by topic; each exact value stands in its data element."""
     tables = list[str]()
     for table in TABLES:
-        rows = [_row(name, value, unit) for name, value in figures.items() if figure_of(name).table == table]
-        if rows and any(value is not None for name, value in figures.items() if figure_of(name).table == table):
-            tables.append(f'<section><h3>{table}</h3><table class="figures">{"".join(rows)}</table></section>')
+        chosen = {name: value for name, value in figures.items() if figure_of(name).table == table}
+        rows = "".join(_row(name, value, unit) for name, value in chosen.items())
+        # What nothing was measured against has a table of its own, all blanks: not shown.
+        if any(value is not None for value in chosen.values()):
+            tables.append(f'<section><h3>{table}</h3><table class="figures">{rows}</table></section>')
     return f'<div class="tables">{"".join(tables)}</div>'
 
 
 def _row(name: str, value: Any, unit: str | None) -> str:
     """Return a figure as a row."""
-    exact = " ".join(repr(each) for each in value) if isinstance(value, list | tuple) else _exact(value)
-    words = escape(in_words(name, value, unit))
-    return f'<tr><td>{figure_of(name).label}</td><td><data id="{name}" value="{escape(exact)}">{words}</data></td></tr>'
+    return f"<tr><td>{figure_of(name).label}</td><td>{as_data(name, value, in_words(name, value, unit))}</td></tr>"
 
 
-def _exact(value: Any) -> str:
-    """Return a value as JSON has it."""
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
-    return value if isinstance(value, str) else repr(value)
+def as_data(name: str, value: Any, words: str) -> str:
+    """Return a figure in words, with the exact value as JSON has it beside it."""
+    return f'<data id="{name}" value="{escape(json.dumps(value), quote=True)}">{escape(words)}</data>'
 
 
 def viewer_section(data: dict[str, Any], full: int, step: str) -> str:
@@ -96,8 +95,8 @@ def viewer_section(data: dict[str, Any], full: int, step: str) -> str:
     choices = "".join(f'<option value="{n}">{escape(each["label"])}</option>' for n, each in enumerate(data["layers"]))
     kinds = "".join(
         f'<label><input type="checkbox" name="defect" value="{each["name"]}"{" checked" if each["shown"] else ""}> '
-        f'<i class="key" style="background:rgb({",".join(str(math.floor(255 * part)) for part in each["colour"])})">&nbsp;</i> '
-        f"{each['title']} ({each['count']:,})</label>"
+        f'<i class="key" style="background:{KINDS[each["name"]].colour}">&nbsp;</i> '
+        f"{KINDS[each['name']].title} ({each['count']:,})</label>"
         for each in data["defects"]
     )
     return f"""<p class="note interactive">{CONTROLS} {step}</p>
@@ -106,7 +105,7 @@ def viewer_section(data: dict[str, Any], full: int, step: str) -> str:
 <label><input type="checkbox" name="wire"> wire frame</label><button type="button" name="reset">Start view</button>{kinds}</div>
 <p class="message"></p>
 <canvas tabindex="0" aria-label="Interactive view of the mesh"></canvas>
-<div class="legend" hidden><span class="low"></span><i style="background:var(--bar)"></i><span class="high"></span><span class="what"></span></div>
+<div class="legend" hidden><span class="low"></span><i></i><span class="high"></span><span class="what"></span></div>
 </div>
 <noscript><p class="note">The interactive view needs JavaScript; the pictures above show the same.</p></noscript>
 <script type="application/json" id="viewer-data">{as_json(data)}</script>

@@ -90,7 +90,7 @@ def find_places(inspection: Inspection) -> list[Place]:
 
 
 def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[IntArray]:
-    """Return rows of triangles that hang together by vertices, the largest group first, or in the order of its first."""
+    """Return rows of triangles that hang together by vertices, the largest group first or as they come."""
     if not len(rows):
         return []
     names, corner = np.unique(inspection.anatomy.triangles[rows], return_inverse=True)

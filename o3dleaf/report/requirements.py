@@ -140,7 +140,7 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """ "passed", "failed", or "not asked" where there was no requirement."""
+        """Say "passed", "failed", or "not asked" where there was no requirement."""
         return ("passed" if self.passed else "failed") if self.findings else "not asked"
 
     def to_dict(self) -> dict[str, str | list[str]]:

@@ -263,7 +263,7 @@
     legend.hidden = !layer;
     if (layer) {
       setMap(layer);
-      legend.style.setProperty("--bar", layer.css);
+      legend.querySelector("i").style.background = layer.css;
       [".low", ".high", ".what"].forEach((name, i) => { legend.querySelector(name).textContent = [layer.low, layer.high, layer.label][i]; });
     }
     ask();

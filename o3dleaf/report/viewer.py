@@ -95,7 +95,6 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
         found.append(
             {
                 "name": name,
-                "title": kind.title,
                 "count": len(rows[name]),
                 "colour": colour,
                 "shown": name not in QUIET,

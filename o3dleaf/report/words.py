@@ -15,6 +15,9 @@ class Figure(NamedTuple):
 
 
 SIZE, TOPOLOGY, DEFECTS, SHAPE = "Size", "Topology", "Defects", "Shape of the triangles"
+CHART = ""
+"""The table of what is drawn instead."""
+
 FIELD, SCAN, OTHER = "Distance to the field", "Distance to the scan", "Other figures"
 FIGURES = {
     "watertight": Figure("watertight", "flag", TOPOLOGY),
@@ -55,6 +58,7 @@ FIGURES = {
     "edge_95pc": Figure("edges, 95 %", "length", SHAPE),
     "edge_99pc": Figure("edges, 99 %", "length", SHAPE),
     "longest_edge": Figure("longest edge", "length", SHAPE),
+    "angle_histogram": Figure("triangles by smallest angle, a degree a bin", "count", CHART),
     "field_distance_mean": Figure("vertices to the field's surface, mean", "length", FIELD),
     "field_distance_95pc": Figure("the same, 95 %", "length", FIELD),
     "field_distance_99pc": Figure("the same, 99 %", "length", FIELD),
@@ -81,21 +85,14 @@ def figure_of(name: str) -> Figure:
 def in_words(name: str, value: Any, unit: str | None) -> str:
     """Return the value of a figure with its unit, rounded to what a reader takes in; "–" where there is none."""
     kind = figure_of(name).kind
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
+    if value is None or isinstance(value, bool):
+        return {None: "–", True: "yes", False: "no"}[value]
     if isinstance(value, list | tuple):
         return ", ".join(in_words(name, each, None) for each in value) + unit_of(kind, unit)
     if isinstance(value, str):
         return in_unit(value)
-    if kind == "count":
-        return f"{value:,.0f}"
-    if kind == "degrees":
-        return f"{value:.4g}°"
-    if kind == "share":
-        return f"{100 * value:.4g} %"
-    return f"{value:.5g}" + unit_of(kind, unit)
+    plain = {"count": "{:,.0f}", "degrees": "{:.4g}°"}.get(kind, "{:.5g}")
+    return f"{100 * value:.4g} %" if kind == "share" else plain.format(value) + unit_of(kind, unit)
 
 
 def unit_of(kind: str, unit: str | None) -> str:
