@@ -46,3 +46,62 @@ def hashed_noise(seed, shape=(12, 13, 11), *, levels=None):
     rng = np.random.default_rng(seed)
     noise = rng.normal(size=shape) if levels is None else rng.integers(0, levels, size=shape).astype(np.float64)
     return np.pad(noise, 1, constant_values=-5.0)
+
+
+def joined(*parts):
+    """Return several (vertices, triangles) as one mesh."""
+    start = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    triangles = [np.asarray(part[1]) + first for part, first in zip(parts, start, strict=True)]
+    return np.concatenate([part[0] for part in parts]), np.concatenate(triangles)
+
+
+def planted(defect, ball):
+    """Return the sphere with one defect, and what a report must then say."""
+    vertices, triangles = ball
+    count = len(vertices)
+    fin = np.append(triangles, [[*triangles[0, :2], count]], axis=0)
+    mirrored = joined(ball, (2 * vertices[0] - vertices, triangles[:, ::-1]))
+    touching = mirrored[0], np.where(mirrored[1] == count, 0, mirrored[1])
+    thin, null = (np.array([[3.0, 0, 0], [4, 0, 0], [3.5, height, 0]]) for height in (1e-3, 0.0))
+    return {
+        "missing face": (
+            (vertices, triangles[1:]),
+            {"boundary_edges": 3, "holes": 1, "watertight": False, "manifold": True},
+        ),
+        "flipped face": (
+            (vertices, np.concatenate([triangles[:1, ::-1], triangles[1:]])),
+            {"oriented": False, "inconsistent_edges": 3, "manifold": True, "genus": None},
+        ),
+        "duplicated face": (
+            (vertices, np.concatenate([triangles, triangles[:1]])),
+            {"duplicate_triangles": 1, "nonmanifold_edges": 3, "manifold": False},
+        ),
+        "non-manifold edge": (
+            (np.append(vertices, [[3.0, 0, 0]], axis=0), fin),
+            {"nonmanifold_edges": 1, "manifold": False, "boundary_edges": 2},
+        ),
+        "non-manifold vertex": (touching, {"nonmanifold_vertices": 1, "components": 2, "manifold": False}),
+        "intersecting sheets": (
+            joined(ball, (vertices + 0.5, triangles)),
+            {"watertight": False, "components": 2, "manifold": True, "nonmanifold_edges": 0},
+        ),
+        "sliver": (joined(ball, (thin, [[0, 1, 2]])), {"degenerate_triangles": 0, "components": 2}),
+        "null face": (joined(ball, (null, [[0, 1, 2]])), {"degenerate_triangles": 1, "min_angle_deg": 0.0}),
+        "stray component": (
+            joined(ball, (0.05 * vertices + 2, triangles)),
+            {"components": 2, "watertight": True, "genus": 0},
+        ),
+    }[defect]
+
+
+DEFECTS = [
+    "missing face",
+    "flipped face",
+    "duplicated face",
+    "non-manifold edge",
+    "non-manifold vertex",
+    "intersecting sheets",
+    "sliver",
+    "null face",
+    "stray component",
+]

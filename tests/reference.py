@@ -7,6 +7,8 @@ membership is a comparison of all distances. A twin is to be read beside the pap
 import itertools
 import math
 from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from fractions import Fraction
 
 import numpy as np
 
@@ -222,3 +224,92 @@ def difference(function, x, step=1e-4):
         return (8 * (function(x + e) - function(x - e)) - (function(x + 2 * e) - function(x - 2 * e))) / (12 * step)
 
     return np.array([along(e) for e in step * np.eye(x.shape[1])]).T
+
+
+# --- mesh: triangles that meet ---
+
+
+def meet(first, second):
+    """Say whether two triangles, (3, 3) corners, share a point outside the corner or edge that they have in common.
+
+    The first is cut, in exact fractions, by the plane of the second and then by its three edges; the corners of what
+    is left are common corners, or the triangles meet elsewhere. Two triangles on the same places meet.
+    """
+    a, b = ([tuple(map(Fraction, corner)) for corner in triangle.tolist()] for triangle in (first, second))
+    normal = _cross(_minus(b[1], b[0]), _minus(b[2], b[0]))
+    left = _cut(_cut(a, normal, b[0]), _minus((0, 0, 0), normal), b[0])
+    for i in range(3):
+        left = _cut(left, _cross(normal, _minus(b[(i + 1) % 3], b[i])), b[i])
+    common = set(a) & set(b)
+    return len(common) == 3 or not set(left) <= common
+
+
+def _cut(polygon, normal, origin):
+    """Return the part of a convex polygon with normal · (x − origin) >= 0 (Sutherland & Hodgman 1974)."""
+    heights, kept = [_dot(normal, _minus(point, origin)) for point in polygon], []
+    for i, point in enumerate(polygon):
+        before, height = heights[i - 1], heights[i]
+        if before * height < 0:
+            share = before / (before - height)
+            kept.append(tuple(p + share * (q - p) for p, q in zip(polygon[i - 1], point, strict=True)))
+        if height >= 0:
+            kept.append(point)
+    return kept
+
+
+def _minus(a, b):
+    return tuple(p - q for p, q in zip(a, b, strict=True))
+
+
+def _dot(a, b):
+    return sum(p * q for p, q in zip(a, b, strict=True))
+
+
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def is_line(triangle):
+    """Say whether the (3, 3) corners of a triangle are in one line, exactly."""
+    a, b, c = (tuple(map(Fraction, corner)) for corner in triangle.tolist())
+    return not any(_cross(_minus(b, a), _minus(c, a)))
+
+
+def plane_side(a, b, c, d):
+    """Return the sign of det(a − d, b − d, c − d) in fractions."""
+    a, b, c, d = (tuple(map(Fraction, point)) for point in (a, b, c, d))
+    return int(np.sign(_dot(_minus(a, d), _cross(_minus(b, d), _minus(c, d)))))
+
+
+# --- mesh: what is beside what ---
+
+
+def edge_triangles(triangles):
+    """Return for each edge, a set of vertices, the triangles on it, once for each side that they have there."""
+    found = {}
+    for row, corners in enumerate(triangles.tolist()):
+        for i in range(3):
+            found.setdefault(frozenset((corners[i], corners[(i + 1) % 3])), []).append(row)
+    return found
+
+
+def fans(triangles, vertex):
+    """Return the number of pieces of a vertex's link: its neighbours, joined where a triangle has both."""
+    pieces = []
+    for corners in triangles.tolist():
+        if vertex in corners:
+            link = set(corners) - {vertex}
+            touching = [piece for piece in pieces if piece & link]
+            pieces = [piece for piece in pieces if not piece & link] + [link.union(*touching)]
+    return len(pieces)
+
+
+def smallest_angle(a, b, c):
+    """Return the smallest angle of a triangle in degrees, by the law of cosines in 40 digits."""
+    with localcontext() as context:
+        context.prec = 40
+        a, b, c = (tuple(map(Decimal, corner.tolist())) for corner in (a, b, c))
+        squares = sorted(_dot(_minus(p, q), _minus(p, q)) for p, q in ((a, b), (b, c), (c, a)))
+        cosine = (squares[1] + squares[2] - squares[0]) / (2 * (squares[1] * squares[2]).sqrt())
+        # The sine keeps what the cosine of a small angle has lost in float64.
+        return math.degrees(math.asin(float((1 - cosine**2).sqrt())))

@@ -279,3 +279,20 @@ EIKONAL = 1e-2
 DISTANCE_MESH = (2e-3, 1e-2)
 """Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;
 samples of the same step, midway between two faces 0.4 apart, may mistake the nearer one: found 1.3e-3 and 5.8e-3."""
+
+# --- mesh: reports ---
+
+MESHLAB_AREA = 1e-6
+"""MeshLab adds the areas up in single precision; found 5e-8."""
+
+TURNED_MESH = 1e-9
+"""Sums in another order, and coordinates of size 50 rounded to 1e-14 where slivers are 1e-3 high; found 1e-11."""
+
+SMALL_ANGLE = 1e-7
+"""Relative, and in degrees: coordinates of size 50 are rounded to 7e-15, of edges of 1e-6; found 1e-9."""
+
+NEWTON_STEP = 2e-3
+"""The first step from a thousandth outside a sphere is half a thousandth too short, by |d|/2r."""
+
+SCENE = 1e-5
+"""Open3D's ray casting has single precision: 6e-8 of the extent, 1, for distances of 0.005."""

@@ -179,28 +179,59 @@ def _root_and_turn(parent, turn, node):
 
 
 @njit(nogil=True, cache=True)
+def largest_across(corners, half):
+    """Return the vertex across from a half-edge if it is the first largest of its triangle, else -1."""
+    t, across = half - half % 3, (half + 2) % 3
+    for k in range(3):
+        if corners[t + k] > corners[t + across] or (corners[t + k] == corners[t + across] and k < across):
+            return -1
+    return corners[t + across]
+
+
+@njit(nogil=True, cache=True)
 def mark_duplicates(corners, order, of_half, is_duplicate):
-    """Mark the (m,) triangles on the same three vertices as one before."""
-    k = 0
-    while k < len(order):
-        edge, begin = of_half[order[k]], k
-        while k < len(order) and of_half[order[k]] == edge:
-            k += 1
-        if k - begin < 2:
-            continue
-        some, apex = np.empty(k - begin, np.int64), np.empty(k - begin, np.int64)
-        size = 0
-        for half in order[begin:k]:
-            triangle = half // 3
-            three = corners[3 * triangle : 3 * triangle + 3]
-            # Each triangle is looked at once: on the edge opposite its largest vertex.
-            if (half % 3 + 2) % 3 == np.argmax(three):
-                some[size], apex[size] = triangle, three.max()
-                size += 1
-        if size > 1:
-            rank = np.argsort(apex[:size], kind="mergesort")
-            for i in range(1, size):
-                is_duplicate[some[rank[i]]] |= apex[rank[i]] == apex[rank[i - 1]]
+    """Mark the (m,) triangles on the same three vertices as one before; each is looked at on one edge only."""
+    stop = 0
+    while stop < len(order):
+        begin, edge = stop, of_half[order[stop]]
+        while stop < len(order) and of_half[order[stop]] == edge:
+            stop += 1
+        if stop - begin == 2:
+            one, other = order[begin], order[begin + 1]
+            apex = largest_across(corners, one)
+            is_duplicate[other // 3] |= apex >= 0 and apex == largest_across(corners, other)
+        elif stop - begin > 2:
+            # By the vertex across, then by number; those without come first.
+            key = np.empty(stop - begin, np.int64)
+            for k in range(begin, stop):
+                key[k - begin] = np.int64(largest_across(corners, order[k])) * len(key) + k - begin
+            key.sort()
+            for n in range(1, len(key)):
+                alike = key[n] >= 0 and key[n] // len(key) == key[n - 1] // len(key)
+                is_duplicate[order[begin + key[n] % len(key)] // 3] |= alike
+
+
+@njit(nogil=True, cache=True)
+def list_ends(ends, begin, at_vertex):
+    """List the edges at each vertex: of vertex v, at_vertex[begin[v] : begin[v + 1]], in the edges' order.
+
+    Parameters
+    ----------
+    ends : (b, 2) ndarray
+    begin : (v + 1,) ndarray
+        Zeros; filled.
+    at_vertex : (2 b,) ndarray
+        Filled.
+    """
+    for edge in range(len(ends)):
+        for side in range(2):
+            begin[ends[edge, side]] += 1
+    for vertex in range(1, len(begin)):
+        begin[vertex] += begin[vertex - 1]
+    for edge in range(len(ends) - 1, -1, -1):
+        for side in range(1, -1, -1):
+            begin[ends[edge, side]] -= 1
+            at_vertex[begin[ends[edge, side]]] = edge
 
 
 @njit(nogil=True, cache=True)

@@ -13,6 +13,7 @@ from o3dleaf.mesh.adjacency import (
     join_corners,
     join_pairs,
     join_triangles,
+    list_ends,
     mark_duplicates,
     number_edges,
     number_roots,
@@ -20,6 +21,7 @@ from o3dleaf.mesh.adjacency import (
     walk_boundary,
 )
 from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.mesh.measures import measure_edges
 
 IndexArray = npt.NDArray[np.signedinteger[Any]]
 """Whole numbers of four bytes where they suffice, else of eight."""
@@ -80,9 +82,10 @@ class EdgeTable:
         wanted[edges] = True
         return np.unique(np.flatnonzero(wanted[self.of_half]) // 3) if len(edges) else np.empty(0, dtype=np.int64)
 
-    def first(self, edges: IntArray) -> IntArray:
-        """Return where in `order` some edges, rising, begin."""
-        return np.searchsorted(self.of_half[self.order], edges)
+    def first_triangle(self, edges: IntArray) -> IndexArray:
+        """Return the first triangle on each of some edges."""
+        begin = np.cumsum(self.count, dtype=self.order.dtype) - self.count
+        return np.asarray(self.order[begin[edges]] // 3)
 
     def duplicates(self) -> BoolArray:
         """Return which triangles are on the same three vertices as one before."""
@@ -179,18 +182,29 @@ def find_holes(
     edges = edges or EdgeTable.of(triangles)
     piece = label_triangles(triangles, edges) if piece is None else piece
     boundary = np.flatnonzero(edges.count == 1)
-    names, ends = np.unique(edges.ends[boundary], return_inverse=True)
-    ends = ends.reshape(-1, 2)
+    names, ends = _renumber(edges.ends[boundary], len(vertices))
     of_edge = label_nodes(ends[:, 0], ends[:, 1], len(names))[ends[:, 0]]
-    length = np.linalg.norm(np.diff(vertices[edges.ends[boundary]], axis=1)[:, 0], axis=1)
+    length = np.empty(len(boundary))
+    measure_edges(vertices, edges.ends[boundary], 0, len(boundary), length)
     perimeter = np.bincount(of_edge, weights=length).astype(np.float64)
     whole = np.bincount(piece, weights=triangle_areas(vertices, triangles) if area is None else area)
     of_loop = np.empty(len(perimeter), dtype=np.int64)
-    of_loop[of_edge] = piece[edges.order[edges.first(boundary)] // 3]
-    ranking = np.lexsort((-perimeter, of_loop))
-    longest = np.zeros(len(perimeter), dtype=bool)
-    longest[ranking[np.diff(of_loop[ranking], prepend=-1) > 0]] = True
+    of_loop[of_edge] = piece[edges.first_triangle(boundary)]
+    most = np.zeros(len(whole))
+    np.maximum.at(most, of_loop, perimeter)
+    # Of equally long loops of a piece the first is the rim: it is written last.
+    candidates = np.flatnonzero(perimeter == most[of_loop])[::-1]
+    rim = np.full(len(whole), -1)
+    rim[of_loop[candidates]] = candidates
+    longest = rim[of_loop] == np.arange(len(perimeter))
     return BoundaryLoops(boundary, of_edge, perimeter, longest & (perimeter**2 >= np.pi * whole[of_loop]))
+
+
+def _renumber(ends: IndexArray, vertices: int) -> tuple[IntArray, IndexArray]:
+    """Return the rising vertices that (b, 2) `ends` name, and the ends as places among them."""
+    named = np.zeros(vertices, dtype=bool)
+    named[ends] = True
+    return np.flatnonzero(named), (np.cumsum(named) - 1)[ends]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,13 +238,12 @@ class BoundaryRings:
 
 def trace_rings(edges: EdgeTable, loops: BoundaryLoops) -> BoundaryRings:
     """Return the boundary as walks; a loop that meets itself in a bow-tie may be several."""
-    names, ends = np.unique(edges.ends[loops.edges], return_inverse=True)
-    ends = ends.reshape(-1, 2)
+    names, ends = _renumber(edges.ends[loops.edges], int(edges.ends.max(initial=-1)) + 1)
     many = len(loops.edges)
-    at_vertex = np.argsort(ends.ravel(), kind="stable") // 2
-    begin = np.concatenate([[0], np.cumsum(np.bincount(ends.ravel(), minlength=len(names)))])
+    begin, at_vertex = np.zeros(len(names) + 1, np.int64), np.empty(2 * many, np.int64)
+    list_ends(ends, begin, at_vertex)
     walk, offsets, of_ring = np.empty(2 * many, np.int64), np.empty(many + 1, np.int64), np.empty(many, np.int64)
     rings = walk_boundary(begin, at_vertex, ends, loops.of_edge, np.zeros(many, bool), walk, offsets, of_ring)
     of_ring = of_ring[:rings]
-    vertices = names[walk[: offsets[rings]]].astype(np.int64)
+    vertices = names[walk[: offsets[rings]]]
     return BoundaryRings(vertices, offsets[: rings + 1], ~loops.is_rim[of_ring], loops.perimeter[of_ring])
