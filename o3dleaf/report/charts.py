@@ -11,7 +11,7 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.report.words import unit_of
 
 WIDTH, HEIGHT = 560, 260
-LEFT, RIGHT, TOP, BOTTOM = 58, 14, 24, 44
+LEFT, RIGHT, TOP, BOTTOM = 58, 14, 40, 44
 """Margins of the plot."""
 
 
@@ -102,17 +102,17 @@ class Histogram:
 
     def _draw_marks(self, x: "_Place") -> list[str]:
         """Return the vertical lines, their labels in rows where they would overlap."""
-        lines, ends = list[str](), [-np.inf, -np.inf]
+        lines, ends = list[str](), [-np.inf] * 3
         for mark in sorted(self.marks, key=lambda each: each.value):
             if not self.low <= mark.value <= self.high:
                 continue
             at, width = x(mark.value), 6.2 * len(mark.label)
             left = min(max(at - width / 2, LEFT), WIDTH - RIGHT - width)
-            row = 0 if left > ends[0] else 1
+            row = next((row for row, end in enumerate(ends) if left > end), len(ends) - 1)
             ends[row] = left + width + 6
             kind = "mark limit" if mark.is_limit else "mark"
-            lines.append(f'<path class="{kind}" d="M{at:.1f} {TOP + 2 - 4 * (row == 0)}V{HEIGHT - BOTTOM}"/>')
-            lines.append(f'<text class="tick" x="{left:.1f}" y="{10 + 11 * row}">{escape(mark.label)}</text>')
+            lines.append(f'<path class="{kind}" d="M{at:.1f} {13 + 12 * row}V{HEIGHT - BOTTOM}"/>')
+            lines.append(f'<text class="tick" x="{left:.1f}" y="{10 + 12 * row}">{escape(mark.label)}</text>')
         return lines
 
     def _unit(self) -> str:

@@ -36,6 +36,10 @@ def draw_closeup(inspection: Inspection, place: Place, number: int) -> str:
     used, corner = np.unique(triangles, return_inverse=True)
     vertices, triangles = anatomy.vertices[used], corner.reshape(-1, 3)
     chosen = np.isin(place.window, place.rows)
+    if place.kind == "duplicate":
+        # Which of two that lie in one place is seen is chance: both are in colour.
+        _, alike = np.unique(np.sort(triangles, axis=1), axis=0, return_inverse=True)
+        chosen = np.isin(alike, alike[chosen])
     width, height = SIZE
     camera = replace(camera, height=camera.width * height / width)
     paint = _with_edges(vertices, triangles, chosen, kind.colour, camera.width / width)
@@ -106,12 +110,17 @@ def _caption(inspection: Inspection, place: Place, number: int, camera: Camera) 
     """Return number, kind, place and figures of a close-up, and the way there in the interactive view."""
     anatomy, report, kind = inspection.anatomy, inspection.report, KINDS[place.kind]
     first = place.rows[np.argmin(anatomy.smallest_angle[place.rows])]
-    where = ", ".join(f"{each:.5g}" for each in place.centre) + unit_of("length", report.unit)
+    # Digits as fine as what is shown: no 1e-16 where 0 is meant.
+    digits = max(0, 2 - int(np.floor(np.log10(place.radius))))
+    where = ", ".join(f"{each + 0.0:.{digits}f}" for each in np.round(place.centre, digits)) + unit_of(
+        "length", report.unit
+    )
     angle = in_words("min_angle_deg", float(anatomy.smallest_angle[first]), None)
     several = f"{len(place.rows)} triangles, the sharpest" if len(place.rows) > 1 else "triangle"
     way = escape(json.dumps([place.centre.tolist(), camera.toward.tolist(), place.radius]), quote=True)
     return (
-        f'<figcaption><b><i class="key" style="background:{kind.colour}">{number}</i> {kind.title}</b>: {kind.text}.<br>'
+        f'<figcaption><b><i class="key" style="background:{kind.colour}">{number}</i> {kind.title}</b>: '
+        f"{kind.text}.<br>"
         f"At {where}; {several} {first}, {angle}. "
         f'<a href="#viewer" data-place="{way}">Show in 3-D</a></figcaption>'
     )

@@ -34,8 +34,7 @@ def compose_page(
 ) -> str:
     """Return the page of a mesh; `points` are those of the scan, if there is one."""
     report = inspection.report
-    figures = report.to_dict() | {"verdict": verdict.word}
-    sections = [Section("figures", "Figures", figures_tables(figures, report.unit))]
+    sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
     if _can_be_drawn(inspection):
         sections += _pictures(inspection, points, journal)
     else:
@@ -128,7 +127,7 @@ def _defects_table(inspection: Inspection) -> str:
     """Return how many triangles each kind of defect concerns."""
     rows = [
         f'<tr><td><i class="key" style="background:{KINDS[name].colour}">&nbsp;</i> {KINDS[name].title}</td>'
-        f"<td>{KINDS[name].text}</td><td>{len(found):,} triangles</td></tr>"
+        f"<td>{KINDS[name].text}</td><td>{len(found):,} triangle{'s' * (len(found) > 1)}</td></tr>"
         for name, found in inspection.defects.rows().items()
         if len(found)
     ]

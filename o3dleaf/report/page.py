@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from o3dleaf.report.places import KINDS
 from o3dleaf.report.requirements import Verdict
 from o3dleaf.report.viewer import as_json, viewer_script
-from o3dleaf.report.words import TABLES, figure_of, in_words
+from o3dleaf.report.words import FIGURES, TABLES, figure_of, in_words
 
 HEAD = """<!DOCTYPE html>
 <html lang="en">
@@ -42,10 +42,11 @@ def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer
     """Return the page of a title, a verdict and sections."""
     style = (files("o3dleaf.report") / "page.css").read_text(encoding="utf-8")
     links = "".join(f'<a href="#{each.name}">{escape(each.heading)}</a>' for each in sections)
+    badge = as_data("verdict", verdict.word, WORDS[verdict.word])
     parts = [
         HEAD.format(title=escape(title), word=verdict.word, style=style),
         f'<header><div><h1>{escape(title)}</h1><p class="lead">{lead}</p></div>',
-        f'<div class="verdict {verdict.word.replace(" ", "-")}" id="verdict">{WORDS[verdict.word]}</div></header>',
+        f'<div class="verdict {verdict.word.replace(" ", "-")}">{badge}</div></header>',
         f"<nav>{links}</nav>",
         requirements_table(verdict),
     ]
@@ -71,7 +72,8 @@ def figures_tables(figures: Mapping[str, Any], unit: str | None) -> str:
     """Return every figure of a report in tables by topic; each exact value stands in its data element."""
     tables = list[str]()
     for table in TABLES:
-        chosen = {name: value for name, value in figures.items() if figure_of(name).table == table}
+        order = [*(name for name in FIGURES if name in figures), *(name for name in figures if name not in FIGURES)]
+        chosen = {name: figures[name] for name in order if figure_of(name).table == table}
         rows = "".join(_row(name, value, unit) for name, value in chosen.items())
         # What nothing was measured against has a table of its own, all blanks: not shown.
         if any(value is not None for value in chosen.values()):
@@ -102,7 +104,8 @@ def viewer_section(data: dict[str, Any], full: int, step: str) -> str:
     return f"""<p class="note interactive">{CONTROLS} {step}</p>
 <div id="viewer" class="interactive" data-triangles="{full}" data-layers="{shown}">
 <div class="tools"><label>Colour <select name="colour"><option value="-1">plain</option>{choices}</select></label>
-<label><input type="checkbox" name="wire"> wire frame</label><button type="button" name="reset">Start view</button>{kinds}</div>
+<label><input type="checkbox" name="wire"> wire frame</label>
+<button type="button" name="reset">Start view</button>{kinds}</div>
 <p class="message"></p>
 <canvas tabindex="0" aria-label="Interactive view of the mesh"></canvas>
 <div class="legend" hidden><span class="low"></span><i></i><span class="high"></span><span class="what"></span></div>

@@ -136,9 +136,8 @@ def look_at(inspection: Inspection, place: Place) -> Camera:
     """Return the camera from which most of a place's triangles are seen, rather from above than from the side."""
     anatomy = inspection.anatomy
     corners = anatomy.vertices[anatomy.triangles[place.rows]]
-    toward = _normal(corners) if place.kind != "nonmanifold_edge" else None
-    if toward is None:
-        toward = _normal(anatomy.vertices[anatomy.triangles[place.window]])
+    # Of the surface around, not of what may be flipped or stand out of it.
+    toward = _normal(anatomy.vertices[anatomy.triangles[place.window]])
     if toward is None:
         toward = _thinnest(anatomy.vertices[anatomy.triangles[place.window]].reshape(-1, 3))
     helper = np.eye(3)[np.argmin(np.abs(toward))]
@@ -158,7 +157,9 @@ def look_at(inspection: Inspection, place: Place) -> Camera:
         start = points + 1e-3 * place.radius * way
         rays = np.hstack([start, np.broadcast_to(way, start.shape)]).astype(np.float32)
         seen = 1 - float(scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy().mean())
-        if seen > most + 0.02:
+        # From inside only where little is to be seen from outside.
+        gain = 0.02 if way @ toward >= 0 else 0.4
+        if seen > most + gain:
             best, most = way, seen
         if most > 0.97:
             break

@@ -33,7 +33,7 @@ class Reduced:
     step: float
 
     def worst(self, values: FloatArray, *, least: bool = False) -> FloatArray:
-        """Return the largest (or `least`) of the (n,) values that each vertex here stands for; NaN where none is known."""
+        """Return the largest (or `least`) of the (n,) values that each vertex here stands for; NaN where unknown."""
         chosen = np.flatnonzero((self.cluster >= 0) & ~np.isnan(values))
         # Sorted by value, the last to be written stays.
         order = chosen[np.argsort(-values[chosen] if least else values[chosen], kind="stable")]

@@ -278,5 +278,5 @@ def _compare(found: float, order: str, limit: float) -> bool:
 def _because(report: MeshReport, rule: Rule) -> str:
     """Return the counts that say why a property does not hold, in brackets."""
     counts = {name: getattr(report, name) for name in rule.causes}
-    named = [f"{in_words(name, value, None)} {figure_of(name).label}" for name, value in counts.items() if value]
+    named = [f"{figure_of(name).label}: {in_words(name, value, None)}" for name, value in counts.items() if value]
     return f" ({', '.join(named)})" if named else ""

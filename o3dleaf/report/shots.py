@@ -19,7 +19,7 @@ from o3dleaf.view.panel import round_length
 from o3dleaf.view.render import UNDER_GREEN, UPPER_GREEN, encode, linear
 from o3dleaf.view.shade import Paint, shade_mesh
 
-FINER = 1.6
+FINER = 1.4
 """Pixels of a picture for each of the page's, for fine screens and paper."""
 
 QUALITY = 82
