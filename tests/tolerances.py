@@ -296,3 +296,11 @@ NEWTON_STEP = 2e-3
 
 SCENE = 1e-5
 """Open3D's ray casting has single precision: 6e-8 of the extent, 1, for distances of 0.005."""
+
+# --- the report ---
+
+REDUCED_AREA = 0.05
+"""Share of the area of a sphere that a grid of some forty cells across loses or gains; found below."""
+
+PAGE_SECONDS = 120
+"""Wall time that a browser or the command may take before it hangs; they need two to ten seconds."""
