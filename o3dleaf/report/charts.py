@@ -122,7 +122,7 @@ class Histogram:
     def _axis_label(self) -> str:
         """Return what stands below the axis."""
         unit = self._unit().strip()
-        beyond = f"; {self.above:,} beyond the right end" if self.above else ""
+        beyond = f"; {self.above:,} beyond" if self.above else ""
         return escape(f"{self.title}{f', {unit}' if unit else ''}{beyond}")
 
 

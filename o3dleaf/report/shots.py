@@ -19,7 +19,7 @@ from o3dleaf.view.panel import round_length
 from o3dleaf.view.render import UNDER_GREEN, UPPER_GREEN, encode, linear
 from o3dleaf.view.shade import Paint, shade_mesh
 
-FINER = 1.4
+FINER = 1.25
 """Pixels of a picture for each of the page's, for fine screens and paper."""
 
 QUALITY = 82
@@ -27,6 +27,9 @@ QUALITY = 82
 
 FOOT = 40
 """Height below a picture that scale bar and colour bar take."""
+
+LABEL = 16
+"""Height that the name of the colours takes besides."""
 
 BANDS = 64
 """Of a colour bar."""
@@ -91,7 +94,7 @@ class Colours:
             f'<g class="bands" stroke-width="{each + 0.4:.2f}">{bands}</g>'
             f'<text x="{left:.0f}" y="{top + 25:.0f}">{self.limits[0]:.3g}</text>'
             f'<text class="end" x="{width - 8:.0f}" y="{top + 25:.0f}">{self.limits[1]:.3g}</text>'
-            f'<text class="mid" x="{left + length / 2:.0f}" y="{top + 25:.0f}">{escape(self.label)}</text>'
+            f'<text class="end" x="{width - 8:.0f}" y="{top + 42:.0f}">{escape(self.label)}</text>'
         )
 
 
@@ -125,7 +128,7 @@ class Shot:
         name = f"{length:g} {in_unit(unit)}" if unit else f"{length:g}"
         return "\n".join(
             [
-                f'<svg class="picture" viewBox="0 0 {width} {height + FOOT}" role="img">',
+                f'<svg class="picture" viewBox="0 0 {width} {height + FOOT + (LABEL if colours else 0)}" role="img">',
                 f'<image href="{self.image}" width="{width}" height="{height}"/>',
                 *ink,
                 f'<path class="scale" d="M8 {height + 12}h{pixels:.1f}"/>',

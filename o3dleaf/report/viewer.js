@@ -45,11 +45,11 @@
       vec3 at = low + place * extent; from = at - eye; shade = value;
       gl_Position = motion * vec4(at, 1.0); }`;
   const SURFACE_COLOUR = `#version 300 es
-    precision highp float; in vec3 from; in float shade; uniform sampler2D map; uniform vec4 plain; uniform int mode;
+    precision highp float; in vec3 from; in float shade; uniform sampler2D map; uniform vec4 plain; uniform int mode; uniform float under;
     uniform vec3 sun; out vec4 colour; void main() {
       vec3 normal = normalize(cross(dFdx(from), dFdy(from)));
       float light = 0.34 + 0.62 * max(dot(normal, sun), 0.0) + 0.10 * max(dot(normal, -normalize(from)), 0.0);
-      vec3 base = plain.rgb * (gl_FrontFacing ? 1.0 : 0.72);
+      vec3 base = plain.rgb * (gl_FrontFacing ? 1.0 : under);
       float code = shade * 255.0;
       if (mode == 1) base = code > 254.5 ? vec3(0.62) : texture(map, vec2((code + 0.5) / 255.0, 0.5)).rgb;
       colour = mode == 2 ? plain : vec4(min(base * light * 1.08, 1.0), 1.0); }`;
@@ -72,7 +72,7 @@
     gl.bindAttribLocation(made, 1, "value");
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
-    const names = ["low", "extent", "motion", "eye", "map", "plain", "mode", "sun", "size"];
+    const names = ["low", "extent", "motion", "eye", "map", "plain", "mode", "sun", "size", "under"];
     return { made, at: Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
   }
   const surface = program(SURFACE_VERTEX, SURFACE_COLOUR), point = program(POINT_VERTEX, POINT_COLOUR);
@@ -112,7 +112,7 @@
 
   const home = data.camera, FIELD = 0.5; // of view, tangent of half the angle
   let camera;
-  const reset = () => { camera = { ...home, distance: (0.56 * Math.max(home.width / aspect(), home.height)) / FIELD + home.depth / 2 }; };
+  const reset = () => { camera = { ...home, distance: (0.56 * Math.max(home.width / aspect(), home.height)) / FIELD + home.depth / 4 }; };
   const aspect = () => canvas.clientWidth / canvas.clientHeight || 1.6;
   const toward = () => cross(camera.right, camera.up);
   const eye = () => add(camera.target, toward(), camera.distance);
@@ -159,6 +159,7 @@
     } else gl.disableVertexAttribArray(1);
     gl.uniform1i(surface.at.mode, layer ? 1 : 0);
     gl.uniform4f(surface.at.plain, 0.52, 0.66, 0.44, 1);
+    gl.uniform1f(surface.at.under, data.reduced ? 1 : 0.72); // two thin faces that became one face either way
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 2);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, triangleBuffer);
