@@ -6,7 +6,8 @@ On four meshes: the closed leaf (of MODEL, a saved leaf in millimetres, or of th
 whose steps shrink from 1 to 1e-4 along both axes, its vertices and triangles shuffled, with 2,000 large triangles
 through it; a flat slanted grid, in which every determinant is rounding; and triangles of sizes from 1 to 1e-4 at
 random places, none with a neighbour. Compilation is not counted, nor is making the mesh. MB is what the process held
-beyond the mesh; processor time is that of all threads.
+beyond the mesh; processor time is that of all threads. MeshLab is asked about the leaf alone: on 300,000 triangles of
+the uneven sheet it had found no answer in half a minute.
 """
 
 import argparse
@@ -71,7 +72,7 @@ def soup(triangles, rng):
     return corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3)
 
 
-def report_row(name, mesh, *, meshlab):
+def report_row(name, mesh, *, meshlab=False):
     """Return one line of the table: seconds of each stage, of all, of the processors, and megabytes."""
     ends = [time.perf_counter()]
     before = time.process_time()
@@ -89,7 +90,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--leaf", metavar="MODEL", help="a leaf that was saved, in millimetres")
     parser.add_argument("--triangles", type=int, default=10_000_000, metavar="N")
-    parser.add_argument("--meshlab", action="store_true", help="run MeshLab's filter for self-intersections as well")
+    parser.add_argument("--meshlab", action="store_true", help="run MeshLab's filter on the leaf as well")
     options = parser.parse_args()
     rng, many = np.random.default_rng(0), options.triangles
     meshes = {
@@ -113,7 +114,7 @@ def main():
     ):
         table.add_column(column, justify="right")
     for name, make in meshes.items():
-        table.add_row(*report_row(name, make(), meshlab=options.meshlab))
+        table.add_row(*report_row(name, make(), meshlab=options.meshlab and name == "closed leaf"))
     Console(width=200 if not os.isatty(1) else None).print(table)
     print(f"{resident():.0f} MB at the end")
 

@@ -167,7 +167,10 @@ def _segment_meets(v, p, q, side_p, side_q, a, view):
 
 @njit(nogil=True, cache=True)
 def _segment_meets_in_plane(v, p, q, a, view):
-    """Say whether a segment in the plane of triangle `a` shares a point with it: starts in it, or meets an edge."""
+    """Say whether a segment in the plane of triangle `a` shares a point with it: starts in it, or meets an edge.
+
+    One that runs along an edge and starts outside meets the next edge in their corner.
+    """
     axis, inner = view >> 1, 1 if view & 1 else -1
     inside = True
     for i in range(3):
@@ -182,16 +185,7 @@ def _segment_meets_in_plane(v, p, q, a, view):
 
 @njit(nogil=True, cache=True)
 def _segments_meet(v, axis, p, q, r, s):
-    """Say whether two segments of one plane share a point."""
-    at_r, at_s = line_side(v, axis, p, q, r), line_side(v, axis, p, q, s)
-    at_p, at_q = line_side(v, axis, r, s, p), line_side(v, axis, r, s, q)
-    if at_r != at_s and at_p != at_q:
-        return True
-    if at_r != 0 or at_s != 0:
+    """Say whether two segments of one plane, not in one line, share a point."""
+    if line_side(v, axis, p, q, r) == line_side(v, axis, p, q, s):
         return False
-    # In one line: they meet if they do along both axes.
-    for k in range(1, 3):
-        x = (axis + k) % 3
-        if max(v[p, x], v[q, x]) < min(v[r, x], v[s, x]) or max(v[r, x], v[s, x]) < min(v[p, x], v[q, x]):
-            return False
-    return True
+    return line_side(v, axis, r, s, p) != line_side(v, axis, r, s, q)

@@ -60,21 +60,19 @@ def test_the_forest_misses_no_pair(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_sides_are_exact_where_rounding_is_all(seed):
-    """Points of a plane, moved by the last bits: half of the determinants are pure rounding."""
+    """Points of a plane and of a line, moved by the last bits: most determinants are pure rounding."""
     rng = np.random.default_rng(seed)
-    edges = rng.normal(size=(2, 3))
-    points = 10.0 ** rng.integers(-3, 3) * rng.normal(size=3) + rng.integers(-3, 4, size=(300, 2)) @ edges
-    points *= 1 + rng.integers(-1, 2, size=(300, 3)) * 2.0**-52
-    flat = np.zeros(3)
+    start, edges = 10.0 ** rng.integers(-3, 3) * rng.normal(size=3), rng.normal(size=(2, 3))
+    steps, moved = rng.integers(-3, 4, size=(300, 2)), 1 + rng.integers(-1, 2, size=(300, 3)) * 2.0**-52
+    plane, line = (start + steps @ edges) * moved, (start + steps[:, :1] * edges[:1]) * moved
     for n in range(0, 300, 4):
-        four = points[n : n + 4]
-        assert plane_side(points, n, n + 1, n + 2, n + 3) == reference.plane_side(*four)
+        assert plane_side(plane, n, n + 1, n + 2, n + 3) == reference.plane_side(*plane[n : n + 4])
         for axis in range(3):
-            seen, up = four.copy(), flat.copy()
-            seen[:, axis], up[axis] = 0, 1
+            seen, up = line[n : n + 3].copy(), np.eye(3)[axis]
+            seen[:, axis] = 0
             # A fourth point above the third makes a plane of the line.
             side = reference.plane_side(seen[0], seen[1], seen[2] + up, seen[2])
-            assert line_side(points, axis, n, n + 1, n + 2) == side
+            assert line_side(line, axis, n, n + 1, n + 2) == side
 
 
 def test_threads_change_nothing():
