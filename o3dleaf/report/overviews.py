@@ -1,5 +1,6 @@
 """The whole mesh from several sides, its places marked, and maps of its deviations in colours."""
 
+from dataclasses import replace
 from html import escape
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ REACH = 3.0
 
 
 class Side(NamedTuple):
-    """A side to look from: its name, how, and whether the places are marked on it."""
+    """A side to look from: its name, and how."""
 
     name: str
     view: View
@@ -41,12 +42,17 @@ def sides_of(reduced: Reduced) -> list[Side]:
         found = np.array(parts) @ np.stack([front.right, front.up, front.toward])
         return float(found[0]), float(found[1]), float(found[2])
 
+    def upright(view: View) -> View:
+        # What the front shows is up: a mesh on its back is lit from below.
+        up = Camera.framing(reduced.vertices, reduced.triangles, view).up
+        return view if up @ front.toward >= 0 else replace(view, turn=180.0)
+
     return [
         Side("From the front", View(tilt=20.0)),
         Side("From behind", View(direction=way(0, 0, -1), tilt=20.0)),
-        Side("From the edge", View(direction=way(0, -1, 0), tilt=0.0)),
-        Side("From the end", View(direction=way(1, 0, 0), tilt=0.0)),
-        Side("From a corner", View(direction=way(0.7, -0.5, 0.6), tilt=0.0, perspective=True)),
+        Side("From the edge", upright(View(direction=way(0, -1, 0), tilt=0.0))),
+        Side("From the end", upright(View(direction=way(1, 0, 0), tilt=0.0))),
+        Side("From a corner", upright(View(direction=way(0.7, -0.5, 0.6), tilt=0.0, perspective=True))),
     ]
 
 

@@ -51,6 +51,7 @@
       float light = 0.34 + 0.62 * max(dot(normal, sun), 0.0) + 0.10 * max(dot(normal, -normalize(from)), 0.0);
       vec3 base = plain.rgb * (gl_FrontFacing ? 1.0 : under);
       float code = shade * 255.0;
+      if (mode == 1) light = 0.45 + 0.55 * light;
       if (mode == 1) base = code > 254.5 ? vec3(0.62) : texture(map, vec2((code + 0.5) / 255.0, 0.5)).rgb;
       colour = mode == 2 ? plain : vec4(min(base * light * 1.08, 1.0), 1.0); }`;
   const POINT_VERTEX = `#version 300 es
