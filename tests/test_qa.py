@@ -22,6 +22,7 @@ from o3dleaf.report.places import KINDS, find_places, look_at
 from o3dleaf.report.reduce import reduce_mesh
 from o3dleaf.report.requirements import RULES, check_mesh, parse_requirements
 from o3dleaf.report.words import FIGURES
+from o3dleaf.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
 
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
@@ -233,6 +234,18 @@ def test_every_planted_defect_has_a_close_up_that_shows_it(broken):
 def test_a_sound_sphere_has_worst_angles_and_no_defect():
     found = find_places(Examination.of(ball()).inspection)
     assert {place.kind for place in found} == {"sharpest"}
+
+
+def test_two_faces_back_to_back_are_drawn_like_one(monkeypatch):
+    """The normals of their vertices cancel: what is left is the normal of the triangle that is seen."""
+    monkeypatch.setattr(shots, "FINER", 0.2)
+    square = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], dtype=float)
+    front = np.array([[0, 1, 2], [0, 2, 3]])
+    pictures = []
+    for triangles in (front, np.concatenate([front, front[:, ::-1]])):
+        camera = Camera.framing(square, front, View(), 1.5)
+        pictures.append(shots.shoot(square, triangles, shots.leaf_green, camera, (300, 200)).image)
+    assert pictures[0] == pictures[1]
 
 
 # --- the page ---
