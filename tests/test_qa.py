@@ -17,7 +17,7 @@ import o3dleaf as o3l
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import triangle_areas
 from o3dleaf.report import closeups, overviews, shots
-from o3dleaf.report.examine import Examination
+from o3dleaf.report.examine import Examination, require_field
 from o3dleaf.report.places import KINDS, find_places, look_at
 from o3dleaf.report.reduce import reduce_mesh
 from o3dleaf.report.requirements import RULES, check_mesh, parse_requirements
@@ -197,6 +197,11 @@ def test_what_is_measured_to_must_be_given():
         Examination.of(box, require="unsupported-share=0.1")
 
 
+def test_a_model_that_is_no_field_is_refused():
+    with pytest.raises(InputError, match="no surface of its own"):
+        require_field(np.zeros(3), "model.o3l")
+
+
 def test_every_figure_of_a_report_has_a_name(broken):
     assert set(broken.inspection.report.to_dict()) <= set(FIGURES)
     assert {rule.attribute for rule in RULES.values()} <= set(FIGURES)
@@ -215,6 +220,8 @@ def test_a_reduced_mesh_keeps_the_budget_the_area_and_the_worst_values():
     worst, least = reduced.worst(values), reduced.worst(values, least=True)
     for row in range(0, len(reduced.vertices), 50):
         assert (worst[row], least[row]) == (values[reduced.cluster == row].max(), values[reduced.cluster == row].min())
+    for budget in (4, 60, 500, 9000, len(triangles) - 1):
+        assert 0 < len(reduce_mesh(vertices * [1, 0.02, 9], triangles, budget).triangles) <= budget
     same = reduce_mesh(vertices, triangles, len(triangles))
     assert same.step == 0
     assert np.array_equal(same.vertices[same.triangles], vertices[triangles])

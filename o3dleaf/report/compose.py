@@ -77,7 +77,7 @@ def _pictures(inspection: Inspection, points: FloatArray | None, journal: Journa
         ]
         data = viewer_data(inspection, turned, [each for each in layers if each is not None], places)
     legend = "A number marks a close-up below; a dashed ring lies behind the surface." if places else ""
-    note = f'<p class="note">{legend} {_reduced_note(drawn, report.triangles, report.unit)}</p>'
+    note = f'<p class="note">{legend} {_reduced_note(drawn, report.unit)}</p>'
     sections = [
         Section(
             "pictures",
@@ -92,17 +92,17 @@ def _pictures(inspection: Inspection, points: FloatArray | None, journal: Journa
     ]
     if maps:
         sections.append(Section("deviation", "Deviation", f'<div class="row">{maps}</div>'))
-    view = viewer_section(data, report.triangles, _reduced_note(turned, report.triangles, report.unit))
+    view = viewer_section(data, report.triangles, _reduced_note(turned, report.unit))
     return [*sections, Section("view", "Interactive view", view)]
 
 
-def _reduced_note(reduced: Reduced, full: int, unit: str | None) -> str:
+def _reduced_note(reduced: Reduced, unit: str | None) -> str:
     """Return a sentence if what is drawn is not the mesh itself."""
-    if not reduced.step:
+    if not reduced.is_less:
         return ""
-    step = in_words("median_edge", reduced.step, unit)
+    step = f", vertices within {in_words('median_edge', reduced.step, unit)} put together" if reduced.step else ""
     return (
-        f"Drawn with {len(reduced.triangles):,} of {full:,} triangles, vertices within {step} put together; "
+        f"Drawn with {len(reduced.triangles):,} of {reduced.full:,} triangles{step}; "
         "colours are the worst of what a vertex stands for, defects and close-ups are those of the full mesh."
     )
 

@@ -1,6 +1,6 @@
 """A mesh with fewer triangles to look at: vertices in one cell of a grid become one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,12 +25,20 @@ class Reduced:
         The vertex here of each vertex of the full mesh, -1 for one that no triangle uses.
     step : float
         Edge of the grid's cells in the mesh's unit; 0 where nothing was put together.
+    full : int
+        Triangles of the full mesh.
     """
 
     vertices: FloatArray
     triangles: IntArray
     cluster: IntArray
     step: float
+    full: int
+
+    @property
+    def is_less(self) -> bool:
+        """Whether it is not the mesh itself."""
+        return len(self.triangles) < self.full
 
     def worst(self, values: FloatArray, *, least: bool = False) -> FloatArray:
         """Return the largest (or `least`) of the (n,) values that each vertex here stands for; NaN where unknown."""
@@ -47,7 +55,8 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
 
     Vertices in one cell of a cubic grid become one, at their mean; triangles that lost a corner go,
     and so do those that others cover. The cells' edge is found by a few trials, from the one at
-    which an even surface of this area has `budget` triangles.
+    which an even surface of this area has `budget` triangles. Where nothing is left, because the
+    mesh is crumbs smaller than a cell, some of its triangles stay as they are.
 
     Parameters
     ----------
@@ -58,7 +67,7 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
         used = np.zeros(len(vertices), dtype=bool)
         used[triangles] = True
         cluster = np.where(used, np.cumsum(used) - 1, -1)
-        return Reduced(vertices[used], cluster[triangles].reshape(-1, 3), cluster, 0.0)
+        return Reduced(vertices[used], cluster[triangles].reshape(-1, 3), cluster, 0.0, len(triangles))
     step = float(np.sqrt(3 * triangle_areas(vertices, triangles).sum() / budget))
     step = max(step, 1e-6 * float(np.ptp(vertices, axis=0).max()))
     best: Reduced | None = None
@@ -70,10 +79,10 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
         if ENOUGH * budget <= count <= budget:
             break
         step *= float(np.clip(np.sqrt(count / (0.85 * budget)), 0.25, 4.0))
-    while best is None:
-        step *= 2
-        found = _cluster(vertices, triangles, step)
-        best = found if len(found.triangles) <= budget else None
+    if best is None or not len(best.triangles):
+        # Crumbs, each smaller than a cell: some of them, as they are.
+        chosen = triangles[np.linspace(0, len(triangles) - 1, budget).astype(np.int64)]
+        return replace(reduce_mesh(vertices, chosen, budget), full=len(triangles))
     return best
 
 
@@ -98,4 +107,4 @@ def _cluster(vertices: FloatArray, triangles: IntArray, step: float) -> Reduced:
     order = np.lexsort(turned.T)
     fresh = np.ones(len(order), dtype=bool)
     fresh[1:] = (np.diff(turned[order], axis=0) != 0).any(axis=1)
-    return Reduced(mean, moved[np.sort(order[fresh])], cluster, step)
+    return Reduced(mean, moved[np.sort(order[fresh])], cluster, step, len(triangles))

@@ -49,7 +49,7 @@ def viewer_data(
     camera = Camera.framing(reduced.vertices, reduced.triangles, View(tilt=35.0))
     depth = float(np.ptp(reduced.vertices @ camera.toward))
     return {
-        "reduced": reduced.step > 0,
+        "reduced": reduced.is_less,
         "low": low.tolist(),
         "extent": extent.tolist(),
         "middle": (low + extent / 2).tolist(),
