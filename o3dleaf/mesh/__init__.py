@@ -7,10 +7,13 @@ The road through the chapter, one module a step:
 `isosurface`  the two together, for any Field
 `clip`        triangles outside an outline are discarded, the rim is left manifold
 `components`  edge-connected pieces; the largest are kept, voids and specks are counted
-`quality`     `mesh_report`: what a mesh is, in numbers
+`quality`     `mesh_report`: what a mesh is, in numbers; `defects` the triangles of every defect; `inspection` both
 `clean`       repair and simplification by MeshLab's filters (the only file that imports pymeshlab)
 `files`       meshes to disk, whole or not at all
 
 `arrays` holds the door between Open3D's meshes and NumPy, `topology` the edges, fans and loops that
-the others count with, `loops` the compiled code. Nothing here knows where a field comes from.
+the others count with (`adjacency` its compiled code), `anatomy` all that is found out about a mesh in
+one pass, `crossings` the triangles that meet (`forest` which could, `contact` which do, `predicates` the
+exact signs that decide), `measures` angles and sizes, `deviation` distances to a field and a scan, `loops`
+the compiled code of polygonisation. Nothing here knows where a field comes from.
 """

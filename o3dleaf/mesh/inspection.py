@@ -58,5 +58,5 @@ def inspect_mesh(
         As `mesh_report`.
     """
     anatomy = Anatomy.of(*mesh_arrays(mesh), progress)
-    deviation = Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue)
+    deviation = Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue, progress=progress)
     return Inspection(report_of(anatomy, deviation), defects_of(anatomy), deviation, anatomy)

@@ -162,7 +162,7 @@ def mesh_report(
     unit : str, optional
         The unit of the vertices ("mm", "um", ...), stated in the report; that of the field by default.
     progress : callable, optional
-        ``progress(done, total)`` in stages.
+        ``progress(done, total)`` in stages, then in vertices measured against the field.
     isovalue : float
         The surface is where the field has this value.
 
@@ -173,7 +173,7 @@ def mesh_report(
     """
     vertices, triangles = mesh_arrays(mesh)
     anatomy = Anatomy.of(vertices, triangles, progress)
-    return report_of(anatomy, Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue))
+    return report_of(anatomy, Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue, progress=progress))
 
 
 def report_of(anatomy: Anatomy, deviation: Deviation) -> MeshReport:
