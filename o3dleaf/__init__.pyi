@@ -44,6 +44,9 @@ from .exchange.particles import fill_particles as fill_particles
 from .exchange.particles import export_particles as export_particles
 from .exchange.particles import Particles as Particles
 from .exchange.distance import export_distance as export_distance
+from .report.requirements import check_mesh as check_mesh
+from .report.requirements import Verdict as Verdict
+from .report.examine import write_report as write_report
 from .view.render import render as render
 from .view.maps import render_distortion as render_distortion
 from .view.points import Points as Points

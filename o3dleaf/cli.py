@@ -11,6 +11,9 @@ from o3dleaf.errors import InputError, O3DLeafError
 from o3dleaf.parallel import set_num_threads
 from o3dleaf.terminal import shown
 
+FAILED = 1
+"""Exit code of a mesh that is not what it must be."""
+
 INTERRUPTED = 130
 """Exit code that typer gives to Ctrl-C."""
 
@@ -244,6 +247,37 @@ def info(
         typer.echo(f"{name:>24}  {value}")
     if json is not None:
         write_json(json, found)
+
+
+@app.command()
+def qa(
+    mesh: Annotated[Path, typer.Argument(help="Mesh to judge: PLY, OBJ, STL or OFF.")],
+    field: Annotated[Path | None, typer.Option(help="Model that it is a surface of (.o3l), to measure to.")] = None,
+    cloud: Annotated[Path | None, typer.Option(help="Scan to measure to, in the mesh's unit.")] = None,
+    unit: Unit = None,
+    require: Annotated[
+        str,
+        typer.Option(help="What it must be: 'watertight,manifold,oriented,components=1,min-angle=10', ..."),
+    ] = "",
+    html: Annotated[Path | None, typer.Option(help="Write a report with pictures, one file.")] = None,
+    json: Annotated[Path | None, typer.Option(help="Write figures and verdict as JSON.")] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Judge a mesh: figures, defects, requirements; exit code 1 if one is not met."""
+    from o3dleaf.files import require_apart
+    from o3dleaf.report.examine import examine_files, verdict_lines
+
+    require_apart([html, json], [mesh, field, cloud])
+    set_num_threads_if(threads)
+    with shown(quiet=quiet) as journal:
+        found = examine_files(mesh, field=field, cloud=cloud, unit=unit, require=require, html=html, journal=journal)
+    if json is not None:
+        found.write_json(json)
+    for line in verdict_lines(found, figures=not quiet):
+        typer.echo(line)
+    if not found.verdict.passed:
+        raise typer.Exit(FAILED)
 
 
 @app.command()

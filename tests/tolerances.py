@@ -341,3 +341,11 @@ SCENE = 1e-5
 
 POISSON_SPHERE = 0.01
 """Cells of 1/14 of a unit sphere, smoothed: found 2e-3."""
+
+# --- the report ---
+
+REDUCED_AREA = 0.05
+"""Share of the area of a sphere that a grid of some forty cells across loses or gains; found below."""
+
+PAGE_SECONDS = 120
+"""Wall time that a browser or the command may take before it hangs; they need two to ten seconds."""

@@ -106,7 +106,11 @@ def _shade_rays(
     facing = np.where(np.einsum("ij,ij->i", flat, way) > 0, -1.0, 1.0)
     flat *= facing[:, np.newaxis]
     triangles, normals = shape
-    bent = flat if normals is None else _interpolate(normals, triangles[triangle], weights) * facing[:, np.newaxis]
+    bent = flat
+    if normals is not None:
+        bent = _interpolate(normals, triangles[triangle], weights) * facing[:, np.newaxis]
+        # Where two faces lie back to back the normals of their vertices cancel.
+        bent = np.where(bent.any(axis=1, keepdims=True), bent, flat)
     place = rays[hit, :3] + answer["t_hit"][hit, np.newaxis] * way + 1e-4 * camera.width * flat
     light = _light(scene, place, bent, way, camera)
     colours[hit, :3] = paint(triangle, weights, facing) * light[:, :1] + light[:, 1:]
