@@ -16,8 +16,9 @@ from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.report.words import in_unit
 from o3dleaf.view.camera import Camera, View
 from o3dleaf.view.panel import round_length
-from o3dleaf.view.render import UNDER_GREEN, UPPER_GREEN, encode, linear
+from o3dleaf.view.scene import UNDER_GREEN, UPPER_GREEN, encode, linear
 from o3dleaf.view.shade import Paint, shade_mesh
+from o3dleaf.view.shade import Shot as Exposure
 
 FINER = 1.25
 """Pixels of a picture for each of the page's, for fine screens and paper."""
@@ -150,7 +151,7 @@ def shoot(
 ) -> Shot:
     """Return the picture of a mesh that a camera sees, with a see-through background."""
     finer = round(FINER * size[0]), round(FINER * size[1])
-    shaded = shade_mesh(vertices, triangles, paint, camera, finer, View(smooth=smooth, supersampling=2))
+    shaded = shade_mesh(Exposure(vertices, triangles, paint, camera, finer, View(smooth=smooth, supersampling=2)))
     return Shot(_as_address(shaded), size, camera)
 
 
