@@ -10,9 +10,9 @@ from o3dleaf.leaf.outline import in_polygon, sides_of
 from o3dleaf.leaf.surface import OnBlade, lift, texture_jets, thickness
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.parallel import Progress, blocks, run_blocks
-from o3dleaf.remesh.blocks import Charted
-from o3dleaf.remesh.ground import Masks
-from o3dleaf.remesh.remesh import remesh_charted
+from o3dleaf.remeshing.blocks import Charted
+from o3dleaf.remeshing.ground import Masks
+from o3dleaf.remeshing.remesh import remesh_charted
 from o3dleaf.tiles.loops import INSIDE
 from o3dleaf.tiles.parts import RIM
 from o3dleaf.tiles.tile import Tile
@@ -50,7 +50,7 @@ class LeafGround:
     def settle(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return charts, places in the world, and which of them are on the surface; see `o3dleaf.remesh.ground`."""
+        """Return charts, places in the world, and which of them are on the surface; see `o3dleaf.remeshing.ground`."""
         del creased
         blade = self.leaf.blade
         flat = charts + _to_flat(lift(blade, charts).columns, shifts) if np.any(shifts) else charts.copy()

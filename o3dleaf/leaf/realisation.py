@@ -191,7 +191,7 @@ class Realisation:
             ``progress(done, total)`` in vertices, or in blocks where it is remeshed.
         remesh : float, optional
             Edge length, in the scan's unit, of triangles that a solver accepts, every vertex on the surface: see
-            `o3dleaf.remesh`. Closed, the faces meet the rim in a sharp edge over the outline.
+            `o3dleaf.remeshing`. Closed, the faces meet the rim in a sharp edge over the outline.
         """
         arrays = Arrays(self.assembly)
         if remesh is None:

@@ -10,9 +10,9 @@ from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays
 from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.parallel import Progress
-from o3dleaf.remesh.blocks import Charted, Work, work_in_blocks, work_on
-from o3dleaf.remesh.ground import FieldGround, Ground, MeshGround
-from o3dleaf.remesh.piece import Limits, Piece
+from o3dleaf.remeshing.blocks import Charted, Work, work_in_blocks, work_on
+from o3dleaf.remeshing.ground import FieldGround, Ground, MeshGround
+from o3dleaf.remeshing.piece import Limits, Piece
 
 SWEEPS = ((0.5, 5), (0.38, 3), (0.62, 2))
 """Where blocks are cut, as a share of their triangles, and rounds of work on each; borders of one are within others."""

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.remesh.halfedges import (
+from o3dleaf.remeshing.halfedges import (
     CREASE,
     LOCKED,
     MOST_AROUND,
@@ -30,7 +30,7 @@ from o3dleaf.remesh.halfedges import (
     flip,
     split,
 )
-from o3dleaf.remesh.shape import dot, normal_of, roundness, square, square_to_segment, square_to_triangle
+from o3dleaf.remeshing.shape import dot, normal_of, roundness, square, square_to_segment, square_to_triangle
 
 NOTHING = -1
 

@@ -8,10 +8,10 @@ import numpy as np
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import BoolArray, IntArray
-from o3dleaf.remesh.blocks import Charted
-from o3dleaf.remesh.ground import Ground, Masks
-from o3dleaf.remesh.halfedges import CREASE, LOCKED, link_twins
-from o3dleaf.remesh.passes import (
+from o3dleaf.remeshing.blocks import Charted
+from o3dleaf.remeshing.ground import Ground, Masks
+from o3dleaf.remeshing.halfedges import CREASE, LOCKED, link_twins
+from o3dleaf.remeshing.passes import (
     collapse_short,
     cure_slivers,
     fill_shifts,
@@ -48,7 +48,7 @@ class Limits:
     deviation : float
         How far what is taken away may lie from what is left.
     fair, flat : float
-        Score that is good enough, and least cosine to the normals before; see `o3dleaf.remesh.passes`.
+        Score that is good enough, and least cosine to the normals before; see `o3dleaf.remeshing.passes`.
     """
 
     shortest: float
