@@ -36,6 +36,7 @@ from .mesh.defects import Defects as Defects
 from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
+from .remeshing.remesh import remesh as remesh
 from .exchange.consumers import export_mesh as export_mesh
 from .exchange.read import read_labelled_mesh as read_labelled_mesh
 from .exchange.surface import LabelledMesh as LabelledMesh

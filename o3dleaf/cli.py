@@ -104,6 +104,9 @@ def leaf(
     remesh: Annotated[
         float | None, typer.Option(help="Edge length to remesh to, in scan-unit: triangles that a solver accepts.")
     ] = None,
+    remesh_tile: Annotated[
+        float | None, typer.Option(help="Or edge length to remesh one tile to, in scan-unit; the rest is copies.")
+    ] = None,
     tile_solid: Annotated[
         Path | None, typer.Option(help="Write one flat period as a closed block too; opposite sides match.")
     ] = None,
@@ -152,6 +155,7 @@ def leaf(
         fine=tuple(as_window(text) for text in fine or ()),
         simplify=simplify,
         remesh=remesh,
+        remesh_tile=remesh_tile,
         tile_solid=tile_solid,
         grid=grid,
         grid_of=grid_of,

@@ -64,6 +64,8 @@ class LeafRun:
         Finer windows in the mesh: lower and upper corner and step, in scan_unit.
     simplify, remesh : float, optional
         Share of its triangles that a tile is simplified to; edge length, in scan_unit, that the whole is remeshed to.
+    remesh_tile : float, optional
+        Edge length, in scan_unit, that a tile is remeshed to.
     tile_solid : Path, optional
         Where to write one flat period of the micro-structure as a closed block.
     grid : Path, optional
@@ -96,6 +98,7 @@ class LeafRun:
     fine: Any = ()
     simplify: float | None = None
     remesh: float | None = None
+    remesh_tile: float | None = None
     tile_solid: Path | None = None
     grid: Path | None = None
     grid_of: str = "field"
@@ -185,7 +188,8 @@ class LeafRun:
         region = self.region if self.around is None else leaf.blade.window(self.around, self.window)
         parts: dict[str, Any] = {"region": region, "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile") as progress:
-            surface = leaf.realise(self.spacing, progress=progress, simplify=self.simplify, **parts)
+            reduced = parts | {"simplify": self.simplify, "remesh_tile": self.remesh_tile}
+            surface = leaf.realise(self.spacing, progress=progress, **reduced)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "

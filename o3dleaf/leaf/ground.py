@@ -11,7 +11,7 @@ from o3dleaf.leaf.surface import OnBlade, lift, texture_jets, thickness
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.remeshing.blocks import Charted
-from o3dleaf.remeshing.ground import Masks
+from o3dleaf.remeshing.ground import FieldGround, Masks
 from o3dleaf.remeshing.remesh import remesh_charted
 from o3dleaf.tiles.loops import INSIDE
 from o3dleaf.tiles.parts import RIM
@@ -171,6 +171,27 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, NEAR * target_edge))
     ground = LeafGround(leaf, outline, tile)
     return remesh_charted(Charted.of(places, flat, triangles, labels), ground, target_edge, progress=progress)
+
+
+def remesh_flat(leaf: OnBlade, flat: FloatArray, triangles: IntArray, target_edge: float) -> Charted:
+    """Return a tile's mesh remeshed on F = 0 in the plane, its border bit for bit.
+
+    Parameters
+    ----------
+    leaf : OnBlade
+    flat : (n, 3) ndarray
+    triangles : (m, 3) ndarray of int64
+    target_edge : float
+        In the leaf's unit.
+    """
+    ground = FieldGround(
+        lambda points: texture_jets(leaf, points, 0)[0],
+        lambda points: texture_jets(leaf, points, 1)[1],
+        target_edge / 2,
+    )
+    return remesh_charted(
+        Charted.of(flat, flat, triangles, np.zeros(len(triangles), dtype=np.uint8)), ground, target_edge
+    )
 
 
 def _on_faces(leaf: OnBlade, flat: FloatArray, near: float) -> BoolArray:

@@ -241,6 +241,7 @@ class MultiscaleLeaf:
         closed: bool = False,
         method: str = "cubes",
         simplify: float | None = None,
+        remesh_tile: float | None = None,
         progress: Progress | None = None,
     ) -> Realisation:
         """Polygonise one tile of the texture and count what the outline holds of it; nothing else is made yet.
@@ -260,7 +261,9 @@ class MultiscaleLeaf:
             Marching cubes, or marching tetrahedra as in the paper.
         simplify : float, optional
             Share of its triangles that a tile is simplified to by quadric edge collapse, once, its border locked.
-            The tiles that the outline cuts stay as they were polygonised.
+        remesh_tile : float, optional
+            Or the edge length, in the scan's unit, that it is remeshed to, flat, its border locked. The tiles that
+            the outline cuts stay as they were polygonised; to remesh all of the surface, see `Realisation.extract`.
         progress : callable, optional
             ``progress(done, total)`` in samples of one tile.
 
@@ -270,7 +273,7 @@ class MultiscaleLeaf:
             If the result is not exactly two sheets, or one solid.
         """
         parts = self.texture, self.blade, self.scale
-        how: dict[str, Any] = {"closed": closed, "method": method, "simplify": simplify}
+        how: dict[str, Any] = {"closed": closed, "method": method, "simplify": simplify, "remesh_tile": remesh_tile}
         return Realisation(*parts, spacing, region, **how, progress=progress)
 
     def extract_mesh(
@@ -325,7 +328,7 @@ class MultiscaleLeaf:
 
         Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
         """
-        return extract_flat_tile(self.texture, self.scale, spacing)
+        return extract_flat_tile(self.texture, self.scale, spacing, self.unit)
 
     def extract_levels(
         self, spacing: float, levels: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False

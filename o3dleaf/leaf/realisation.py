@@ -15,7 +15,7 @@ from o3dleaf.checks import FloatArray, as_bounds, require_choice, require_positi
 from o3dleaf.errors import InputError
 from o3dleaf.files import require_writable
 from o3dleaf.leaf.blade import Blade
-from o3dleaf.leaf.ground import remesh_leaf
+from o3dleaf.leaf.ground import remesh_flat, remesh_leaf
 from o3dleaf.leaf.outline import sides_of
 from o3dleaf.leaf.surface import Texture
 from o3dleaf.mesh.arrays import IntArray, build_mesh, mesh_arrays
@@ -29,7 +29,7 @@ from o3dleaf.tiles.footprint import footprint
 from o3dleaf.tiles.levels import Level
 from o3dleaf.tiles.levels import extract_levels as _extract_levels
 from o3dleaf.tiles.reduced import Reduce, reduce_tile
-from o3dleaf.tiles.stream import Arrays, file_bytes, mesh_file
+from o3dleaf.tiles.stream import Arrays, file_bytes, mesh_file, unit_comment
 from o3dleaf.tiles.tile import Tile, TileLattice, extract_tile
 
 LAYERS = 16
@@ -52,10 +52,13 @@ class LeafMesh:
         In world coordinates; faces counter-clockwise seen from outside.
     labels : (m,) ndarray of uint8
         Of each triangle: 0 adaxial, 1 abaxial, 2 rim.
+    unit : str, optional
+        Unit of length.
     """
 
     mesh: o3d.geometry.TriangleMesh
     labels: npt.NDArray[np.uint8]
+    unit: str | None = None
 
     @property
     def vertices(self) -> int:
@@ -67,9 +70,9 @@ class LeafMesh:
         """Number of triangles."""
         return len(self.mesh.triangles)
 
-    def write(self, path: str | PathLike[str], comments: tuple[str, ...] = ("o3dleaf",)) -> None:
+    def write(self, path: str | PathLike[str]) -> None:
         """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all."""
-        with mesh_file(path, self, comments) as sink:
+        with mesh_file(path, self, ("o3dleaf", *unit_comment(self.unit))) as sink:
             sink.put_vertices(0, np.asarray(self.mesh.vertices))
             sink.put_triangles(0, np.asarray(self.mesh.triangles), self.labels)
 
@@ -108,6 +111,7 @@ class Realisation:
         closed: bool = False,
         method: str = "cubes",
         simplify: float | None = None,
+        remesh_tile: float | None = None,
         progress: Progress | None = None,
     ) -> None:
         """Polygonise one tile and count what the outline holds of it; see `MultiscaleLeaf.realise`."""
@@ -115,12 +119,13 @@ class Realisation:
         box = None if region is None else as_bounds(region, 2, "region")
         self.texture, self.blade, self.scale, self.closed = texture, blade, scale, closed
         # Only whole pieces are reduced: they are kept small.
-        lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None)
+        lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh_tile is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
         self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=True)
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-        reduced = None if simplify is None else reduce_tile(self.tile, _simplifying(simplify))
+        reduce = self._reducing(simplify, remesh_tile)
+        reduced = None if reduce is None else reduce_tile(self.tile, reduce)
         started = time.perf_counter()
         self.outline = blade.outline.rounded if closed else blade.outline.polygon
         if closed and box is not None:
@@ -128,6 +133,25 @@ class Realisation:
         area = footprint(sides_of(self.outline), *plane, None if closed else box)
         self.assembly = Assembly(self.tile, area, closed=closed, reduced=reduced)
         self._counting = time.perf_counter() - started
+
+    def _reducing(self, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
+        """Return the function that simplifies a tile to a share of its triangles, or remeshes it to an edge length."""
+        if simplify is not None and remesh_tile is not None:
+            raise InputError("simplify, remesh_tile: both would reshape the tile; give one of them")
+        if simplify is not None and not 0 < simplify < 1:
+            raise InputError(f"simplify: is {simplify:g}; give the share of triangles to keep, between 0 and 1")
+
+        def simplified(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+            target = round((simplify or 1.0) * len(triangles))
+            return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=target))
+
+        def remeshed(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+            found = remesh_flat(self, vertices, triangles, require_positive(remesh_tile or 0, "remesh_tile"))
+            return found.places, found.triangles
+
+        if remesh_tile is not None:
+            return remeshed
+        return None if simplify is None else simplified
 
     @property
     def spacing(self) -> tuple[float, float, float]:
@@ -166,7 +190,8 @@ class Realisation:
     @property
     def _comments(self) -> tuple[str, ...]:
         """What a file says of itself."""
-        return (f"o3dleaf, spacing {' '.join(f'{step:.6g}' for step in self.spacing)} {self.blade.unit or ''}",)
+        steps = " ".join(f"{step:.6g}" for step in self.spacing)
+        return (f"o3dleaf, spacing {steps} {self.blade.unit or ''}", *unit_comment(self.blade.unit))
 
     @cached_property
     def seconds(self) -> float:
@@ -196,12 +221,12 @@ class Realisation:
         arrays = Arrays(self.assembly)
         if remesh is None:
             self.assembly.emit(arrays, self.blade.lift, progress)
-            return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels)
+            return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, self.blade.unit)
         edge = require_positive(remesh, "remesh")
         self.assembly.emit(arrays, lambda flat: flat)
         parts = arrays.vertices, arrays.triangles, arrays.labels
         found = remesh_leaf(self, self.outline, self.tile, *parts, edge, progress)
-        return LeafMesh(build_mesh(found.places, found.triangles), found.labels)
+        return LeafMesh(build_mesh(found.places, found.triangles), found.labels, self.blade.unit)
 
     def write(self, path: str | PathLike[str], progress: Progress | None = None) -> None:
         """Write the surface to a PLY, STL or OBJ file, whole or not at all; only a few tiles are held.
@@ -238,7 +263,7 @@ def extract_windows(
     for region, step in levels:
         _set_in(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), values)
     vertices, triangles, labels = _extract_levels(root, values)
-    return LeafMesh(build_mesh(blade.lift(vertices), triangles), labels)
+    return LeafMesh(build_mesh(blade.lift(vertices), triangles), labels, blade.unit)
 
 
 def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[FloatArray], FloatArray]) -> None:
@@ -275,25 +300,14 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     parent.children.append(Level(extract_tile(values, fine, sharpen=True), parent.footprint, box, ratio=ratio))
 
 
-def _simplifying(share: float) -> Reduce:
-    """Return the function that simplifies a mesh to a share of its triangles."""
-    if not 0 < share < 1:
-        raise InputError(f"simplify: is {share:g}; give the share of triangles to keep, between 0 and 1")
-
-    def reduce(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-        return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=round(share * len(triangles))))
-
-    return reduce
-
-
-def extract_flat_tile(texture: Texture, scale: float, spacing: float) -> LeafMesh:
+def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LeafMesh:
     """Return one flat period of a texture as a closed block, in lengths of `scale` of the texture's unit each.
 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     """
     lattice = tile_lattice(texture, scale, spacing)
     vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=True))
-    return LeafMesh(build_mesh(vertices, triangles), labels)
+    return LeafMesh(build_mesh(vertices, triangles), labels, unit)
 
 
 def tile_rows(texture: Texture, blade: Blade, scale: float) -> range:

@@ -25,10 +25,6 @@ from o3dleaf.mesh.arrays import (
     triangle_areas,
 )
 from o3dleaf.mesh.distance import surface_distance_of
-from o3dleaf.mesh.topology import EdgeTable
-
-REMESHING_ROUNDS = 5
-"""Rounds of splitting, collapsing, flipping and moving; more change little."""
 
 POISSON_SECONDS = 600.0
 """Time limit of `screened_poisson`: a depth of 10 over a million points takes a few minutes."""
@@ -110,43 +106,6 @@ def simplify_labels(
     fewest = _fewest_triangles(given, **{"target_triangles": None, "target_edge": None, "deviation": None} | options)
     vertices, triangles, left = _simplify(*given, kind.astype(np.float64), fewest, deviation, quality)
     return build_mesh(vertices, triangles), names[left]
-
-
-def remesh_mesh(mesh: MeshLike, *, target_edge: float, deviation: float | None = None) -> o3d.geometry.TriangleMesh:
-    """Return a mesh of nearly equilateral triangles; triangles with a vertex on the border stay as they are.
-
-    MeshLab's isotropic explicit remeshing: edges split, collapsed and flipped, vertices moved along the surface.
-
-    Parameters
-    ----------
-    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
-        Edge-manifold; not modified.
-    target_edge : float
-        Edge length to reach, in the mesh's unit.
-    deviation : float, optional
-        How far the new surface may lie from the old one; a tenth of the edge by default.
-
-    Raises
-    ------
-    InputError
-        If a length is not above zero or the mesh has no triangle.
-    """
-    vertices, triangles = require_triangles(mesh)
-    edge = require_positive(target_edge, "target_edge")
-    most = edge / 10 if deviation is None else require_positive(deviation, "deviation")
-    edges = EdgeTable.of(triangles)
-    on_border = np.zeros(len(vertices), dtype=bool)
-    on_border[edges.ends[edges.count == 1]] = True
-    session = _session(vertices, triangles, np.where(on_border[triangles].any(axis=1), 1.0, 0.0))
-    session.compute_selection_by_condition_per_face(condselect="fq < 0.5")
-    session.meshing_isotropic_explicit_remeshing(
-        iterations=REMESHING_ROUNDS,
-        selectedonly=True,
-        targetlen=pymeshlab.PureValue(edge),
-        checksurfdist=True,
-        maxsurfdist=pymeshlab.PureValue(most),
-    )
-    return build_mesh(*_result(session))
 
 
 def screened_poisson(

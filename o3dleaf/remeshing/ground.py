@@ -1,5 +1,6 @@
 """What vertices are put back onto when they have moved: a field's surface, or the mesh as it was."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -7,7 +8,6 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 
 MOST_STEPS = 20
@@ -47,16 +47,18 @@ class Ground(Protocol):
 
 
 class FieldGround:
-    """The surface F = isovalue of a field; charts are places. Creases stay where they are."""
+    """The surface of a field, where it is zero; charts are places. Creases stay where they are."""
 
-    def __init__(self, field: Field, isovalue: float, longest: float) -> None:
-        """Stand on a field's surface; no step of Newton's method is longer than `longest`."""
-        self.field, self.isovalue, self.longest = field, isovalue, longest
+    def __init__(
+        self, values: Callable[[FloatArray], FloatArray], gradient: Callable[[FloatArray], FloatArray], longest: float
+    ) -> None:
+        """Stand on a field's surface by its `values` (n,) and `gradient` (n, 3); no step is longer than `longest`."""
+        self.values, self.gradient, self.longest = values, gradient, longest
 
     def settle(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        r"""Move points, then follow the gradient: x ← x − (F(x) − isovalue) ∇F/\|∇F\|²; see `Ground`."""
+        r"""Move points, then follow the gradient: x ← x − F(x) ∇F/\|∇F\|²; see `Ground`."""
         del masks
         places = np.where(creased[:, np.newaxis], charts, charts + shifts)
         settled = ~creased | ~shifts.any(axis=1)
@@ -64,9 +66,13 @@ class FieldGround:
         for _ in range(MOST_STEPS):
             if not len(active):
                 break
-            excess = self.field(places[active]) - self.isovalue
-            slopes = self.field.gradient(places[active])
-            steps = -(excess / np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300))[:, np.newaxis] * slopes
+            slopes = self.gradient(places[active])
+            steps = (
+                -(self.values(places[active]) / np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300))[
+                    :, np.newaxis
+                ]
+                * slopes
+            )
             length = np.linalg.norm(steps, axis=1)
             places[active] += steps / np.maximum(length / self.longest, 1.0)[:, np.newaxis]
             active = active[length > SETTLED * self.longest]

@@ -71,7 +71,11 @@ def remesh(
     edge = require_positive(target_edge, "target_edge")
     if not len(triangles):
         raise InputError("mesh: has no triangles; nothing to work on")
-    ground: Ground = MeshGround(vertices, triangles) if field is None else FieldGround(field, isovalue, edge / 2)
+    ground: Ground = (
+        MeshGround(vertices, triangles)
+        if field is None
+        else FieldGround(lambda points: field(points) - isovalue, field.gradient, edge / 2)
+    )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(labels, len(triangles)))
     found = remesh_charted(charted, ground, edge, deviation, progress)
     return build_mesh(found.places, found.triangles)

@@ -169,6 +169,11 @@ def _opened(path: Path, mesh: Mesh, comments: tuple[str, ...]) -> Iterator[PlyFi
         file.close()
 
 
+def unit_comment(unit: str | None) -> tuple[str, ...]:
+    """Return the line by which a file says its unit, if there is one."""
+    return () if unit is None else (f"unit {unit}",)
+
+
 def _ply_header(mesh: Mesh, comments: tuple[str, ...]) -> bytes:
     lines = [
         "ply",

@@ -161,7 +161,7 @@ def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
 
 
 @pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh": 0.2}])
+@pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh_tile": 0.2}])
 def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
     full, reduced = (leaf.realise(0.1, closed=closed, **each) for each in ({}, how))
     made = reduced.extract()
@@ -189,7 +189,7 @@ def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
 @pytest.mark.parametrize(
     ("how", "words"),
     [
-        ({"simplify": 0.5, "remesh": 0.2}, "give one"),
+        ({"simplify": 0.5, "remesh_tile": 0.2}, "give one"),
         ({"simplify": 1.0}, "between 0 and 1"),
         ({"simplify": 0.0}, "between 0 and 1"),
         ({"method": "squares"}, "cubes, tetrahedra"),

@@ -6,10 +6,11 @@ from scipy import ndimage
 
 from o3dleaf.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.mesh.clean import remesh_mesh, simplify_mesh
+from o3dleaf.mesh.clean import simplify_mesh
 from o3dleaf.mesh.polygonise import METHODS, march
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
+from o3dleaf.remeshing.remesh import remesh
 from o3dleaf.tiles import assembly as assembly_module
 from o3dleaf.tiles import tile as tile_module
 from o3dleaf.tiles.assembly import Assembly
@@ -232,7 +233,7 @@ def test_a_reduced_tile_fits_its_copies_and_the_tiles_that_are_cut(kind, closed)
     def reduce(vertices, triangles):
         if kind == "simplified":
             return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=len(triangles) // 3))
-        return mesh_arrays(remesh_mesh((vertices, triangles), target_edge=0.07))
+        return mesh_arrays(remesh((vertices, triangles), 0.07))
 
     sides = outline()
     plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
