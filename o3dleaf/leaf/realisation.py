@@ -71,7 +71,7 @@ class LeafMesh:
         return len(self.mesh.triangles)
 
     def write(self, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
-        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all; by default it says its unit."""
+        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all, saying its unit."""
         said = ("o3dleaf", *unit_comment(self.unit)) if comments is None else comments
         with mesh_file(path, self, said) as sink:
             sink.put_vertices(0, np.asarray(self.mesh.vertices))
