@@ -5,8 +5,8 @@ python scripts/measure_remeshing.py [--leaf MODEL] [--spacing MM ...] [--patch M
 The leaf is the MODEL that `leaf.save` or `o3dleaf leaf --model` wrote, by default a small synthetic one. Each mesh
 is polygonised, remeshed to edges of the same length, and judged: by `mesh_report`, and by the distance of every
 vertex to the surface, in spacings: of a patch |G|/|∇G| on its faces, and in the plane to the outline on its rim;
-of the leaf its signed distance. Seconds are those of remeshing, polygonising included, by all cores. MeshLab's isotropic
-remeshing of the same mesh of the leaf (`--peer`) takes one core and knows no field.
+of the leaf its signed distance. Seconds are those of remeshing, polygonising included, by all cores. Those
+of MeshLab's isotropic remeshing (`--peer`), which knows no field, are of the same mesh of the leaf, by one core.
 """
 
 import argparse
