@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
-from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.remeshing.blocks import Charted
 from o3dleaf.remeshing.ground import Ground, Masks
 from o3dleaf.remeshing.halfedges import CREASE, LOCKED, link_twins
@@ -23,18 +23,18 @@ from o3dleaf.remeshing.passes import (
 )
 
 ROOM = 3
-"""Triangles that there is room for, of those that there are: splitting adds some."""
+"""Triangles that there is room for, of those that there are or that the area needs: splitting adds some."""
 SWEEPS = 8
+"""Times that all edges, or slivers, are looked at in one pass, at most."""
 SHARE = 0.7
 """Of the way to the middle of its triangles that a vertex goes at once."""
-
-
 RELAXED = ((15.0, 1.25, 0.2), (5.0, 1.5, -0.2))
 """Angles below which, and how much, slivers may have more: longer edges, sharper turns."""
-
-
 TRIES = (0.3, 0.1, 0.5, 0.2)
 """Shares of the edges along which the corners of slivers are moved, one after another."""
+
+
+KNOT = "mesh: is not manifold, or has triangles that run against one another; clean it with clean_mesh first"
 
 
 @dataclass(frozen=True)
@@ -84,45 +84,47 @@ class Limits:
 class Piece:
     """Half-edges with places, charts and labels."""
 
-    def __init__(self, mesh: Charted, locked: BoolArray) -> None:
-        """Take a mesh, of which the border and the `locked` (n,) vertices stay.
+    def __init__(self, mesh: Charted, locked: BoolArray, edge: float) -> None:
+        """Take a mesh, of which the border and the `locked` (n,) vertices stay, with room for edges as short as that.
 
         Raises
         ------
         InputError
             If an edge has three triangles, or two that run along it in one direction.
         """
-        triangles, labels = mesh.triangles, mesh.labels
-        n, m = len(mesh.places), len(triangles)
-        room_n, room_m = n + m * (ROOM - 1) // 2 + 16, m * ROOM + 32
+        n, m = len(mesh.places), len(mesh.triangles)
+        area = triangle_areas(mesh.places, mesh.triangles).sum()
+        room_m = ROOM * max(m, int(area / (np.sqrt(3) / 4 * edge**2))) + 32
+        room_n = n + room_m // 2
         self.places, self.charts = np.zeros((room_n, 3)), np.zeros((room_n, 3))
         self.places[:n], self.charts[:n] = mesh.places, mesh.charts
-        self.grounded = np.ones(room_n, dtype=bool)
-        self.grounded[:n] = mesh.grounded
+        self.grounded, self.fixed = np.ones(room_n, dtype=bool), np.zeros(room_n, dtype=bool)
+        self.grounded[:n], self.fixed[:n] = mesh.grounded, locked
         self.labels = np.zeros(room_m, dtype=np.uint8)
-        self.labels[:m] = labels
-        origin, twin = np.full(3 * room_m, -1, dtype=np.int64), np.full(3 * room_m, -1, dtype=np.int64)
+        self.labels[:m] = mesh.labels
+        self.vertices, self.triangles = n, m
+        self.mesh = self._link(mesh.triangles)
+
+    def _link(self, triangles: IntArray) -> tuple[IntArray, IntArray, BoolArray, IntArray, Masks]:
+        """Return the half-edges of (m, 3) triangles, as `o3dleaf.remeshing.halfedges` has them."""
+        room_n, half, whole = len(self.places), triangles.size, 3 * len(self.labels)
+        origin, twin = np.full(whole, -1, dtype=np.int64), np.full(whole, -1, dtype=np.int64)
         ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
-        order = np.argsort(np.minimum(*ends) * (n + 1) + np.maximum(*ends), kind="stable")
-        if not link_twins(triangles, order, origin[: 3 * m], twin[: 3 * m]):
-            raise InputError(
-                "mesh: has an edge with three triangles, or triangles that run against one another; clean it first"
-            )
-        crease = np.zeros(3 * room_m, dtype=bool)
-        inner = twin[: 3 * m] >= 0
-        crease[: 3 * m] = inner & (labels[twin[: 3 * m] // 3] != np.repeat(labels, 3))
+        order = np.argsort(np.minimum(*ends) * (room_n + 1) + np.maximum(*ends), kind="stable")
+        if not link_twins(triangles, order, origin[:half], twin[:half]):
+            raise InputError(KNOT)
+        inner = twin[:half] >= 0
+        crease = np.zeros(whole, dtype=bool)
+        crease[:half] = inner & (self.labels[twin[:half] // 3] != np.repeat(self.labels[: len(triangles)], 3))
         outgoing = np.full(room_n, -1, dtype=np.int64)
-        outgoing[triangles.ravel()] = np.arange(3 * m)
+        outgoing[ends[0]] = np.arange(half)
         kind = np.zeros(room_n, dtype=np.uint8)
-        sharp = np.bincount(ends[0][crease[: 3 * m]], minlength=n)
-        kind[:n][sharp == 2] = CREASE
-        kind[:n][(sharp != 0) & (sharp != 2)] = LOCKED
-        self.fixed = np.zeros(room_n, dtype=bool)
-        self.fixed[:n] = locked
+        sharp = np.bincount(ends[0][crease[:half]], minlength=room_n)
+        kind[sharp == 2] = CREASE
+        kind[(sharp != 0) & (sharp != 2)] = LOCKED
         self.fixed[ends[0][~inner]], self.fixed[ends[1][~inner]] = True, True
         kind[self.fixed] = LOCKED
-        self.mesh = origin, twin, crease, outgoing, kind
-        self.vertices, self.triangles = n, m
+        return origin, twin, crease, outgoing, kind
 
     def improve(self, ground: Ground, limits: Limits, rounds: int) -> None:
         """Bring vertices to the ground, then edges to their length and triangles into shape, in some rounds."""

@@ -9,10 +9,11 @@ from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays
 from o3dleaf.mesh.crossings import find_crossings
+from o3dleaf.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from o3dleaf.parallel import Progress
 from o3dleaf.remeshing.blocks import Charted, Work, work_in_blocks, work_on
 from o3dleaf.remeshing.ground import FieldGround, Ground, MeshGround
-from o3dleaf.remeshing.piece import Limits, Piece
+from o3dleaf.remeshing.piece import KNOT, Limits, Piece
 
 SWEEPS = ((0.5, 5), (0.38, 2), (0.62, 1))
 """Where blocks are cut, as a share of their triangles, and rounds of work on each; borders of one are within others."""
@@ -71,6 +72,10 @@ def remesh(
     edge = require_positive(target_edge, "target_edge")
     if not len(triangles):
         raise InputError("mesh: has no triangles; nothing to work on")
+    edges = EdgeTable.of(triangles)
+    fans = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices))
+    if edges.against.any() or edges.count.max() > 2 or fans.max() > 1:
+        raise InputError(KNOT)
     ground: Ground = (
         MeshGround(vertices, triangles)
         if field is None
@@ -106,7 +111,7 @@ def remesh_charted(
 
 def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
     def work(own: Charted, locked: BoolArray) -> Charted:
-        piece = Piece(own, locked)
+        piece = Piece(own, locked, limits.longest / LONGEST)
         piece.smooth(ground, limits, smooth)
         piece.improve(ground, limits, rounds)
         return piece.result()
