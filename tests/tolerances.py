@@ -349,3 +349,17 @@ REDUCED_AREA = 0.05
 
 PAGE_SECONDS = 120
 """Wall time that a browser or the command may take before it hangs; they need two to ten seconds."""
+
+# --- remeshing ---
+
+SMALL_SINE = 1e-9
+"""Relative: slivers of height 1e-6 with corners of size 1, whose differences are rounded by 1e-16: found 4e-10."""
+
+NEAREST_POINT = 1e-6
+"""SciPy's minimiser stops where its difference quotients do, at 1e-8 of a side; a wrong foot is 0.1 off."""
+
+FAR_TRIANGLE = 1e-8
+"""Coordinates of 1e6 are rounded by 1e-10: found 1e-10; squares of coordinates would leave 1e-2."""
+
+SCORE = 1e-10
+"""Sines and cosines of size 1 in another order, of triangles whose heights are a hundredth of their sides."""

@@ -1,12 +1,10 @@
 """Collapse, swap, split: half-edges stay sound, the surface stays a manifold of its kind; brute force agrees."""
 
 import numpy as np
-import open3d as o3d
 import pytest
 
 import reference
 from o3dleaf.errors import InputError
-from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.remeshing.blocks import Charted
 from o3dleaf.remeshing.halfedges import (
@@ -24,42 +22,13 @@ from o3dleaf.remeshing.halfedges import (
     split,
 )
 from o3dleaf.remeshing.piece import Piece
-
-
-def sheet(n=6):
-    """An open square of triangles; what is beyond its middle has another label."""
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    at = np.arange(n * n).reshape(n, n)
-    low = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:]], axis=-1).reshape(-1, 3)
-    high = np.stack([at[:-1, :-1], at[1:, 1:], at[:-1, 1:]], axis=-1).reshape(-1, 3)
-    return np.column_stack([x, y, 0.1 * x * y]).astype(float), np.concatenate([low, high])
-
-
-def made(name, size):
-    """Return vertices, triangles and labels."""
-    shapes = o3d.geometry.TriangleMesh
-    vertices, triangles = {
-        "sphere": lambda: mesh_arrays(shapes.create_icosahedron().subdivide_midpoint(size)),
-        "torus": lambda: mesh_arrays(shapes.create_torus(1, 0.4, 4 + 3 * size, 4 + 2 * size)),
-        "sheet": lambda: sheet(4 + 3 * size),
-        "tetrahedron": lambda: mesh_arrays(shapes.create_tetrahedron()),
-    }[name.split(",")[0]]()
-    middle = vertices[triangles].mean(axis=1) - vertices.mean(axis=0)
-    labels = np.zeros(len(triangles), dtype=np.uint8)
-    if "labels" in name:
-        labels += middle[:, 0] > 0
-    if "corners" in name:
-        labels = ((middle[:, 0] > 0) + 2 * (middle[:, 1] > 0)).astype(np.uint8)
-    return vertices, triangles, labels
-
-
-NAMES = ["sphere", "torus", "sheet", "sphere, two labels", "torus, two labels", "sheet, four labels with corners"]
+from remesh_fields import NAMES, charted
 
 
 def piece_of(name, size, locked=0.0, seed=0):
-    vertices, triangles, labels = made(name, size)
-    chosen = np.random.default_rng(seed).random(len(vertices)) < locked
-    return Piece(Charted.of(vertices, vertices, triangles, labels), chosen), chosen
+    mesh = charted(name, size)
+    chosen = np.random.default_rng(seed).random(len(mesh.places)) < locked
+    return Piece(mesh, chosen), chosen
 
 
 def triangles_of(mesh):
@@ -139,7 +108,7 @@ def test_an_edit_is_refused_where_brute_force_says_that_the_surface_would_not_be
     """Beyond that, where what is locked, on a crease or unknown forbids it."""
     answers = {True: 0, False: 0}
     for seed in range(3):
-        piece, _ = piece_of(name, int("corners" in name), locked, seed)
+        piece, _ = piece_of(name, int("four" in name), locked, seed)
         rng, mesh = np.random.default_rng(seed), piece.mesh
         around, halves = (np.empty(MOST_AROUND, dtype=np.int64) for _ in range(2))
         for _ in range(25):
@@ -225,7 +194,8 @@ def test_around_a_vertex_with_too_many_triangles_nothing_is_done(spokes):
 
 
 def test_triangles_that_no_surface_has_are_refused():
-    vertices, triangles, _ = made("sphere", 0)
+    mesh = charted("sphere", 0)
+    vertices, triangles = mesh.places, mesh.triangles
     count = len(vertices)
     fin = np.append(triangles, [[*triangles[0, :2], count]], axis=0)
     turned_one = np.concatenate([triangles[:1, ::-1], triangles[1:]])
