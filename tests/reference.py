@@ -372,5 +372,6 @@ def score(corners, normals):
     double = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     lengths = np.linalg.norm(sides, axis=2)
     sines = [double / (lengths[:, i] * lengths[:, i - 1]) for i in range(3)]
-    turns = [(1 + u @ v / (np.linalg.norm(u) * np.linalg.norm(v))) / 2 for u, v in normals]
+    u, v = np.moveaxis(np.reshape(normals, (-1, 2, 3)), 1, 0)
+    turns = (1 + np.sum(u * v, axis=1) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))) / 2
     return min(np.min(sines), *turns, 1.0)
