@@ -134,7 +134,10 @@ TWIN = 1e-10
 """A fast path and its literal twin add the same terms in another order."""
 
 SURFACE_ORDER = 0.2
-"""Observed order of |G| at the vertices, three spacings of a factor 2; linear interpolation gives 2."""
+"""Observed order of |G| between the vertices, three spacings of a factor 2; flat triangles give 2."""
+
+ON_SURFACE = 2e-3
+"""Distance of a vertex from G = 0, of the spacing: the last step along its edge was less than 1e-4 of it, across."""
 
 # --- ct ---
 
@@ -189,7 +192,7 @@ STL_DIGITS = 1e-6
 
 # --- exchange ---
 
-SINGLE = 2e-7
+SINGLE_LENGTH = 2e-7
 """float32 rounds by 6e-8 of a length, a difference of two by twice that; a vertex of another triangle is 0.1 off."""
 
 SPHERE_NORMAL = 1e-2

@@ -21,8 +21,8 @@ Labels = npt.NDArray[np.uint8]
 
 BLOCK = 1 << 12
 MOST_STEPS = 12
-SETTLED = 1e-6
-"""Length of Newton's step, of the patch's thickness, at which a point is on the surface."""
+SETTLED = 2e-4
+"""Length of Newton's last step, of the patch's thickness: what is left is about its square."""
 LONGEST = 0.1
 """The same: no step is longer."""
 ON_RIM = 1 << RIM

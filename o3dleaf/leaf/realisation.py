@@ -70,9 +70,10 @@ class LeafMesh:
         """Number of triangles."""
         return len(self.mesh.triangles)
 
-    def write(self, path: str | PathLike[str]) -> None:
-        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all."""
-        with mesh_file(path, self, ("o3dleaf", *unit_comment(self.unit))) as sink:
+    def write(self, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
+        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all, saying its unit."""
+        said = ("o3dleaf", *unit_comment(self.unit)) if comments is None else comments
+        with mesh_file(path, self, said) as sink:
             sink.put_vertices(0, np.asarray(self.mesh.vertices))
             sink.put_triangles(0, np.asarray(self.mesh.triangles), self.labels)
 
@@ -122,7 +123,9 @@ class Realisation:
         lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh_tile is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-        self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=True)
+        self.tile: Tile = extract_tile(
+            lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=one.shape[:2]
+        )
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduce = self._reducing(simplify, remesh_tile)
         reduced = None if reduce is None else reduce_tile(self.tile, reduce)
@@ -259,7 +262,7 @@ def extract_windows(
 
     plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
     area = footprint(sides_of(blade.outline.rounded if closed else blade.outline.polygon), *plane, None)
-    root = Level(extract_tile(values, lattice, sharpen=True), area, area.box, closed)
+    root = Level(extract_tile(values, lattice, sharpen=lattice.shape[:2]), area, area.box, closed)
     for region, step in levels:
         _set_in(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), values)
     vertices, triangles, labels = _extract_levels(root, values)
@@ -297,7 +300,9 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     box[0] *= ratio
     (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
     fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
-    parent.children.append(Level(extract_tile(values, fine, sharpen=True), parent.footprint, box, ratio=ratio))
+    parent.children.append(
+        Level(extract_tile(values, fine, sharpen=fine.shape[:2]), parent.footprint, box, ratio=ratio)
+    )
 
 
 def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LeafMesh:
@@ -306,7 +311,9 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     """
     lattice = tile_lattice(texture, scale, spacing)
-    vertices, triangles, labels = extract_block(extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=True))
+    vertices, triangles, labels = extract_block(
+        extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=lattice.shape[:2])
+    )
     return LeafMesh(build_mesh(vertices, triangles), labels, unit)
 
 

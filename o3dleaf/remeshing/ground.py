@@ -11,8 +11,8 @@ from o3dleaf.checks import FloatArray
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 
 MOST_STEPS = 20
-SETTLED = 1e-6
-"""Length of Newton's step, of the longest one allowed, at which a point is on the surface."""
+SETTLED = 1e-4
+"""Length of Newton's last step, of the longest one allowed: what is left is about its square."""
 
 Masks = npt.NDArray[np.uint8]
 """Which labels the triangles around a point have, one bit a label."""

@@ -73,7 +73,10 @@ def can_collapse(mesh, h, around, halves):
     if kind[v] == LOCKED or (kind[v] == CREASE and not crease[h]):
         return 0
     g = twin[h]
-    if g == -1 or crease[before(h)] or crease[after(g)]:
+    if g == -1:
+        return 0
+    # Edges that fall together may be one crease, not two.
+    if (crease[before(h)] and crease[after(h)]) or (crease[after(g)] and crease[before(g)]):
         return 0
     a, b = origin[before(h)], origin[before(g)]
     count = fan(mesh, v, around) if a != b else 0

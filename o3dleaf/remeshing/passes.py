@@ -109,8 +109,11 @@ def keeps_shape(mesh, label, place, around, count, x, onto, old, new, limits):
 
 @njit(nogil=True, cache=True)
 def is_near(mesh, place, h, around, count, deviation):
-    """Say whether the origin of half-edge h lies near the triangles, or the crease, that a collapse along h leaves."""
-    origin, _, crease, _, kind = mesh
+    """Say whether the origin of half-edge h lies near the triangles, or the crease, that a collapse along h leaves.
+
+    A spike of a crease, both sides of one triangle, only has to lie near triangles.
+    """
+    origin, twin, crease, _, kind = mesh
     v, w = origin[h], origin[after(h)]
     nearest = np.inf
     for k in range(count):
@@ -119,7 +122,8 @@ def is_near(mesh, place, h, around, count, deviation):
             nearest = min(nearest, square_to_triangle(place[v], place[w], place[p], place[q]))
     if nearest > deviation * deviation:
         return False
-    if kind[v] == CREASE:
+    spike = crease[before(h)] or crease[after(twin[h])]
+    if kind[v] == CREASE and not spike:
         for k in range(count):
             other = origin[after(around[k])]
             if crease[around[k]] and other != w:

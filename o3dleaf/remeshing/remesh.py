@@ -14,7 +14,7 @@ from o3dleaf.remeshing.blocks import Charted, Work, work_in_blocks, work_on
 from o3dleaf.remeshing.ground import FieldGround, Ground, MeshGround
 from o3dleaf.remeshing.piece import Limits, Piece
 
-SWEEPS = ((0.5, 5), (0.38, 3), (0.62, 2))
+SWEEPS = ((0.5, 5), (0.38, 2), (0.62, 1))
 """Where blocks are cut, as a share of their triangles, and rounds of work on each; borders of one are within others."""
 SHORTEST, LONGEST = 0.7, 1.33
 """Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""

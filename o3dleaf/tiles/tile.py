@@ -103,7 +103,7 @@ def extract_tile(
     method: int = 0,
     progress: Progress | None = None,
     *,
-    sharpen: bool = False,
+    sharpen: tuple[int, int] | None = None,
 ) -> Tile:
     """Sample one period of a field, fill its voids, and polygonise it.
 
@@ -119,8 +119,9 @@ def extract_tile(
         Place in `o3dleaf.mesh.polygonise.METHODS`.
     progress : callable, optional
         ``progress(done, total)`` in samples of the first pass.
-    sharpen : bool
-        Put the vertices where the field itself is zero along their edges, not its linear interpolant.
+    sharpen : (2,) tuple of int, optional
+        Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
+        and across after which the field repeats: copies get the same bits.
 
     Raises
     ------
@@ -156,8 +157,9 @@ def extract_tile(
         cells.append(count)
     edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
     nodes, beyond = _nodes(edges, named, triangles)
-    if sharpen:
-        fractions = _sharpened(field, lattice, edges, fractions, upward)
+    if sharpen is not None:
+        alike, rows, copies = np.unique(_folded(edges, lattice.shape, sharpen), return_index=True, return_inverse=True)
+        fractions = _sharpened(field, lattice, alike, fractions[rows], upward[rows])[copies]
     return Tile(
         lattice,
         method,
@@ -217,6 +219,13 @@ def _march_slab(
     triangles = surface.triangles.astype(np.int32)
     parts = names[own], surface.fractions[own], sides, upward[own]
     return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
+
+
+def _folded(edges: IntArray, shape: tuple[int, int, int], period: tuple[int, int]) -> IntArray:
+    """Return the edges like these that start in the first `period` of steps."""
+    _, ny, nz = shape
+    column, rest = edges // (8 * nz), edges % (8 * nz)
+    return np.asarray((column // ny % period[0] * ny + column % ny % period[1]) * 8 * nz + rest)
 
 
 def _sharpened(

@@ -13,7 +13,7 @@ from o3dleaf.exchange import distance as module
 from o3dleaf.exchange.distance import export_distance
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.isosurface import extract_isosurface
-from tolerances import CHORD, SINGLE
+from tolerances import CHORD, SINGLE_LENGTH
 
 STEP = 0.11
 BOX = np.array([[-0.8, -1.3, -0.5], [1.4, 0.6, 1.2]])
@@ -69,7 +69,7 @@ def test_a_unit_is_that_of_coordinates_and_distances(ball, tmp_path):
     export_distance(tmp_path / "um.npy", ball, STEP, BOX, unit="mm", to_unit="um")
     values, origin, spacing = read_npy(tmp_path / "mm.npy")
     others, place, step = read_npy(tmp_path / "um.npy")
-    assert np.abs(others / 1000 - values).max() < SINGLE * 2
+    assert np.abs(others / 1000 - values).max() < SINGLE_LENGTH * 2
     assert np.allclose([place / 1000, step / 1000], [origin, spacing], rtol=1e-12)
     assert json.loads((tmp_path / "um.json").read_text())["unit"] == "um"
 

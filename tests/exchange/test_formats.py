@@ -17,7 +17,7 @@ from o3dleaf.leaf.realisation import LeafMesh
 from o3dleaf.mesh.arrays import build_mesh, mesh_arrays
 from o3dleaf.mesh.files import write_triangle_mesh
 from o3dleaf.mesh.isosurface import extract_isosurface
-from tolerances import SINGLE, SPHERE_NORMAL
+from tolerances import SINGLE_LENGTH, SPHERE_NORMAL
 
 NAMES = ("adaxial", "abaxial", "rim")
 FAR = np.array([317.3, 727.1, -45.2])
@@ -113,7 +113,7 @@ def test_normals_of_a_sphere_point_outwards():
     assert np.einsum("ij,ij->i", normals, outward).min() > 1 - SPHERE_NORMAL
     # So small that squares of squares of lengths vanish, and a vertex that no triangle has.
     small = vertex_normals(np.vstack([vertices * 1e-90, [[9.0, 9.0, 9.0]]]), triangles)
-    assert np.abs(small[:-1] - normals).max() < SINGLE
+    assert np.abs(small[:-1] - normals).max() < SINGLE_LENGTH
     assert small[-1].tolist() == [0.0, 0.0, 1.0]
 
 
@@ -152,10 +152,10 @@ def test_glb_is_in_metres_with_y_up(ball, tmp_path):
     )
     ours = np.asarray(ball.mesh.vertices) * 1e-3
     shown = arrays[0] @ turn.T + node["translation"]
-    assert np.abs(shown - ours[:, [0, 2, 1]] * [1, 1, -1]).max() < SINGLE * np.ptp(ours)
+    assert np.abs(shown - ours[:, [0, 2, 1]] * [1, 1, -1]).max() < SINGLE_LENGTH * np.ptp(ours)
     assert scene["accessors"][0]["min"] == arrays[0].min(axis=0).tolist()
     assert scene["accessors"][0]["max"] == arrays[0].max(axis=0).tolist()
-    assert np.abs(np.linalg.norm(arrays[1], axis=1) - 1).max() < SINGLE
+    assert np.abs(np.linalg.norm(arrays[1], axis=1) - 1).max() < SINGLE_LENGTH
     triangles = np.asarray(ball.mesh.triangles)
     for number, primitive in enumerate(scene["meshes"][0]["primitives"]):
         indices = arrays[primitive["indices"]].reshape(-1, 3)
@@ -216,7 +216,7 @@ def test_labels_read_back(ball, tmp_path, monkeypatch, name, consumer, grouped):
     expected = (vertices * scale)[triangles[order]]
     seen = np.asarray(found.mesh.vertices)[np.asarray(found.mesh.triangles)]
     if (name, consumer) == ("a.stl", None):
-        assert np.abs(seen - expected).max() < SINGLE * np.abs(FAR).max()
+        assert np.abs(seen - expected).max() < SINGLE_LENGTH * np.abs(FAR).max()
     else:
         assert np.array_equal(seen, expected)
 
@@ -224,11 +224,11 @@ def test_labels_read_back(ball, tmp_path, monkeypatch, name, consumer, grouped):
 def test_labels_of_a_written_leaf_read_back(ball, tmp_path):
     leaf = LeafMesh(ball.mesh, ball.labels)
     for name in ("l.ply", "l.stl", "l.obj"):
-        leaf.write(tmp_path / name, ("o3dleaf",))
+        leaf.write(tmp_path / name)
         found = read_labelled_mesh(tmp_path / name)
         assert np.bincount(found.labels).tolist() == np.bincount(ball.labels).tolist()
         tops = np.asarray(found.mesh.vertices)[np.asarray(found.mesh.triangles)[found.labels == 0], 2]
-        assert tops.mean(axis=1).min() > FAR[2] + 0.3 - SINGLE * np.abs(FAR).max()
+        assert tops.mean(axis=1).min() > FAR[2] + 0.3 - SINGLE_LENGTH * np.abs(FAR).max()
 
 
 def test_solids_and_groups_of_others_keep_their_names(tmp_path):
