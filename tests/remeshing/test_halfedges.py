@@ -122,9 +122,9 @@ def test_an_edit_is_refused_where_brute_force_says_that_the_surface_would_not_be
                 if fate:
                     c, d = origin[before(h)], origin[before(g)]
                     others = beside[v] - {v, w, c, d}
-                    fate = not (
-                        crease[before(h)] or crease[after(g)] or (kind[w] == LOCKED and LOCKED in kind[[*others]])
-                    )
+                    two = (crease[before(h)] and crease[after(h)]) or (crease[after(g)] and crease[before(g)])
+                    unknown = kind[w] == LOCKED and LOCKED in kind[[*others]]
+                    fate = not (two or unknown)
                     fate = fate and reference.is_same_kind(now, reference.collapsed(now, v, w), names - 1)
                 assert (can_collapse(mesh, h, around, halves) > 0) == fate
                 flips = g >= 0 and not crease[h]

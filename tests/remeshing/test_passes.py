@@ -96,7 +96,8 @@ def test_a_collapse_is_done_where_its_rules_allow_it(limits):
             fate = keep_facing(old.values(), label[[*old]], new, label[left], flat)
             fate = fate and all(np.linalg.norm(place[x] - place[w]) <= longest for c in corners for x in c)
             fate = fate and min(square_to_triangle(place[v], *place[c]) for c in corners) <= deviation**2
-            if kind[v] == CREASE:
+            spike = crease[before(h)] or crease[after(mesh[1][h])]
+            if kind[v] == CREASE and not spike:
                 other = next(origin[after(t)] for t in fan if crease[t] and origin[after(t)] != w)
                 fate = fate and square_to_segment(place[v], place[w], place[other]) <= deviation**2
             if improved is None:
