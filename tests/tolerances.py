@@ -366,3 +366,25 @@ FAR_TRIANGLE = 1e-8
 
 SCORE = 1e-10
 """Sines and cosines of size 1 in another order, of triangles whose heights are a hundredth of their sides."""
+
+ON_FIELD = 1e-9
+"""Newton's last step is at most 1e-4 of half an edge, and what is left its square by the curvature."""
+
+ANGLE_SHARES = {20: 1e-3, 10: 1e-9, 1: 0.0}
+"""Shares of triangles with an angle below these degrees: a smooth surface leaves none below 30."""
+
+EDGE_RANGE = (0.4, (0.8, 1.05), 2.0)
+"""Least, median and largest edge, of the target: collapsed below 0.7, split above 1.33, half as long again where a
+sliver can be cured no other way; found 0.6, 0.91, 1.53."""
+
+REMESHED_ORDER = 0.2
+"""Observed order of the volume over a factor 2 of the edge; found 1.9 to 2.05."""
+
+DEVIATION_ALL = 3.0
+"""Times the deviation of one edit that all of them may add up to; found 2.9 where it is a hundredth of the edge."""
+
+FLAT_SHEET = 1e-6
+"""Open3D's closest points have single precision."""
+
+REMESHED_VOLUME = 1e-6
+"""The same."""
