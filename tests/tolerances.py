@@ -388,3 +388,24 @@ FLAT_SHEET = 1e-6
 
 REMESHED_VOLUME = 1e-6
 """The same."""
+
+LEAF_ANGLE_SHARES = {20: 1e-2, 10: 1e-3, 1: 0.0}
+"""Shares of triangles with an angle below these degrees: issue 5's own numbers, and what is left at a sharp rim."""
+
+ON_FACES = 1e-5
+"""Newton's last step is 1e-6 of the patch's thickness, 1, at slopes of 1; found 5e-6."""
+
+ON_OUTLINE = 1e-4
+"""World coordinates of a rim are flattened again, where splines extend the blade; found 1e-5."""
+
+SETTLED_PLACE = 1e-9
+"""Sums in another order."""
+
+LEAF_VOLUME = 5e-3
+"""Triangles of 0.15 on waves 0.03 to 0.05 high, 2 long: found 1e-3; one face displaced by a tenth makes 0.2."""
+
+BLUNT = 0.02
+"""Share of the vertices of the sharp edge that stay on the wall beneath it; found 3 of 200."""
+
+SHARPENED = 1e-4
+"""Of an edge: regula falsi stops there, one step later it is at 1e-8; found 2e-6. Linear interpolation leaves 1e-2."""
