@@ -407,5 +407,5 @@ LEAF_VOLUME = 5e-3
 BLUNT = 0.02
 """Share of the vertices of the sharp edge that stay on the wall beneath it; found 3 of 200."""
 
-SHARPENED = 1e-4
-"""Of an edge: regula falsi stops there, one step later it is at 1e-8; found 2e-6. Linear interpolation leaves 1e-2."""
+SHARPENED = 1e-3
+"""Of an edge: regula falsi stops at steps of 1e-4; found 2e-4. Linear interpolation leaves 1e-1."""
