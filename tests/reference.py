@@ -313,3 +313,65 @@ def smallest_angle(a, b, c):
         cosine = (squares[1] + squares[2] - squares[0]) / (2 * (squares[1] * squares[2]).sqrt())
         # The sine keeps what the cosine of a small angle has lost in float64.
         return math.degrees(math.asin(float((1 - cosine**2).sqrt())))
+
+
+# --- remeshing: edits of triangles by name ---
+
+
+def collapsed(triangles, v, w):
+    """Return the triangles (m, 3) with vertex v drawn to w: those that had both are gone."""
+    moved = np.where(triangles == v, w, triangles)
+    return moved[[len(set(corners)) == 3 for corners in moved.tolist()]]
+
+
+def flipped(triangles, a, b, c, d):
+    """Return the triangles with abc and bad swapped for adc and dbc."""
+    gone = [frozenset((a, b, c)), frozenset((b, a, d))]
+    kept = [corners for corners in triangles.tolist() if frozenset(corners) not in gone]
+    return np.array([*kept, [a, d, c], [d, b, c]])
+
+
+def halved(triangles, a, b, v):
+    """Return the triangles with a vertex v put onto the edge ab."""
+    found = []
+    for corners in triangles.tolist():
+        if {a, b} <= set(corners):
+            found += [[v if x == b else x for x in corners], [v if x == a else x for x in corners]]
+        else:
+            found.append(corners)
+    return np.array(found)
+
+
+def is_same_kind(before, after, vertices):
+    """Say whether triangles are a manifold with the border, and Euler's number, of those before, and so many vertices.
+
+    Manifold: no two triangles have the same corners, no two run along an edge in one direction, and the triangles
+    around each vertex are one fan.
+    """
+    if len({frozenset(corners) for corners in after.tolist()}) < len(after) or border(after) != border(before):
+        return False
+    numbers = [len(np.unique(part)) - len(edge_triangles(part)) + len(part) for part in (before, after)]
+    runs = {(corners[i - 1], corners[i]) for corners in after.tolist() for i in range(3)}
+    names = np.unique(after)
+    return (
+        numbers[0] == numbers[1]
+        and len(names) == vertices
+        and len(runs) == 3 * len(after)
+        and all(fans(after, v) == 1 for v in names)
+    )
+
+
+def border(triangles):
+    """Return the edges of one triangle."""
+    return {edge for edge, rows in edge_triangles(triangles).items() if len(rows) == 1}
+
+
+def score(corners, normals):
+    """Return the least of the sines of triangles' angles, (m, 3, 3), and of half of 1 + cos of turns (k, 2, 3)."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    double = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    lengths = np.linalg.norm(sides, axis=2)
+    sines = [double / (lengths[:, i] * lengths[:, i - 1]) for i in range(3)]
+    u, v = np.moveaxis(np.reshape(normals, (-1, 2, 3)), 1, 0)
+    turns = (1 + np.sum(u * v, axis=1) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))) / 2
+    return min(np.min(sines), *turns, 1.0)

@@ -352,3 +352,60 @@ REDUCED_AREA = 0.05
 
 PAGE_SECONDS = 120
 """Wall time that a browser or the command may take before it hangs; they need two to ten seconds."""
+
+# --- remeshing ---
+
+SMALL_SINE = 1e-9
+"""Relative: slivers of height 1e-6 with corners of size 1, whose differences are rounded by 1e-16: found 4e-10."""
+
+NEAREST_POINT = 1e-6
+"""SciPy's minimiser stops where its difference quotients do, at 1e-8 of a side; a wrong foot is 0.1 off."""
+
+FAR_TRIANGLE = 1e-8
+"""Coordinates of 1e6 are rounded by 1e-10: found 1e-10; squares of coordinates would leave 1e-2."""
+
+SCORE = 1e-10
+"""Sines and cosines of size 1 in another order, of triangles whose heights are a hundredth of their sides."""
+
+ON_FIELD = 1e-9
+"""Newton's last step is at most 1e-4 of half an edge, and what is left its square by the curvature."""
+
+ANGLE_SHARES = {20: 1e-3, 10: 1e-9, 1: 0.0}
+"""Shares of triangles with an angle below these degrees: a smooth surface leaves none below 30."""
+
+EDGE_RANGE = (0.4, (0.8, 1.05), 2.0)
+"""Least, median and largest edge, of the target: collapsed below 0.7, split above 1.33, half as long again where a
+sliver can be cured no other way; found 0.6, 0.91, 1.53."""
+
+REMESHED_ORDER = 0.2
+"""Observed order of the volume over a factor 2 of the edge; found 1.9 to 2.05."""
+
+DEVIATION_ALL = 3.0
+"""Times the deviation of one edit that all of them may add up to; found 2.9 where it is a hundredth of the edge."""
+
+FLAT_SHEET = 1e-6
+"""Open3D's closest points have single precision."""
+
+REMESHED_VOLUME = 1e-6
+"""The same."""
+
+LEAF_ANGLE_SHARES = {20: 1e-2, 10: 1e-3, 1: 0.0}
+"""Shares of triangles with an angle below these degrees: issue 5's own numbers, and what is left at a sharp rim."""
+
+ON_FACES = 1e-5
+"""Newton's last step is 1e-6 of the patch's thickness, 1, at slopes of 1; found 5e-6."""
+
+ON_OUTLINE = 1e-4
+"""World coordinates of a rim are flattened again, where splines extend the blade; found 1e-5."""
+
+SETTLED_PLACE = 1e-9
+"""Sums in another order."""
+
+LEAF_VOLUME = 5e-3
+"""Triangles of 0.15 on waves 0.03 to 0.05 high, 2 long: found 1e-3; one face displaced by a tenth makes 0.2."""
+
+BLUNT = 0.02
+"""Share of the vertices of the sharp edge that stay on the wall beneath it; found 3 of 200."""
+
+SHARPENED = 1e-3
+"""Of an edge: regula falsi stops at steps of 1e-4; found 2e-4. Linear interpolation leaves 1e-1."""

@@ -78,14 +78,16 @@ def can_collapse(mesh, h, around, halves):
     # Edges that fall together may be one crease, not two.
     if (crease[before(h)] and crease[after(h)]) or (crease[after(g)] and crease[before(g)]):
         return 0
-    if twin[before(h)] == twin[after(h)] or twin[after(g)] == twin[before(g)]:
-        return 0
     a, b = origin[before(h)], origin[before(g)]
     count = fan(mesh, v, around) if a != b else 0
     for k in range(count):
         other = origin[after(around[k])]
         if other not in (w, a, b) and may_touch(mesh, other, w, halves):
             return 0
+    # A tetrahedron would become one triangle and its back.
+    beyond = twin[after(h)]
+    if count == 3 and beyond != -1 and beyond // 3 == twin[before(g)] // 3:
+        return 0
     return count
 
 

@@ -6,8 +6,9 @@ from scipy import ndimage
 
 from o3dleaf.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
+from o3dleaf.mesh.cells import LEAST_FRACTION
 from o3dleaf.mesh.clean import simplify_mesh
-from o3dleaf.mesh.polygonise import METHODS, march
+from o3dleaf.mesh.polygonise import METHODS, lattice_positions, march
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from o3dleaf.remeshing.remesh import remesh
@@ -20,8 +21,9 @@ from o3dleaf.tiles.loops import INSIDE
 from o3dleaf.tiles.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.tiles.reduced import reduce_tile
 from o3dleaf.tiles.stream import Arrays
-from o3dleaf.tiles.tile import extract_tile
+from o3dleaf.tiles.tile import TileLattice, extract_tile
 from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, outline, solid_layer
+from tolerances import SHARPENED
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
 
@@ -259,3 +261,73 @@ def test_more_vertices_than_a_file_can_number_are_refused(monkeypatch):
     monkeypatch.setattr(assembly_module, "MOST", 10_000)
     with pytest.raises(MemoryBudgetError, match="more than a mesh can number"):
         assemble(extract_tile(layer, LATTICE), outline())
+
+
+def on_edges(tile):
+    """Return the ends of the edges that vertices lie on, and the vertices themselves."""
+    shape = tile.lattice.shape
+    return [tile.lattice.positions(lattice_positions(tile.edges, share, shape)) for share in _shares(tile)]
+
+
+def _shares(tile):
+    return np.zeros(len(tile.edges)), np.ones(len(tile.edges)), tile.fractions
+
+
+@both
+def test_sharpened_vertices_lie_where_the_field_is_zero_on_the_same_edges(method):
+    plain, sharp = (
+        extract_tile(solid_layer, LATTICE, method, sharpen=sharpen) for sharpen in (None, LATTICE.shape[:2])
+    )
+    for name in ("edges", "sides", "upward", "nodes", "cells", "beyond"):
+        assert np.array_equal(getattr(plain, name), getattr(sharp, name))
+    low, high, at = on_edges(sharp)
+    inner = (sharp.fractions > LEAST_FRACTION) & (sharp.fractions < 1 - LEAST_FRACTION)
+    assert inner.mean() > 0.95
+    slope = np.abs(solid_layer(high) - solid_layer(low))
+    far = [np.abs(solid_layer(x)) / slope for x in (on_edges(plain)[2], at)]
+    assert np.abs(far[1][inner]).max() < SHARPENED < 0.02 * far[0].max()
+
+
+@both
+def test_sharpened_vertices_beside_a_filled_void_stay_as_they_were(method):
+    """Along an axis a void has no outer air beside it; along a diagonal of tetrahedra it may."""
+    wave = 2 * np.pi / PERIOD
+
+    def rough(points):
+        x, y, z = points.T
+        return solid_layer(points) + 0.09 * np.sin(11 * wave * x + 1) * np.sin(9 * wave * y + 2) * np.sin(50 * z + 0.3)
+
+    for field in (layer, rough):
+        plain, sharp = (extract_tile(field, LATTICE, method, sharpen=each) for each in (None, LATTICE.shape[:2]))
+        low, high, _ = on_edges(sharp)
+        ends = np.where(sharp.upward[:, np.newaxis], low, high), np.where(sharp.upward[:, np.newaxis], high, low)
+        agrees = (field(ends[0]) > 0) & (field(ends[1]) <= 0)
+        assert np.array_equal(sharp.fractions[~agrees], plain.fractions[~agrees])
+        off = [np.mean(np.abs(field(on_edges(tile)[2][agrees]))) for tile in (sharp, plain)]
+        assert off[0] < 0.1 * off[1]
+        assert ((~agrees).sum() > 100) == (field is rough and method == 1)
+
+
+def test_a_field_that_is_steep_at_one_end_is_sharpened_too():
+    """Plain regula falsi would keep one end and creep."""
+
+    def steep(points):
+        return np.expm1(60 * solid_layer(points))
+
+    sharp = extract_tile(steep, LATTICE, sharpen=LATTICE.shape[:2])
+    exact = extract_tile(solid_layer, LATTICE, sharpen=LATTICE.shape[:2])
+    assert np.array_equal(sharp.edges, exact.edges)
+    assert np.abs(sharp.fractions - exact.fractions).max() < SHARPENED
+
+
+def test_copies_of_a_vertex_are_sharpened_to_the_same_bits():
+    nx, ny, nz = LATTICE.shape
+    twice = TileLattice(LATTICE.origin, LATTICE.spacing, (2 * nx, 2 * ny, nz))
+    large, small = (extract_tile(solid_layer, each, sharpen=(nx, ny)) for each in (twice, LATTICE))
+    found = {edge: set() for edge in small.edges.tolist()}
+    for edge, fraction in zip(large.edges.tolist(), large.fractions.tolist(), strict=True):
+        column, rest = divmod(edge, 8 * nz)
+        i, j = divmod(column, 2 * ny)
+        found[(i % nx * ny + j % ny) * 8 * nz + rest].add(fraction)
+    assert [len(each) for each in found.values()] == [1] * len(small.edges)
+    assert [each.pop() for each in found.values()] == small.fractions.tolist()
