@@ -365,6 +365,16 @@ def export(
     unit: Unit = None,
     to_unit: Annotated[str | None, typer.Option(help="Unit of the file; by default the program's, or unit.")] = None,
     spacing: Annotated[float | None, typer.Option(help="Mesh step, if SOURCE is a model, in its unit.")] = None,
+    remesh: Annotated[
+        float | None,
+        typer.Option(
+            help="Edge length that the leaf of a model is remeshed to, in its unit; "
+            "for openfoam, dualsphysics and gmsh spacing by default. Tiles never are."
+        ),
+    ] = None,
+    no_remesh: Annotated[
+        bool, typer.Option("--no-remesh", help="Do not remesh for them: quick, with slivers.")
+    ] = False,
     region: Annotated[
         tuple[float, float, float, float] | None,
         typer.Option(help="Part of the leaf, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1."),
@@ -399,6 +409,8 @@ def export(
         unit=unit,
         to_unit=to_unit,
         spacing=spacing,
+        remesh=remesh,
+        raw=no_remesh,
         region=None if region is None else (region[:2], region[2:]),
         part=part,
         sheets=sheets,

@@ -5,6 +5,9 @@ python scripts/check_openfoam.py --model leaf.o3l             # the same of your
 python scripts/check_openfoam.py a.ply b.stl --unit mm        # surfaceCheck on meshes of yours
 python scripts/check_openfoam.py --snap tile.ply --unit mm    # a case around a closed mesh of yours; --period: above it
 
+The leaf and the tiles around are remeshed to edges of their mesh step, as a solver wants them, unless --no-remesh is
+given; the walls of the one tile must match, and it stays as it is.
+
 Each surface is written in metres: as OBJ with a group for each label, which OpenFOAM reads in double precision, or with
 --stl as ASCII STL with a solid for each (in single precision). The case is the template openfoam_case beside this
 script, with a leafDict of its own; -o keeps it, with the logs. Exit code 1: OpenFOAM objects; 2: it is not there.
@@ -239,24 +242,27 @@ def distances(mesh, points):
     return scene.compute_distance(local[1]).numpy() * size
 
 
-def own_meshes(model, spacing, tile_spacing):
+def own_meshes(options):
     """Return four tiles, the whole leaf, and one tile, all closed."""
-    if model is None:
+    if options.model is None:
         names = ("wheat_scan.ply", "wheat_ct_24um.tif", "wheat_midrib.ply")
         scan, volume, midrib = (SAMPLES / name for name in names)
         read = o3d.io.read_point_cloud
         leaf = o3l.create_multiscale_leaf(read(str(scan)), o3l.read_volume(volume), read(str(midrib)))
     else:
-        leaf = o3l.load(model)
+        leaf = o3l.load(options.model)
     period = np.asarray(leaf.texture.period) / leaf.scale
     middle = leaf.blade.outline.bounds.mean(axis=0)
     region = np.array([middle - period, middle + period])
-    made = {
-        "four_tiles": leaf.realise(tile_spacing, region, closed=True).extract(),
-        "leaf": leaf.realise(spacing, closed=True).extract(),
-        "tile": leaf.extract_tile(tile_spacing),
+
+    def solid(step, region=None):
+        return leaf.realise(step, region, closed=True).extract(remesh=None if options.no_remesh else step)
+
+    return {
+        "four_tiles": solid(options.tile_spacing, region),
+        "leaf": solid(options.spacing),
+        "tile": leaf.extract_tile(options.tile_spacing),
     }
-    return {name: o3l.LabelledMesh(mesh.mesh, mesh.labels, unit=leaf.unit) for name, mesh in made.items()}
 
 
 def read(path, unit):
@@ -271,8 +277,9 @@ def check(options, folder):
     cases = {path.stem: read(path, options.unit) for path in options.snap}
     periods = {path.stem: read(path, options.unit) for path in options.period}
     if not surfaces and not cases and not periods:
-        surfaces = own_meshes(options.model, options.spacing, options.tile_spacing)
-        cases = periods = {"tile": surfaces["tile"]}
+        surfaces = own_meshes(options)
+        periods = {"tile": surfaces["tile"]}
+        cases = periods | {"four_tiles": surfaces["four_tiles"]}
     for name, mesh in surfaces.items():
         yield check_surface(name, mesh, folder, ".stl" if options.stl else ".obj")
     for name, mesh in cases.items():
@@ -292,6 +299,7 @@ def main():
     parser.add_argument("--model", type=Path, help="a leaf's model (.o3l); else the samples' leaf is made")
     parser.add_argument("--spacing", type=float, default=0.1, help="mesh step of the leaf, in its unit")
     parser.add_argument("--tile-spacing", type=float, default=0.024, help="mesh step of the tiles")
+    parser.add_argument("--no-remesh", action="store_true", help="leave the leaf as it was polygonised")
     parser.add_argument("--stl", action="store_true", help="give surfaceCheck STL with named solids, not OBJ")
     parser.add_argument("--cell", type=float, help="cells beside the leaf, in metres; the mesh's median edge")
     parser.add_argument("-o", "--output", type=Path, help="folder for cases and logs; a temporary one by default")

@@ -48,6 +48,8 @@ class Consumer:
         Closed surfaces only.
     single : bool
         STL is read in single precision: corners that fall together there make illegal triangles.
+    solver : bool
+        Solves equations around or in the mesh, or meshes the space for one: of a model it gets a remeshed surface.
     """
 
     suffixes: tuple[str, ...]
@@ -55,15 +57,16 @@ class Consumer:
     solids: bool = False
     closed: bool = False
     single: bool = False
+    solver: bool = False
 
 
 CONSUMERS = {
-    "openfoam": Consumer((".obj", ".stl"), unit="m", solids=True, single=True),
-    "dualsphysics": Consumer((".stl",), unit="m", closed=True, single=True),
+    "openfoam": Consumer((".obj", ".stl"), unit="m", solids=True, single=True, solver=True),
+    "dualsphysics": Consumer((".stl",), unit="m", closed=True, single=True, solver=True),
     "paraview": Consumer((".vtp", ".ply", ".stl", ".obj")),
     "web": Consumer((".glb",), unit="m"),
     "blender": Consumer((".glb", ".ply", ".obj", ".stl"), unit="m"),
-    "gmsh": Consumer((".stl",), solids=True, closed=True),
+    "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
 }
 """The programs that are known by name; docs/consumers has a page on each."""
 

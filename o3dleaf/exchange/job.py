@@ -51,6 +51,10 @@ class ExportRun:
         Of the source, where it is a mesh, and of the output.
     spacing : float, optional
         Mesh step, where the source is a model, in its unit.
+    remesh : float, optional
+        Edge length, in the model's unit, that the surface of a leaf is remeshed to; see `edge`.
+    raw : bool
+        The surface as it was polygonised, whatever the program.
     region : (2, 2) nested tuples, optional
         Part of a leaf, in leaf coordinates.
     part : str, optional
@@ -76,6 +80,8 @@ class ExportRun:
     unit: str | None = None
     to_unit: str | None = None
     spacing: float | None = None
+    remesh: float | None = None
+    raw: bool = False
     region: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     part: str | None = None
     sheets: bool = False
@@ -85,6 +91,17 @@ class ExportRun:
     origin: tuple[float, float, float] | None = None
     field: Path | None = None
     scalars: tuple[str, ...] = ()
+
+    @property
+    def edge(self) -> float | None:
+        """Edge length that the leaf is remeshed to: what was asked for, or the mesh step if a solver is to take it.
+
+        None: the surface stays as it was polygonised. A tile's opposite walls must match, and so it always does.
+        """
+        solver = self.consumer is not None and CONSUMERS[self.consumer].solver
+        if self.raw or self.tile or self.remesh is not None or not solver:
+            return self.remesh
+        return self.spacing
 
     def check(self) -> None:
         """Raise `InputError` before the work for what would fail after it."""
@@ -100,6 +117,24 @@ class ExportRun:
             raise InputError(f"step: {self.what} need one; give it in the unit of {self.source.name}")
         for name in self.scalars:
             require_choice(name, SCALARS, "scalar")
+        if self.remesh is not None:
+            self._check_remesh(self.remesh)
+
+    def _check_remesh(self, edge: float) -> None:
+        """Raise `InputError` where nothing can be remeshed to edges of that length."""
+        require_positive(edge, "remesh")
+        if self.raw:
+            raise InputError("remesh, no-remesh: contradict each other; give one of them")
+        self._refuse_remeshed_tile(tile=self.tile)
+        if self.source.suffix.lower() != MODEL:
+            raise InputError(
+                f"remesh: {self.source} is a mesh already; give the model, or remesh it in Python: "
+                "o3l.remesh(mesh, edge)"
+            )
+
+    def _refuse_remeshed_tile(self, *, tile: bool) -> None:
+        if tile and self.remesh is not None:
+            raise InputError("remesh: opposite walls of a tile must match; leave it out, or give a region of the leaf")
 
     def run(self, journal: Journal | None = None) -> str:
         """Export; return a line that says what was written."""
@@ -128,6 +163,7 @@ class ExportRun:
         spacing = require_positive(self.spacing, "spacing")
         made: LeafMesh
         if isinstance(model, TiledField | PatchBlend):
+            self._refuse_remeshed_tile(tile=True)
             made = extract_flat_tile(model, 1.0, spacing)
         elif not isinstance(model, MultiscaleLeaf):
             raise InputError(
@@ -136,7 +172,8 @@ class ExportRun:
         elif self.tile:
             made = model.extract_tile(spacing)
         else:
-            made = model.realise(spacing, self.region, closed=not self.sheets, progress=progress).extract(progress)
+            surface = model.realise(spacing, self.region, closed=not self.sheets, progress=progress)
+            made = surface.extract(progress, remesh=self.edge)
         return LabelledMesh(made.mesh, made.labels, unit=model.unit), model
 
     def _scalars(self, mesh: LabelledMesh, model: Any) -> dict[str, FloatArray]:
@@ -168,7 +205,7 @@ class ExportRun:
             export_distance(self.output, mesh, step, box, to_unit=self.to_unit, progress=progress)
             return f"distances at {step:g} {ours}"
         if self.what == "surface-particles":
-            found = sample_particles(mesh, step)
+            found = sample_particles(mesh, step, progress=progress)
         else:
             found = fill_particles(mesh, step, progress=progress)
         export_particles(self.output, found, to_unit=self.to_unit)

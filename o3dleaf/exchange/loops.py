@@ -5,8 +5,8 @@ from numba import njit
 
 
 @njit(nogil=True, cache=True)
-def thin_samples(points, normals, owner, cell, starts, beside, order, radius):
-    """Keep samples, visited in `order`, each unless a kept one of its face is nearer than `radius`.
+def thin_samples(points, normals, owner, cell, starts, beside, order, radius, members, held):
+    """Keep more samples, visited in `order`, each unless a kept one of its face is nearer than `radius`.
 
     Samples are sorted by their cubes of edge `radius`. Those on the other face of a thin blade, their normals turned
     away, do not count.
@@ -22,23 +22,17 @@ def thin_samples(points, normals, owner, cell, starts, beside, order, radius):
         The first sample of each cube.
     beside : (c, 27) array of int64
         The cubes around each cube and itself; −1 where there is none.
-    order : (n,) array of int64
-
-    Returns
-    -------
+    order : (k,) array of int64
     members : (n,) array of int64
-        The kept samples of cube c are members[starts[c]], ..., held[c] of them.
+        The kept samples of cube c are members[starts[c]], ..., held[c] of them; written to, as is `held`.
     held : (c,) array of int64
     """
-    members = np.empty(len(points), dtype=np.int64)
-    held = np.zeros(len(starts), dtype=np.int64)
     for rank in range(len(order)):
         i = order[rank]
         if nearest_kept(points, normals, owner, i, beside[cell[i]], starts, members, held, radius) < 0:
             c = cell[i]
             members[starts[c] + held[c]] = i
             held[c] += 1
-    return members, held
 
 
 @njit(nogil=True, cache=True)

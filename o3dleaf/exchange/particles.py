@@ -14,7 +14,7 @@ from o3dleaf.exchange.vtk import Table, write_vtp_points
 from o3dleaf.files import require_writable, whole_file
 from o3dleaf.mesh.arrays import IntArray
 from o3dleaf.mesh.topology import EdgeTable
-from o3dleaf.parallel import Progress, run_blocks
+from o3dleaf.parallel import Progress, blocks, run_blocks
 from o3dleaf.units import check_unit, unit_scale
 
 FINER = 2
@@ -52,7 +52,13 @@ class Particles:
 
 
 def sample_particles(
-    mesh: AnyMesh, spacing: float, *, labels: npt.ArrayLike | None = None, unit: str | None = None, seed: int = 0
+    mesh: AnyMesh,
+    spacing: float,
+    *,
+    labels: npt.ArrayLike | None = None,
+    unit: str | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> Particles:
     """Return particles on a surface, no two of one face nearer than `spacing`, none missing where one has room.
 
@@ -72,6 +78,8 @@ def sample_particles(
         Unit of the mesh.
     seed : int
         Of the order.
+    progress : callable, optional
+        ``progress(done, total)`` in samples, each of which is visited twice.
 
     Raises
     ------
@@ -90,13 +98,18 @@ def sample_particles(
     beside = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
     beside[keys[np.minimum(beside, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
     order = np.random.default_rng(seed).permutation(len(points))
-    members, held = thin_samples(points, normals, owner, cell, starts, beside, order, step)
-    nearest = np.empty(len(points), dtype=np.int64)
+    members, nearest = np.empty((2, len(points)), dtype=np.int64)
+    held = np.zeros(len(keys), dtype=np.int64)
+    samples = points, normals, owner, cell, starts, beside
 
     def task(start: int, stop: int) -> None:
-        assign_samples(points, normals, owner, cell, starts, beside, members, held, step, start, stop, nearest)
+        assign_samples(*samples, members, held, step, start, stop, nearest)
 
-    run_blocks(task, len(points), BLOCK)
+    for start, stop in blocks(len(points), BLOCK):
+        thin_samples(*samples, order[start:stop], step, members, held)
+        if progress:
+            progress(stop, 2 * len(points))
+    run_blocks(task, len(points), BLOCK, progress and (lambda done, total: progress(total + done, 2 * total)))
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
     found = None if surface.labels is None else surface.labels[owner[kept]]

@@ -76,7 +76,7 @@ class Surface:
         if not len(triangles):
             raise InputError("mesh: has no triangles; there is nothing to export")
         names = mesh.names if isinstance(mesh, LabelledMesh) else LABELS
-        known = mesh.unit if unit is None and isinstance(mesh, LabelledMesh) else check_unit(unit)
+        known = mesh.unit if unit is None and isinstance(mesh, LeafMesh | LabelledMesh) else check_unit(unit)
         found = None if held is None else as_labels(held, len(triangles), len(names))
         values = {name: as_values(each, len(vertices), name) for name, each in (scalars or {}).items()}
         return cls(vertices, triangles, found, names, known, values)

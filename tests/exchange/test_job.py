@@ -14,6 +14,7 @@ from o3dleaf.exchange.read import read_labelled_mesh
 from o3dleaf.mesh.quality import mesh_report
 from tolerances import FIRST_ORDER, FLAT_FACES
 
+REGION = ((4.0, -1.0), (7.0, 1.0))
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 
 
@@ -30,13 +31,57 @@ def model(leaf, tmp_path_factory):
 
 
 def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
-    said = ExportRun(model, tmp_path / "a.obj", consumer="openfoam", spacing=0.5, origin=(1.0, 2.0, 3.0)).run()
+    run = ExportRun(model, tmp_path / "a.obj", consumer="openfoam", spacing=0.5, raw=True, origin=(1.0, 2.0, 3.0))
+    said = run.run()
     made = leaf.realise(0.5, closed=True).extract()
     found = read_labelled_mesh(tmp_path / "a.obj")
     assert said == f"{made.triangles:,} triangles"
     assert mesh_report(found.mesh).watertight
     assert np.array_equal(np.asarray(found.mesh.vertices), (np.asarray(made.mesh.vertices) - [1.0, 2.0, 3.0]) * 1e-3)
     assert np.bincount(found.labels).tolist() == np.bincount(made.labels).tolist()
+
+
+def test_a_solver_gets_a_remeshed_leaf(leaf, model, tmp_path):
+    ExportRun(model, tmp_path / "a.stl", consumer="gmsh", spacing=0.5, region=REGION).run()
+    ExportRun(model, tmp_path / "b.ply", spacing=0.5, remesh=0.4, region=REGION).run()
+    surface = leaf.realise(0.5, REGION, closed=True)
+    for name, edge in (("a.stl", 0.5), ("b.ply", 0.4)):
+        found, made = read_labelled_mesh(tmp_path / name), surface.extract(remesh=edge)
+        corners, ours = (np.asarray(m.mesh.vertices)[np.asarray(m.mesh.triangles)] for m in (found, made))
+        # In STL the solids come one by one.
+        assert np.array_equal(corners, ours[np.argsort(made.labels, kind="stable")] if name == "a.stl" else ours)
+        assert mesh_report(found.mesh).watertight
+
+
+@pytest.mark.parametrize(
+    ("consumer", "how", "edge"),
+    [
+        ("openfoam", {}, 0.5),
+        ("dualsphysics", {}, 0.5),
+        ("gmsh", {"remesh": 0.4}, 0.4),
+        ("gmsh", {"raw": True}, None),
+        ("gmsh", {"tile": True}, None),
+        ("paraview", {}, None),
+        (None, {"remesh": 0.4}, 0.4),
+        (None, {}, None),
+    ],
+)
+def test_who_gets_which_edge(consumer, how, edge):
+    assert ExportRun(Path("a.o3l"), Path("a.stl"), consumer=consumer, spacing=0.5, **how).edge == edge
+
+
+def test_what_cannot_be_remeshed_is_refused(leaf, model, tmp_path):
+    leaf.texture.save(tmp_path / "t.o3l")
+    for source, how, words in (
+        (model, {"tile": True}, "walls of a tile must match"),
+        (tmp_path / "t.o3l", {}, "walls of a tile must match"),
+        (model, {"raw": True}, "contradict"),
+        (model, {"remesh": -1.0}, "above zero"),
+        (tmp_path / "b.ply", {}, "mesh already"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ExportRun(source, tmp_path / "a.ply", **({"spacing": 0.5, "remesh": 0.4} | how)).run()
+    assert not (tmp_path / "a.ply").exists()
 
 
 def test_a_tile_and_a_texture_become_the_same_block(leaf, model, tmp_path):
@@ -112,7 +157,7 @@ def test_the_command_line_takes_all_of_it(model, tmp_path):
         command = [str(PROGRAM), "export", *map(str, words)]
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
 
-    done = run(model, "--spacing", 0.5, "--for", "gmsh", "-o", tmp_path / "a.stl")
+    done = run(model, "--spacing", 0.5, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
     assert done.returncode == 0, done.stderr
     assert "triangles" in done.stdout
     assert read_labelled_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")

@@ -74,6 +74,16 @@ def test_both_faces_of_a_thin_blade_are_covered():
         assert 1.3 < 16 / count / 0.2**2 < 1.6
 
 
+def test_covering_says_how_far_it_is(ring, cover):
+    said = []
+    again = sample_particles(ring, SPACING, progress=lambda done, total: said.append((done, total)))
+    assert np.array_equal(again.points, cover.points)
+    done, totals = zip(*said, strict=True)
+    assert len(set(totals)) == 1
+    assert list(done) == sorted(done)
+    assert done[0] < totals[0] == done[-1]
+
+
 def test_particles_do_not_depend_on_threads_but_on_the_seed(ring, cover):
     before = get_num_threads()
     for threads in (1, 3):
