@@ -9,6 +9,7 @@ import pytest
 
 from leaf_fields import leaf_of, texture
 from o3dleaf.errors import InputError
+from o3dleaf.exchange.consumers import export_mesh
 from o3dleaf.exchange.job import ExportRun, field_deviation
 from o3dleaf.exchange.read import read_labelled_mesh
 from o3dleaf.mesh.quality import mesh_report
@@ -39,6 +40,11 @@ def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
     assert mesh_report(found.mesh).watertight
     assert np.array_equal(np.asarray(found.mesh.vertices), (np.asarray(made.mesh.vertices) - [1.0, 2.0, 3.0]) * 1e-3)
     assert np.bincount(found.labels).tolist() == np.bincount(made.labels).tolist()
+    # A mesh in memory knows its unit, too.
+    export_mesh(tmp_path / "b.obj", made, consumer="openfoam")
+    assert np.array_equal(
+        np.asarray(read_labelled_mesh(tmp_path / "b.obj").mesh.vertices), np.asarray(made.mesh.vertices) * 1e-3
+    )
 
 
 def test_a_solver_gets_a_remeshed_leaf(leaf, model, tmp_path):
