@@ -84,7 +84,9 @@ def summarise(
             "specks_removed_from_a_tile": surface.specks,
             "scraps_at_the_rim": asdict(surface.scraps),
         }
-        if surface.triangles != summary["mesh"]["triangles"]:
+        if settings.get("remesh") is not None:
+            summary["surface"]["note"] = "as polygonised; the mesh was remeshed then"
+        elif surface.triangles != summary["mesh"]["triangles"]:
             summary["mesh"]["note"] = "of a coarser mesh; the one that was written is too large to hold"
     return summary
 
