@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import require_positive
+from o3dleaf.checks import as_number, require_positive
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays
@@ -70,6 +70,8 @@ def remesh(
     """
     vertices, triangles = mesh_arrays(mesh)
     edge = require_positive(target_edge, "target_edge")
+    far = None if deviation is None else require_positive(deviation, "deviation")
+    level = as_number(isovalue, "isovalue")
     if not len(triangles):
         raise InputError("mesh: has no triangles; nothing to work on")
     edges = EdgeTable.of(triangles)
@@ -79,10 +81,10 @@ def remesh(
     ground: Ground = (
         MeshGround(vertices, triangles)
         if field is None
-        else FieldGround(lambda points: field(points) - isovalue, field.gradient, edge / 2)
+        else FieldGround(lambda points: field(points) - level, field.gradient, edge / 2)
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(labels, len(triangles)))
-    found = remesh_charted(charted, ground, edge, deviation, progress)
+    found = remesh_charted(charted, ground, edge, far, progress)
     return build_mesh(found.places, found.triangles)
 
 
@@ -106,7 +108,20 @@ def remesh_charted(
                 progress(number * total + done, len(SWEEPS) * total)
 
         mesh = work_in_blocks(mesh, _worker(ground, limits, rounds), share, report)
-    return _untangle(mesh, ground, limits)
+    return _untangle(_finish(mesh, ground, limits), ground, limits)
+
+
+def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
+    """Work once more around vertices that are not on the surface: they lay on the border of a block in every sweep."""
+    near = np.asarray(~mesh.grounded[mesh.triangles].all(axis=1))
+    return work_on(mesh, _wider(mesh, near), _worker(ground, limits, 1)) if near.any() else mesh
+
+
+def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
+    """Return the triangles that share a vertex with chosen ones, and these."""
+    touched = np.zeros(len(mesh.places), dtype=bool)
+    touched[mesh.triangles[chosen]] = True
+    return np.asarray(touched[mesh.triangles].any(axis=1))
 
 
 def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
@@ -127,9 +142,7 @@ def _untangle(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
             break
         near: BoolArray = crossing
         for _ in range(1 + number):
-            touched = np.zeros(len(mesh.places), dtype=bool)
-            touched[mesh.triangles[near]] = True
-            near = np.asarray(touched[mesh.triangles].any(axis=1))
+            near = _wider(mesh, near)
         mesh = work_on(mesh, near, _worker(ground, limits.coarser(COARSER**number), 3, smooth=number))
     return mesh
 

@@ -62,9 +62,8 @@ def check_lengths(vertices, triangles, edge):
 
 @pytest.mark.parametrize("seed", [1, 4])
 @pytest.mark.parametrize("name", [*GENUS])
-def test_with_a_field_all_vertices_lie_on_it_in_good_triangles_and_the_volume_converges(name, seed, monkeypatch):
+def test_with_a_field_all_vertices_lie_on_it_in_good_triangles_and_the_volume_converges(name, seed):
     """Of second order: a triangle's middle lies h²/8R under the surface."""
-    monkeypatch.setattr(blocks, "MOST", 1 << 14)
     errors = []
     for edge in (0.2, 0.1):
         field, mesh = cubes_of(name, 0.8 * edge, seed)
@@ -299,6 +298,8 @@ def test_what_cannot_be_remeshed_is_refused_in_one_line():
         (((vertices, triangles[:0]), 0.5), {}, "no triangle"),
         (((vertices, triangles), 0.0), {}, "target_edge"),
         (((vertices, triangles), np.nan), {}, "target_edge"),
+        (((vertices, triangles), 0.5), {"deviation": -0.1}, "deviation"),
+        (((vertices, triangles), 0.5), {"isovalue": np.nan}, "isovalue"),
         (((vertices, triangles), 0.5), {"labels": np.zeros(3, dtype=int)}, "labels"),
         (((vertices, triangles), 0.5), {"labels": np.zeros(20)}, "labels"),
         (((vertices, triangles), 0.5), {"labels": np.full(20, 8)}, "labels"),
