@@ -72,10 +72,13 @@ class LeafGround:
         return flat, blade.lift(flat), settled
 
     def _in_pocket(self, flat: FloatArray) -> BoolArray:
-        """Return which points lie on the wall of a pocket, which is filled: in a cell with all its corners inside."""
+        """Return which points lie on the wall of a pocket, which is filled: in a cell with all its corners inside.
+
+        Where the patch is cut, at its bottom or top, the surface is no wall.
+        """
         shape = np.array(self.inside.shape)
         low = np.floor((flat - self.lattice.origin) / self.lattice.spacing).astype(np.int64)
-        held = np.ones(len(flat), dtype=bool)
+        held = np.asarray(~np.isin(flat[:, 2], self.leaf.texture.cell[:, 2] / self.leaf.scale))
         for corner in np.ndindex(2, 2, 2):
             i, j, k = (low + corner).T
             held &= self.inside[i % shape[0], j % shape[1], np.clip(k, 0, shape[2] - 1)]
