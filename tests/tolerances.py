@@ -223,11 +223,11 @@ SILHOUETTE = 1.5
 
 ENGINES_COVER = 2e-3
 """Share of the page that one engine alone covers: both sample pixels at the same nine places, the rasteriser rounds
-corners to 1/256 of one; found 0 to 4e-4."""
+corners to 1/256 of one; found 4e-5 on llvmpipe."""
 
 ENGINES_COLOUR = 6 / 255
 """Mean difference of what is covered and stands in nobody's shadow: sky that neighbours hide, colours along a triangle
-by light rather than by sRGB; found 2/255."""
+by light rather than by sRGB; found 1/255 on llvmpipe."""
 
 ON_A_SEAM = 1e-9
 """Relative: corners of tiles are whole multiples of their size, up to rounding."""

@@ -7,7 +7,7 @@ import open3d as o3d
 from o3dleaf.checks import as_number, require_positive
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
-from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays
+from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from o3dleaf.parallel import Progress
@@ -21,6 +21,8 @@ SHORTEST, LONGEST = 0.7, 1.33
 """Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""
 DEVIATION = 0.1
 """How far an edit may take the surface by default, of the target edge."""
+MORE = 1.1
+"""Times as many triangles as before that splitting has to bring to go on."""
 KNOTS = 8
 """Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
 COARSER = 1.1
@@ -101,6 +103,7 @@ def remesh_charted(
     limits = Limits(
         SHORTEST * target_edge, LONGEST * target_edge, DEVIATION * target_edge if deviation is None else deviation
     )
+    mesh = _refine(mesh, ground, limits)
     for number, (share, rounds) in enumerate(SWEEPS):
 
         def report(done: int, total: int, number: int = number) -> None:
@@ -109,6 +112,17 @@ def remesh_charted(
 
         mesh = work_in_blocks(mesh, _worker(ground, limits, rounds), share, report)
     return _untangle(_finish(mesh, ground, limits), ground, limits)
+
+
+def _refine(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
+    """Split a mesh that is much too coarse, block by block, as a block has room for so many triangles only."""
+    wanted = triangle_areas(mesh.places, mesh.triangles).sum() / (np.sqrt(3) / 4 * limits.longest**2)
+    while wanted > len(mesh.triangles):
+        finer = work_in_blocks(mesh, _worker(ground, limits, 1), SWEEPS[0][0])
+        if len(finer.triangles) < MORE * len(mesh.triangles):
+            break
+        mesh = finer
+    return mesh
 
 
 def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:

@@ -187,6 +187,13 @@ def test_a_cube_with_its_faces_labelled_keeps_its_corners_and_edges(edge):
     assert len(found) < len(vertices)
 
 
+def test_a_mesh_of_a_few_large_triangles_comes_to_the_edges_asked_for():
+    vertices, triangles, labels = cube(0)
+    found = mesh_arrays(remesh((vertices, triangles), 0.07, labels=labels))
+    assert check_good(*found).volume == pytest.approx(1, rel=REMESHED_VOLUME)
+    check_lengths(*found, 0.07)
+
+
 def test_labels_go_on_and_their_border_keeps_its_course():
     """Two halves of a sphere without a field: a disc each, their common border a circle to within the deviation."""
     vertices, triangles = mesh_arrays(o3d.geometry.TriangleMesh.create_sphere(1, 16))
@@ -292,7 +299,10 @@ def test_what_cannot_be_remeshed_is_refused_in_one_line():
     vertices, triangles = mesh_arrays(o3d.geometry.TriangleMesh.create_icosahedron())
     fin = np.append(triangles, [[*triangles[0, :2], 2]], axis=0)
     wrong = np.concatenate([triangles[:1, ::-1], triangles[1:]])
+    mirrored = 2 * vertices[0] - vertices[1:]
+    tie = np.vstack([vertices, mirrored]), np.vstack([triangles, np.where(triangles, triangles + 11, 0)[:, ::-1]])
     cases = [
+        ((tie, 0.5), {}, "not manifold"),
         (((vertices, fin), 0.5), {}, "clean it first"),
         (((vertices, wrong), 0.5), {}, "clean it first"),
         (((vertices, triangles[:0]), 0.5), {}, "no triangle"),
