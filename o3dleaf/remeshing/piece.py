@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
-from o3dleaf.mesh.arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.remeshing.blocks import Charted
 from o3dleaf.remeshing.ground import Ground, Masks
 from o3dleaf.remeshing.halfedges import CREASE, LOCKED, link_twins
@@ -23,7 +23,7 @@ from o3dleaf.remeshing.passes import (
 )
 
 ROOM = 3
-"""Triangles that there is room for, of those that there are or that the area needs: splitting adds some."""
+"""Triangles that there is room for, of those that there are: splitting adds some."""
 SWEEPS = 8
 """Times that all edges, or slivers, are looked at in one pass, at most."""
 SHARE = 0.7
@@ -34,7 +34,7 @@ TRIES = (0.3, 0.1, 0.5, 0.2)
 """Shares of the edges along which the corners of slivers are moved, one after another."""
 
 
-KNOT = "mesh: is not manifold, or has triangles that run against one another; clean it with clean_mesh first"
+KNOT = "mesh: is not manifold, or has triangles that run against one another; clean it first"
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Limits:
 class Piece:
     """Half-edges with places, charts and labels."""
 
-    def __init__(self, mesh: Charted, locked: BoolArray, edge: float) -> None:
-        """Take a mesh, of which the border and the `locked` (n,) vertices stay, with room for edges as short as that.
+    def __init__(self, mesh: Charted, locked: BoolArray) -> None:
+        """Take a mesh, of which the border and the `locked` (n,) vertices stay.
 
         Raises
         ------
@@ -93,8 +93,7 @@ class Piece:
             If an edge has three triangles, or two that run along it in one direction.
         """
         n, m = len(mesh.places), len(mesh.triangles)
-        area = triangle_areas(mesh.places, mesh.triangles).sum()
-        room_m = ROOM * max(m, int(area / (np.sqrt(3) / 4 * edge**2))) + 32
+        room_m = ROOM * m + 32
         room_n = n + room_m // 2
         self.places, self.charts = np.zeros((room_n, 3)), np.zeros((room_n, 3))
         self.places[:n], self.charts[:n] = mesh.places, mesh.charts

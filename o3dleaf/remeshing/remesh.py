@@ -140,7 +140,7 @@ def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
 
 def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
     def work(own: Charted, locked: BoolArray) -> Charted:
-        piece = Piece(own, locked, limits.longest / LONGEST)
+        piece = Piece(own, locked)
         piece.smooth(ground, limits, smooth)
         piece.improve(ground, limits, rounds)
         return piece.result()
