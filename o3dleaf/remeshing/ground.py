@@ -66,16 +66,13 @@ class FieldGround:
         for _ in range(MOST_STEPS):
             if not len(active):
                 break
-            slopes = self.gradient(places[active])
-            steps = (
-                -(self.values(places[active]) / np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300))[
-                    :, np.newaxis
-                ]
-                * slopes
-            )
+            values, slopes = self.values(places[active]), self.gradient(places[active])
+            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
+            steps = -(values / square)[:, np.newaxis] * slopes
             length = np.linalg.norm(steps, axis=1)
             places[active] += steps / np.maximum(length / self.longest, 1.0)[:, np.newaxis]
-            active = active[length > SETTLED * self.longest]
+            # Where the slope is zero there is nowhere to go.
+            active = active[(length > SETTLED * self.longest) | ((length == 0) & (values != 0))]
         settled[active] = False
         return places, places, settled
 

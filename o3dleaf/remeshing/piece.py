@@ -208,7 +208,7 @@ class Piece:
         for part, loose in ((limits, False), (limits.loose, True)):
             some = np.flatnonzero(self.grounded[rows] != loose)
             done = np.zeros(len(some), dtype=bool)
-            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, done)
+            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, loose, done)
             moved[some] = done
         # Of several ways for one vertex the last that was taken counts, as numpy's assignment has it.
         self.charts[rows[moved]] = charts[moved]

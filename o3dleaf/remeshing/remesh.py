@@ -44,8 +44,9 @@ def remesh(
     Rounds of splitting, collapsing, swapping edges and moving vertices (Botsch & Kobbelt 2004, A remeshing
     approach to multiresolution modeling), then edits that make the worst triangles better, one by one. With
     a field, vertices that move are put back onto it by Newton's method, x ← x − (F − isovalue) ∇F/\|∇F\|²;
-    without one, onto the nearest point of the mesh as it was. No edit takes the surface further than
-    `deviation`; the border stays bit for bit, and no edit changes the topology. The same input gives the same
+    without one, onto the nearest point of the mesh as it was. Each edit takes the surface no further than
+    `deviation`, all of them a few times as far; sharp edges without labels are rounded. The border stays bit for
+    bit, and no edit changes the topology. The same input gives the same
     mesh, whatever the number of threads.
 
     Parameters
