@@ -210,7 +210,7 @@ def main(arguments=None):
         print("ferreus_rbf is not installed (pip install 'o3dleaf[bench]'): its rows are left empty")
     rng, quick = np.random.default_rng(0), options.quick
     queries = 20_000 if quick else EVALUATIONS
-    small = {"size": (480.0, 480.0, 480.0)} if quick else {}
+    small = {"size": (600.0, 600.0, 480.0)} if quick else {}
     voxels = voxel_case(queries, rng, **small)
     cases = [height_case(1000 if quick else 6300, queries, rng), voxels]
     cases.append(scattered_case(20_000 if quick else 1_000_000, queries, rng))

@@ -24,7 +24,7 @@ PCA_RADIUS = 8.0
 
 def micro_rows(quick, rng):
     """Fit and evaluate the implicit interpolant of the voxels."""
-    volume, truth = o3l.samples.wheat_ct(drift=0.0, **({"size": (480.0, 480.0, 480.0)} if quick else {}))
+    volume, truth = o3l.samples.wheat_ct(drift=0.0, **({"size": (600.0, 600.0, 480.0)} if quick else {}))
     level = volume.threshold()
     points, values = volume.to_samples(level)
     at = rng.choice(len(points), min(5000, len(points)), replace=False)
