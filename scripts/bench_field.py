@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 from measuring import Row, measure, resident, show, write_json
+from whole_leaf import QUICK_CT
 
 import o3dleaf as o3l
 from o3dleaf.leaf.distance import SurfaceIndex
@@ -33,7 +34,7 @@ WINDOW = 1.0
 def make_leaf(quick):
     """The synthetic leaf, in millimetres."""
     sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)
-    volume, _ = o3l.samples.wheat_ct(**({"size": (720.0, 720.0, 480.0)} if quick else {}))
+    volume, _ = o3l.samples.wheat_ct(**(QUICK_CT if quick else {}))
     return o3l.create_multiscale_leaf(sample.cloud, volume, sample.midrib)
 
 

@@ -24,7 +24,7 @@ PCA_RADIUS = 8.0
 
 def micro_rows(quick, rng):
     """Fit and evaluate the implicit interpolant of the voxels."""
-    volume, truth = o3l.samples.wheat_ct(drift=0.0, **({"size": (720.0, 720.0, 480.0)} if quick else {}))
+    volume, truth = o3l.samples.wheat_ct(drift=0.0, **({"size": (600.0, 600.0, 480.0)} if quick else {}))
     level = volume.threshold()
     points, values = volume.to_samples(level)
     at = rng.choice(len(points), min(5000, len(points)), replace=False)
@@ -173,9 +173,9 @@ def mesh_row(quick):
     )
 
 
-def seam_row():
+def seam_row(quick):
     """Tile a patch of five and a half ridges plainly, and by the period whose faces match best."""
-    volume, _ = o3l.samples.wheat_ct(ridges=5.5, seed=1)
+    volume, _ = o3l.samples.wheat_ct(ridges=5.5, seed=1, spacing=48.0 if quick else 24.0)
     plain = o3l.create_texture(volume)
     best, seconds, peak = warm(lambda: o3l.TiledField(plain.field, "best"))
     share = best.seam_energy().total / plain.seam_energy().total
@@ -207,7 +207,7 @@ def main(arguments=None):
     rows += [world_row(frame, literal, leaf, heights, rng), outline_row(leaf, members, rng), mesh_row(options.quick)]
     whole, leaf = whole_leaf.rows(options.quick)
     rows += whole + rate_rows(leaf, spread(leaf, 10_000 if options.quick else 1_000_000, rng))
-    rows.append(seam_row())
+    rows.append(seam_row(options.quick))
     show("The paper's table (Whebell et al., Ryzen 2700, 8 cores, Julia)", rows, "baseline")
     print(
         "Not in the table: the whole run polygonises one tile, so that it needs neither 25 M membership tests nor\n"

@@ -1,7 +1,9 @@
 """What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped."""
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import numpy as np
 import pytest
@@ -36,3 +38,23 @@ def real_scan() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., CompletedProcess[str]]:
+    """Return a function that calls the command line, in this process: a process each would import all of it anew.
+
+    What C++ prints is captured too. An exception that the program does not turn into a line leaves it as it is.
+    """
+    from o3dleaf.cli import main
+
+    def call(*arguments: object) -> CompletedProcess[str]:
+        words = ["o3dleaf", *map(str, arguments)]
+        monkeypatch.setattr(sys, "argv", words)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        code = stop.value.code
+        return CompletedProcess(words, 0 if code is None else code, *capfd.readouterr())
+
+    return call

@@ -159,15 +159,14 @@ def solve_spline(points, values, power, degree, diagonal=0.0):
     A = PHI[power](distances(points, points)) + diagonal * np.eye(len(points))
     P = polynomials((points - origin) / length, degree)
     zero = np.zeros((P.shape[1], P.shape[1]))
-    right = np.concatenate([values, np.zeros(P.shape[1])])
+    right = np.concatenate([values, np.zeros((P.shape[1], *np.shape(values)[1:]))])
     solution = np.linalg.solve(np.block([[A, P], [P.T, zero]]), right)
     return Spline(points, power, degree, origin, length, solution[: len(points)], solution[len(points) :])
 
 
 def influence_matrix(points, power, degree, diagonal):
     """Return H with F(x_i) = Σ_j H_ij f_j, one fit for each unit vector."""
-    columns = [solve_spline(points, unit, power, degree, diagonal)(points) for unit in np.eye(len(points))]
-    return np.array(columns).T
+    return solve_spline(points, np.eye(len(points)), power, degree, diagonal)(points)
 
 
 def gcv(points, values, power, degree, diagonal, weights=1.0):

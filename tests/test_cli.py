@@ -18,9 +18,10 @@ from o3dleaf.samples import wheat_ct, wheat_scan
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 
 
-def run(*arguments, cwd=None):
+def process(*arguments):
+    """Call the installed program, as a shell does."""
     words = [str(PROGRAM), *(str(each) for each in arguments)]
-    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=cwd, timeout=300)
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
 
 
 @pytest.fixture(scope="module")
@@ -36,34 +37,35 @@ def files(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def bad(files, tmp_path):
+@pytest.fixture(scope="module")
+def bad(files, tmp_path_factory):
     """One bad file after the other, by name."""
+    folder = tmp_path_factory.mktemp("bad")
     points = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
 
     def cloud(name, rows):
-        np.savetxt(tmp_path / name, rows)
-        return tmp_path / name
+        np.savetxt(folder / name, rows)
+        return folder / name
 
     spoilt = points.copy()
     spoilt[5] = np.nan
-    (tmp_path / "empty.ply").touch()
-    (tmp_path / "garbage.ply").write_bytes(bytes(range(256)) * 40)
-    (tmp_path / "garbage.tif").write_bytes(bytes(range(256)) * 40)
+    (folder / "empty.ply").touch()
+    (folder / "garbage.ply").write_bytes(bytes(range(256)) * 40)
+    (folder / "garbage.tif").write_bytes(bytes(range(256)) * 40)
     volume = wheat_ct(size=(720, 720, 480))[0]
     flat = Volume(np.ones((20, 20, 20), dtype=np.float32), volume.spacing, volume.origin, volume.unit)
-    write_volume(tmp_path / "flat.tif", flat)
+    write_volume(folder / "flat.tif", flat)
     return {
-        "empty": tmp_path / "empty.ply",
+        "empty": folder / "empty.ply",
         "nan": cloud("nan.xyz", spoilt),
         "two": cloud("two.xyz", points[:2]),
         "one": cloud("one.xyz", points[:1]),
         "line": cloud("line.xyz", np.linspace([0, 0, 0], [100, 0, 0], 500)),
         "same": cloud("same.xyz", np.ones((200, 3))),
-        "garbage": tmp_path / "garbage.ply",
-        "flat": tmp_path / "flat.tif",
-        "garbage_ct": tmp_path / "garbage.tif",
-        "missing": tmp_path / "missing.ply",
+        "garbage": folder / "garbage.ply",
+        "flat": folder / "flat.tif",
+        "garbage_ct": folder / "garbage.tif",
+        "missing": folder / "missing.ply",
     }
 
 
@@ -109,7 +111,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_bad_input_gets_one_line_and_leaves_nothing(case, files, bad, tmp_path):
+def test_bad_input_gets_one_line_and_leaves_nothing(run, case, files, bad, tmp_path):
     arguments, cause = CASES[case]
     places = bad | {"scan": files / "scan.ply", "ct": files / "ct.tif"}
     out = tmp_path / "out"
@@ -124,14 +126,14 @@ def test_bad_input_gets_one_line_and_leaves_nothing(case, files, bad, tmp_path):
 
 
 @pytest.mark.parametrize("output", ["leaf.xyz", "nowhere/leaf.ply"])
-def test_an_output_that_cannot_be_written_is_refused_before_the_work(files, tmp_path, output):
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files, tmp_path, output):
     result = run("leaf", files / "scan.ply", "-o", tmp_path / output)
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_leaf_from_files(files, tmp_path):
+def test_a_leaf_from_files(run, files, tmp_path):
     output = tmp_path / "leaf.ply"
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
@@ -152,7 +154,7 @@ def test_a_leaf_from_files(files, tmp_path):
     assert len(mesh.triangles) == summary["mesh"]["triangles"]
 
 
-def test_a_closed_window_with_all_that_can_be_written_beside_it(files, tmp_path):
+def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_path):
     scan = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
     middle = scan[np.argmin(np.linalg.norm(scan - np.median(scan, axis=0), axis=1))]
     result = run(
@@ -172,7 +174,7 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(files, tmp_path)
     assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl").remove_duplicated_vertices()).watertight
 
 
-def test_a_leaf_with_a_fine_window_and_a_grid(files, tmp_path):
+def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     result = run(
         "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
         "--fine", "95 -1 96 0.5 0.1", "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
@@ -189,7 +191,7 @@ def test_a_leaf_with_a_fine_window_and_a_grid(files, tmp_path):
     }
 
 
-def test_a_patch_tells_its_seam_and_writes_a_block(files, tmp_path):
+def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
     result = run(
         "patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--tile-solid", tmp_path / "t.ply", "--spacing", 24
     )
@@ -200,20 +202,20 @@ def test_a_patch_tells_its_seam_and_writes_a_block(files, tmp_path):
 
 
 def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
-    result = run("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
+    result = process("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
     assert json.loads((tmp_path / "blade.json").read_text())["mesh"]["components"] == 1
 
 
-def test_info_says_what_a_file_holds(files, tmp_path):
+def test_info_says_what_a_file_holds(run, files, tmp_path):
     result = run("info", files / "ct.tif", "--json", tmp_path / "ct.json")
     assert result.returncode == 0, result.stderr
     assert json.loads((tmp_path / "ct.json").read_text())["shape"] == [30, 30, 20]
     assert "2500" in run("info", files / "scan.ply", "--unit", "mm").stdout
 
 
-def test_clean_and_render(tmp_path):
+def test_clean_and_render(run, tmp_path):
     sphere = o3d.geometry.TriangleMesh.create_sphere(1.0, 30)
     sphere += o3d.geometry.TriangleMesh.create_sphere(0.01).translate((3, 0, 0))
     o3d.io.write_triangle_mesh(tmp_path / "dirty.ply", sphere)
@@ -226,7 +228,7 @@ def test_clean_and_render(tmp_path):
     assert (tmp_path / "clean.png").stat().st_size > 10_000
 
 
-def test_figures_are_drawn_and_what_is_left_out_is_said(files, tmp_path):
+def test_figures_are_drawn_and_what_is_left_out_is_said(run, files, tmp_path):
     only = ("--only", "flattened,histogram", "--formats", "png")
     drawn = run("figures", files / "scan.ply", "--midrib", files / "midrib.ply", *only, "-o", tmp_path / "figures")
     assert drawn.returncode == 0, drawn.stderr
@@ -234,7 +236,7 @@ def test_figures_are_drawn_and_what_is_left_out_is_said(files, tmp_path):
     assert "histogram: left out" in " ".join(drawn.stderr.split())
 
 
-def test_view_without_a_screen_says_so(files, monkeypatch):
+def test_view_without_a_screen_says_so(run, files, monkeypatch):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     result = run("view", files / "scan.ply")
@@ -245,13 +247,13 @@ def test_view_without_a_screen_says_so(files, monkeypatch):
 @pytest.mark.parametrize(
     "command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view", "figures"]
 )
-def test_each_command_has_help(command):
+def test_each_command_has_help(run, command):
     result = run(command, "--help")
     assert result.returncode == 0
     assert "Usage" in result.stdout
 
 
-def test_a_patch_is_fitted_once_and_used_as_a_model(files, tmp_path):
+def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
     fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
     assert fitted.returncode == 0, fitted.stderr
     window = ("--spacing", 0.1, "--region", 90, -2, 94, 2, "--no-picture", "-q", "--midrib", files / "midrib.ply")
@@ -261,7 +263,7 @@ def test_a_patch_is_fitted_once_and_used_as_a_model(files, tmp_path):
     assert (tmp_path / "model.ply").read_bytes() == (tmp_path / "volume.ply").read_bytes()
 
 
-def test_demo_writes_mesh_picture_summary_and_model(files, tmp_path):
+def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
     samples = tmp_path / "samples"
     samples.mkdir()
     for name, source in {
@@ -288,7 +290,7 @@ def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_read_is_never_written_over(files, tmp_path):
+def test_what_is_read_is_never_written_over(run, files, tmp_path):
     scan, ct = tmp_path / "scan.ply", tmp_path / "ct.tif"
     scan.write_bytes((files / "scan.ply").read_bytes())
     ct.write_bytes((files / "ct.tif").read_bytes())
@@ -307,7 +309,7 @@ def test_what_is_read_is_never_written_over(files, tmp_path):
     assert all(path.read_bytes() == content for path, content in before.items())
 
 
-def test_a_read_only_file_is_not_replaced(files, tmp_path):
+def test_a_read_only_file_is_not_replaced(run, files, tmp_path):
     """A rename would replace it, and root may do anything; the mode is what counts."""
     target = tmp_path / "leaf.ply"
     target.write_text("mine")
@@ -319,6 +321,6 @@ def test_a_read_only_file_is_not_replaced(files, tmp_path):
 
 
 def test_an_error_is_one_line_with_the_progress_shown_too(files, tmp_path):
-    result = run("leaf", files / "scan.ply", "--scan-unit", "um", "-o", tmp_path / "leaf.ply")
+    result = process("leaf", files / "scan.ply", "--scan-unit", "um", "-o", tmp_path / "leaf.ply")
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1

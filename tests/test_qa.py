@@ -5,9 +5,7 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import open3d as o3d
@@ -25,7 +23,6 @@ from o3dleaf.report.words import FIGURES
 from o3dleaf.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
 
-PROGRAM = Path(sys.executable).with_name("o3dleaf")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "input", "image", "path", "circle", "rect", "br", "stop"}
 PLANTED = set(KINDS)
@@ -336,11 +333,6 @@ def test_the_page_opens_in_a_browser_without_an_error(page, tmp_path):
 # --- the command ---
 
 
-def run(*arguments):
-    words = [str(PROGRAM), "qa", *(str(each) for each in arguments)]
-    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=PAGE_SECONDS)
-
-
 @pytest.fixture(scope="module")
 def box(tmp_path_factory):
     path = tmp_path_factory.mktemp("box") / "box.ply"
@@ -348,9 +340,11 @@ def box(tmp_path_factory):
     return path
 
 
-def test_the_exit_code_is_the_verdict(box, tmp_path):
+def test_the_exit_code_is_the_verdict(run, box, tmp_path):
     """1 where a requirement fails, with its line and the JSON written all the same."""
-    done = run(box, "--unit", "mm", "--require", "watertight,min-angle=46", "--json", tmp_path / "box.json", "--quiet")
+    done = run(
+        "qa", box, "--unit", "mm", "--require", "watertight,min-angle=46", "--json", tmp_path / "box.json", "--quiet"
+    )
     assert done.returncode == 1
     assert "min-angle=46: wanted at least 46°, found 45°" in done.stdout
     assert "watertight" not in done.stdout
@@ -359,14 +353,14 @@ def test_the_exit_code_is_the_verdict(box, tmp_path):
     assert written["unit"] == "mm"
 
 
-def test_a_sound_mesh_passes(box):
-    done = run(box, "--require", "watertight,min-angle=45")
+def test_a_sound_mesh_passes(run, box):
+    done = run("qa", box, "--require", "watertight,min-angle=45")
     assert done.returncode == 0
     assert "passed (2 of 2 met)" in done.stdout
 
 
-def test_wrong_input_is_one_line_and_leaves_nothing(box, tmp_path):
-    done = run(box, "--require", "waterproof", "--html", tmp_path / "box.html")
+def test_wrong_input_is_one_line_and_leaves_nothing(run, box, tmp_path):
+    done = run("qa", box, "--require", "waterproof", "--html", tmp_path / "box.html")
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "waterproof" in done.stderr

@@ -372,10 +372,10 @@ def fill_shifts(mesh, place, share, shifts):
 
 
 @njit(nogil=True, cache=True)
-def move_vertices(mesh, label, place, rows, points, limits, only_fair, moved):
+def move_vertices(mesh, label, place, rows, points, limits, floor, moved):
     """Move vertices to points where all triangles stay fair, or none gets worse; write which were moved.
 
-    With `only_fair` the second is not enough: of a fan with a fold anything would be no worse.
+    What is better but scores less than `floor` is not enough: of a fan with a fold anything would be better.
     """
     around, normals = np.empty(MOST_AROUND, dtype=np.int64), np.empty((2, MOST_AROUND, 3))
     for n in range(len(rows)):
@@ -385,7 +385,7 @@ def move_vertices(mesh, label, place, rows, points, limits, only_fair, moved):
             continue
         worst = score_fan(mesh, place, around, count, place[rows[n]], NOTHING, normals[0])
         least = score_fan(mesh, place, around, count, points[n], NOTHING, normals[1])
-        if least < limits[0] and (only_fair or least <= worst):
+        if least < limits[0] and least <= max(worst, floor):
             continue
         if keeps_shape(mesh, label, place, around, count, points[n], NOTHING, normals[0], normals[1], limits):
             moved[n] = True

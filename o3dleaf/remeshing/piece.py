@@ -49,6 +49,8 @@ class Limits:
         How far what is taken away may lie from what is left.
     fair, flat : float
         Score that is good enough, and least cosine to the normals before; see `o3dleaf.remeshing.passes`.
+    floor : float
+        Least score of what a vertex leaves behind that comes to the ground.
     """
 
     shortest: float
@@ -56,6 +58,7 @@ class Limits:
     deviation: float
     fair: float = 0.5
     flat: float = 0.6
+    floor: float = 1e-4
 
     def relaxed(self) -> tuple["Limits", ...]:
         """Return what is allowed where nothing less would do."""
@@ -208,7 +211,9 @@ class Piece:
         for part, loose in ((limits, False), (limits.loose, True)):
             some = np.flatnonzero(self.grounded[rows] != loose)
             done = np.zeros(len(some), dtype=bool)
-            move_vertices(mesh, self.labels, self.places, rows[some], places[some], part.numbers, loose, done)
+            move_vertices(
+                mesh, self.labels, self.places, rows[some], places[some], part.numbers, limits.floor * loose, done
+            )
             moved[some] = done
         # Of several ways for one vertex the last that was taken counts, as numpy's assignment has it.
         self.charts[rows[moved]] = charts[moved]

@@ -1,5 +1,7 @@
 """Remeshing: any manifold mesh into triangles that a solver accepts, every vertex on the surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import open3d as o3d
@@ -23,6 +25,8 @@ DEVIATION = 0.1
 """How far an edit may take the surface by default, of the target edge."""
 MORE = 1.1
 """Times as many triangles as before that splitting has to bring to go on."""
+FLOOR = 0.02
+"""Least score, about a degree, of what vertices leave behind that come to the surface when all else is done."""
 KNOTS = 8
 """Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
 COARSER = 1.1
@@ -129,7 +133,7 @@ def _refine(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
 def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
     """Work once more around vertices that are not on the surface: they lay on the border of a block in every sweep."""
     near = np.asarray(~mesh.grounded[mesh.triangles].all(axis=1))
-    return work_on(mesh, _wider(mesh, near), _worker(ground, limits, 1)) if near.any() else mesh
+    return work_on(mesh, _wider(mesh, near), _worker(ground, replace(limits, floor=FLOOR), 1)) if near.any() else mesh
 
 
 def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:

@@ -1,7 +1,5 @@
 """Exports from file to file: of models and meshes, by the command line and below it."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,6 @@ from o3dleaf.mesh.quality import mesh_report
 from tolerances import FIRST_ORDER, FLAT_FACES
 
 REGION = ((4.0, -1.0), (7.0, 1.0))
-PROGRAM = Path(sys.executable).with_name("o3dleaf")
 
 
 @pytest.fixture(scope="module")
@@ -158,16 +155,12 @@ def test_wrong_settings_are_refused_and_leave_nothing(model, tmp_path, name, how
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command_line_takes_all_of_it(model, tmp_path):
-    def run(*words):
-        command = [str(PROGRAM), "export", *map(str, words)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-
-    done = run(model, "--spacing", 0.5, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
+def test_the_command_line_takes_all_of_it(run, model, tmp_path):
+    done = run("export", model, "--spacing", 0.5, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
     assert done.returncode == 0, done.stderr
     assert "triangles" in done.stdout
     assert read_labelled_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")
-    done = run(model, "--spacing", 0.5, "--open", "--for", "gmsh", "-o", tmp_path / "b.stl", "-q")
+    done = run("export", model, "--spacing", 0.5, "--open", "--for", "gmsh", "-o", tmp_path / "b.stl", "-q")
     assert done.returncode == 2
     assert "wants a closed mesh" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

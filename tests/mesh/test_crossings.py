@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import reference
+from o3dleaf.mesh import crossings
 from o3dleaf.mesh.contact import find_view, meet
 from o3dleaf.mesh.crossings import find_crossings
 from o3dleaf.mesh.predicates import line_side, plane_side
@@ -75,8 +76,9 @@ def test_sides_are_exact_where_rounding_is_all(seed):
             assert line_side(line, axis, n, n + 1, n + 2) == side
 
 
-def test_threads_change_nothing():
-    vertices, triangles = uneven(5, 30_000)
+def test_threads_change_nothing(monkeypatch):
+    monkeypatch.setattr(crossings, "BLOCK", 256)  # so that trees of few triangles are several blocks
+    vertices, triangles = uneven(5, 5000)
     threads, found = get_num_threads(), []
     try:
         for number in (1, 4):

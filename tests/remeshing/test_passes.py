@@ -158,7 +158,7 @@ def test_a_vertex_moves_where_its_rules_allow_it(limits):
             fate = improved and keep_facing(old, label[fan], new, label[fan], flat)
             fate = fate and max(np.linalg.norm(place[x] - point) for t in fan for x in now[t] if x != v) <= longest
             moved = np.ones(1, dtype=bool)
-            passes.move_vertices(mesh, label, place, np.array([v]), point[np.newaxis], limits, False, moved)
+            passes.move_vertices(mesh, label, place, np.array([v]), point[np.newaxis], limits, 0.0, moved)
             assert moved[0] == fate
             assert np.array_equal(place, there if fate else np.where(place == point, np.nan, place))
             answers[bool(fate)] += 1
@@ -238,7 +238,7 @@ def test_no_pass_makes_the_worst_score_worse(name, limits):
         rows = np.flatnonzero((arrays[3] >= 0) & (arrays[4] != LOCKED))
         points = piece.places[rows] + 0.05 * rng.normal(size=(len(rows), 3))
         moved = np.empty(len(rows), dtype=bool)
-        passes.move_vertices(arrays, piece.labels, piece.places, rows, points, limits, False, moved)
+        passes.move_vertices(arrays, piece.labels, piece.places, rows, points, limits, 0.0, moved)
         return moved.sum()
 
     def collapse():
