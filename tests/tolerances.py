@@ -92,8 +92,8 @@ GCV_EFFICIENCY = 1.1
 """Error of the chosen ρ over that of the best ρ: tends to 1 with the number of points (Wahba 1990, 4.4)."""
 
 CT_FALL = {0.003: (0.015, 0.075), 0.01: (0.26, 0.29)}
-"""By noise: the least share that "gcv" and "gcv-per-ball" take off the error at the voxels of 24 µm; found (0.020,
-0.082) and (0.279, 0.306), where the best single ρ takes 0.12 and 0.35."""
+"""By noise: the least share that "gcv" and "gcv-per-ball" take off the error at 35 × 35 × 20 voxels of 24 µm; found
+(0.0195, 0.080) and (0.267, 0.313), where the best single ρ takes 0.13 and 0.35."""
 
 LEAVE_ONE_OUT = 1e-8
 """The error at a point left out, from the decomposition and from a refit: 60 points, a condition of up to 1e5."""
