@@ -58,7 +58,7 @@ class Limits:
     deviation: float
     fair: float = 0.5
     flat: float = 0.6
-    floor: float = 1e-4
+    floor: float = 0.0
 
     def relaxed(self) -> tuple["Limits", ...]:
         """Return what is allowed where nothing less would do."""

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import as_number, require_positive
+from o3dleaf.checks import FloatArray, as_number, require_positive
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
@@ -25,8 +25,12 @@ DEVIATION = 0.1
 """How far an edit may take the surface by default, of the target edge."""
 MORE = 1.1
 """Times as many triangles as before that splitting has to bring to go on."""
-FLOOR = 0.02
-"""Least score, about a degree, of what vertices leave behind that come to the surface when all else is done."""
+LAST = 2
+"""Times that what is left is worked on, beyond the sweeps."""
+SLIVER = 0.1
+"""Sine of the angle below which a triangle is worked on then."""
+FLOOR = 1e-4
+"""Least score of what vertices leave behind that come to the surface then."""
 KNOTS = 8
 """Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
 COARSER = 1.1
@@ -131,9 +135,21 @@ def _refine(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
 
 
 def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
-    """Work once more around vertices that are not on the surface: they lay on the border of a block in every sweep."""
-    near = np.asarray(~mesh.grounded[mesh.triangles].all(axis=1))
-    return work_on(mesh, _wider(mesh, near), _worker(ground, replace(limits, floor=FLOOR), 1)) if near.any() else mesh
+    """Work once more around slivers and vertices off the surface: they lay on the border of a block in every sweep."""
+    for _ in range(LAST):
+        near = ~mesh.grounded[mesh.triangles].all(axis=1) | (_smallest_sines(mesh) < SLIVER)
+        if not near.any():
+            break
+        near = _wider(mesh, _wider(mesh, near))
+        mesh = work_on(mesh, near, _worker(ground, replace(limits, floor=FLOOR), 1))
+    return mesh
+
+
+def _smallest_sines(mesh: Charted) -> FloatArray:
+    """Return the sine of the smallest angle of each triangle: twice the area over the two longer sides."""
+    corners = [mesh.places[mesh.triangles[:, k]] for k in range(3)]
+    sides = np.sort([np.linalg.norm(corners[k] - corners[k - 1], axis=1) for k in range(3)], axis=0)
+    return np.asarray(2 * triangle_areas(mesh.places, mesh.triangles) / np.maximum(sides[1] * sides[2], 1e-300))
 
 
 def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
