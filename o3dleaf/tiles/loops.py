@@ -6,6 +6,7 @@ A column's samples are runs of one label, the first at k = 0. A tile's point (i,
 
 from numba import njit
 
+from o3dleaf.mesh.adjacency import find_root, join
 from o3dleaf.mesh.cells import COUNTS, DIRECTIONS
 from o3dleaf.mesh.loops import corner_code
 
@@ -41,25 +42,6 @@ def fill_runs(inside, first, begin):
 
 
 @njit(nogil=True, cache=True)
-def root(parent, node):
-    """Return the root of a node of a forest, halving the way there."""
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
-
-
-@njit(nogil=True, cache=True)
-def unite(parent, one, other):
-    """Join the trees of two nodes under the smaller root."""
-    one, other = root(parent, one), root(parent, other)
-    if one < other:
-        parent[other] = one
-    else:
-        parent[one] = other
-
-
-@njit(nogil=True, cache=True)
 def unite_columns(one, other, first, begin, nz, parent, kind, main):
     """Unite the runs of two columns that overlap and are alike: of one `kind`, or neither of them the `main` one."""
     a, b = first[one], first[other]
@@ -71,7 +53,7 @@ def unite_columns(one, other, first, begin, nz, parent, kind, main):
         else:
             alike = kind[a] != main and kind[b] != main
         if alike:
-            unite(parent, a, b)
+            join(parent, a, b)
         if end_a <= end_b:
             a += 1
         if end_b <= end_a:
@@ -90,9 +72,9 @@ def unite_all(shape, first, begin, parent, kind, main):
             if main >= 0:
                 for run in range(first[here], first[here + 1] - 1):
                     if kind[run] != main and kind[run + 1] != main:
-                        unite(parent, run, run + 1)
+                        join(parent, run, run + 1)
     for run in range(len(parent)):
-        parent[run] = root(parent, run)
+        parent[run] = find_root(parent, run)
 
 
 @njit(nogil=True, cache=True)

@@ -9,8 +9,9 @@ tile's own; those of D are the rim's, named in the window, whose columns have ny
 import numpy as np
 from numba import njit
 
+from o3dleaf.mesh.adjacency import find_root, join
 from o3dleaf.mesh.cells import COUNTS, CUBE_EDGES, DIRECTIONS, LEAST_FRACTION, MOST_TRIANGLES, cell_triangles
-from o3dleaf.tiles.loops import INSIDE, root, unite
+from o3dleaf.tiles.loops import INSIDE
 
 
 @njit(nogil=True, cache=True)
@@ -183,8 +184,8 @@ def label_nodes(nodes, count):
     """Return the (count,) first node of the piece that each node belongs to, by the triangles `nodes` (m, 3)."""
     parent = np.arange(count, dtype=np.int32)
     for t in range(len(nodes)):
-        unite(parent, nodes[t, 0], nodes[t, 1])
-        unite(parent, nodes[t, 0], nodes[t, 2])
+        join(parent, nodes[t, 0], nodes[t, 1])
+        join(parent, nodes[t, 0], nodes[t, 2])
     for node in range(count):
-        parent[node] = root(parent, node)
+        parent[node] = find_root(parent, node)
     return parent
