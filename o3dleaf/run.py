@@ -128,7 +128,9 @@ class LeafRun:
             )
         if self.region is not None and self.around is not None:
             raise InputError("region, around: name the same window in two ways; give one of them")
-        if self.fine and (self.region is not None or self.around is not None or self.simplify or self.remesh):
+        if self.fine and (
+            self.region is not None or self.around is not None or self.simplify or self.remesh or self.remesh_tile
+        ):
             raise InputError("fine: windows are set into the whole leaf as it is polygonised; leave the others out")
         if self.distortion is not None:
             require_choice(self.distortion, MEASURES, "distortion")
