@@ -146,6 +146,7 @@ class Piece:
                 self._attempt(ground, part, share)
 
     def _used(self) -> tuple[Any, ...]:
+        """Return the half-edges without the room that is left."""
         origin, twin, crease, outgoing, kind = self.mesh
         half, n = 3 * self.triangles, self.vertices
         return origin[:half], twin[:half], crease[:half], outgoing[:n], kind[:n]
@@ -220,6 +221,7 @@ class Piece:
         self.grounded[rows[moved]] = True
 
     def _split_long(self, ground: Ground, limits: Limits) -> None:
+        """Split edges that are too long, and the longest of their triangles, in the middle, on the ground."""
         for _ in range(3):
             mesh = self._used()
             halves = np.empty(len(mesh[0]) // 3, dtype=np.int64)
@@ -245,6 +247,7 @@ class Piece:
                 return
 
     def _collapse_short(self, limits: Limits) -> None:
+        """Collapse edges that are too short, the shortest first."""
         mesh = self._used()
         origin = mesh[0]
         there = np.flatnonzero(origin >= 0)

@@ -140,8 +140,7 @@ def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
         near = ~mesh.grounded[mesh.triangles].all(axis=1) | (_smallest_sines(mesh) < SLIVER)
         if not near.any():
             break
-        near = _wider(mesh, _wider(mesh, near))
-        mesh = work_on(mesh, near, _worker(ground, replace(limits, floor=FLOOR), 1))
+        mesh = work_on(mesh, _wider(mesh, _wider(mesh, near)), _worker(ground, replace(limits, floor=FLOOR), 1))
     return mesh
 
 
@@ -160,6 +159,8 @@ def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
 
 
 def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
+    """Return the work on a block: rounds of smoothing without regard, then of improving."""
+
     def work(own: Charted, locked: BoolArray) -> Charted:
         piece = Piece(own, locked)
         piece.smooth(ground, limits, smooth)
