@@ -82,6 +82,16 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
+def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
+    """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
+    array = np.asarray(rows)
+    if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):
+        raise InputError(
+            f"{name}: is {array.dtype} of shape {array.shape}; give one row number from 0 to {count - 1} each"
+        )
+    return array.astype(np.int64)
+
+
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:
     """Return `bounds` as a (2, dim) array, lower corner then upper corner, or raise `InputError`."""
     array = as_points(bounds, name, dim=dim)

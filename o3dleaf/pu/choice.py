@@ -10,7 +10,7 @@ from o3dleaf.parallel import Progress, run_blocks
 from o3dleaf.pu import loops
 from o3dleaf.pu.cover import Cover
 from o3dleaf.rbf.kernels import Polyharmonic
-from o3dleaf.rbf.smoothing import Smoothing, Spectrum, choose_by_gcv
+from o3dleaf.rbf.smoothing import Smoothing, Spectrum, choose_by_gcv, trial_amounts
 from o3dleaf.rbf.tail import IntArray
 
 T = TypeVar("T")
@@ -28,6 +28,7 @@ def choose_amounts(
     kernel: Polyharmonic,
     exponents: IntArray,
     rule: Smoothing,
+    owners: IntArray | None = None,
     progress: Progress | None = None,
 ) -> tuple[Smoothing, FloatArray | None]:
     """Return the rule, its amount chosen, and each ball's own amount instead where they choose for themselves.
@@ -41,6 +42,9 @@ def choose_amounts(
     points, values, trust : (n, d), (n,), (n,) ndarrays
     kernel, exponents, rule
         Of the fit.
+    owners : (n,) int64 ndarray, optional
+        The row that each constraint belongs to, its own for those that stand for a measured point. "gcv" then
+        leaves a point out with all its constraints and judges it by its own.
     progress : callable, optional
         ``progress(done, total)`` over balls that choose for themselves.
     """
@@ -54,8 +58,16 @@ def choose_amounts(
         scale = rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
         return Spectrum(found / scale, coefficients, int(cover.counts[ball]))
 
+    def squares(ball: int) -> tuple[FloatArray, int]:
+        scales = amounts * rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
+        return loops.ball_held_out_squares(ball, points, values, trust, balls, exponents, kernel.power, owners, scales)
+
+    sample = np.unique(np.linspace(0, count - 1, GCV_BALLS).round().astype(np.int64))
+    if rule.amount == "gcv" and owners is not None:
+        amounts = trial_amounts(Spectrum.pooled(each_ball(spectrum, sample[:: max(1, len(sample) // 4)])))
+        found = each_ball(squares, sample)
+        return rule.chosen_from(amounts, sum(part[0] for part in found), sum(part[1] for part in found)), None
     if rule.amount == "gcv":
-        sample = np.unique(np.linspace(0, count - 1, GCV_BALLS).round().astype(np.int64))
         return rule.chosen(Spectrum.pooled(each_ball(spectrum, sample))), None
     return rule, np.array(each_ball(lambda ball: _own_amount(spectrum(ball)), np.arange(count), progress))
 

@@ -17,6 +17,7 @@ from o3dleaf.checks import (
     as_number,
     as_points,
     as_rigid_motion,
+    as_rows,
     as_step,
     as_values,
     as_voxels,
@@ -85,6 +86,7 @@ class PUInterpolant(Blended):
         points_per_ball: int | tuple[int, int] = POINTS_PER_BALL,
         overlap: float = OVERLAP,
         weights: npt.ArrayLike | None = None,
+        owners: npt.ArrayLike | None = None,
         unit: str | None = None,
         bounds: npt.ArrayLike | None = None,
         local: LocalFitter | None = None,
@@ -116,6 +118,10 @@ class PUInterpolant(Blended):
         weights : (n,) array_like, optional
             How far each value is to be trusted, above 0: point j gets its ball's number divided by its
             weight on the diagonal. They matter only where something is smoothed.
+        owners : (n,) array_like of int, optional
+            The row that each constraint was made from, its own for measured points. Constraints made from
+            one point share its error, which "gcv" would take for the surface's shape: given the owners, it
+            leaves each point out with all that was made from it, and takes the least mean square error there.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.
@@ -140,6 +146,7 @@ class PUInterpolant(Blended):
         cover = Cover.fit(sites, box, size, overlap)
         index = BallIndex.build(cover.centres, cover.radii, box)
         trust = None if weights is None else as_weights(weights, len(sites))
+        made_from = None if owners is None else as_rows(owners, len(sites))
         data_hash = _hash(sites, data, trust)
         if local is not None:
             rows = np.split(cover.members, cover.offsets[1:-1])
@@ -147,7 +154,9 @@ class PUInterpolant(Blended):
             return cls(cover, index, fields, check_unit(unit), data_hash)
         phi, degree = _spline(kernel, degree, sites.shape[1])
         rule = as_smoothing(phi, smoothing, rho)
-        splines = LocalSplines.fit(cover, sites, data, phi, degree, rule, trust=trust, progress=progress)
+        splines = LocalSplines.fit(
+            cover, sites, data, phi, degree, rule, trust=trust, owners=made_from, progress=progress
+        )
         return cls(cover, index, splines, check_unit(unit), data_hash)
 
     @classmethod

@@ -81,6 +81,7 @@ class LocalSplines:
         smoothing: Smoothing,
         *,
         trust: FloatArray | None = None,
+        owners: IntArray | None = None,
         progress: Progress | None = None,
     ) -> "LocalSplines":
         """Fit every ball of the cover to its points; see `PUInterpolant.fit`, whose `weights` are here `trust`."""
@@ -93,7 +94,15 @@ class LocalSplines:
         filled = (model, ranks, dropped)
         with single_threaded_blas():
             rule, amounts = choose_amounts(
-                cover, points, values, weights, kernel=kernel, exponents=exponents, rule=smoothing, progress=progress
+                cover,
+                points,
+                values,
+                weights,
+                kernel=kernel,
+                exponents=exponents,
+                rule=smoothing,
+                owners=owners,
+                progress=progress,
             )
             diagonal = rule.diagonals(cover.counts, amounts)
 

@@ -14,7 +14,7 @@ from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
 from o3dleaf.rbf.solve import solve_local
-from o3dleaf.rbf.spectrum import spectra
+from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
@@ -200,6 +200,19 @@ def ball_spectrum(ball, points, values, trust, cover, exponents, power):
     local, data = gather(points, values, rows, centres[ball], radii[ball])
     eigenvalues, coefficients = spectra(local, data.reshape(1, -1), np.sqrt(trust[rows]), exponents, power)
     return eigenvalues, coefficients[0]
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out_squares(ball, points, values, trust, cover, exponents, power, owners, amounts):
+    """Return one ball's Σ e² at the points left out with all their constraints, for each amount, and their number."""
+    centres, radii, offsets, members = cover
+    rows = members[offsets[ball] : offsets[ball + 1]]
+    local, data = gather(points, values, rows, centres[ball], radii[ball])
+    own = np.searchsorted(rows, owners[rows])
+    for j in range(own.size):
+        if own[j] == rows.size or rows[own[j]] != owners[rows[j]]:
+            own[j] = -1
+    return held_out_squares(local, data, np.sqrt(trust[rows]), exponents, power, own, amounts)
 
 
 @njit(nogil=True, cache=True)

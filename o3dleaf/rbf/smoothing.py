@@ -60,6 +60,28 @@ class Smoothing:
         amount = choose_by_gcv(spectrum)
         return replace(self, amount=amount, score=gcv_score(amount, spectrum))
 
+    def chosen_from(self, amounts: FloatArray, squares: FloatArray, judged: int) -> "Smoothing":
+        """Return the rule with the amount of least held-out error, and the mean square of that error.
+
+        Of amounts that two points in `judged` could tell apart, the largest: see `choose_by_gcv`.
+
+        Parameters
+        ----------
+        amounts, squares : (n,) ndarrays
+            Trial amounts, rising, and the sums of squared errors at points left out.
+        judged : int
+            Number of those points.
+
+        Raises
+        ------
+        InputError
+            If no point could be left out.
+        """
+        if not judged:
+            raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+        best = np.flatnonzero(squares <= squares.min() * (1 + 2 / judged))[-1]
+        return replace(self, amount=float(amounts[best]), score=float(squares[best] / judged))
+
 
 def as_smoothing(kernel: Polyharmonic, smoothing: Amount | None, rho: Amount | None) -> Smoothing:
     """Return the rule for `smoothing` (on the diagonal as it is) or `rho` (times N/θ), or none for neither.
@@ -136,6 +158,20 @@ def _residual(amount: float, spectrum: Spectrum) -> tuple[float, float]:
     return float(np.sum((shrink * spectrum.coefficients) ** 2)), float(np.sum(shrink))
 
 
+def trial_amounts(spectrum: Spectrum) -> FloatArray:
+    """Return amounts of smoothing, log-spaced, from next to none to all that matters.
+
+    Raises
+    ------
+    InputError
+        If the systems leave no degree of freedom to judge by.
+    """
+    positive = spectrum.eigenvalues[spectrum.eigenvalues > 0]
+    if not len(positive):
+        raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+    return np.asarray(np.exp(np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)))
+
+
 def choose_by_gcv(spectrum: Spectrum) -> float:
     r"""Return the largest amount of smoothing that the data do not speak against.
 
@@ -159,10 +195,7 @@ def choose_by_gcv(spectrum: Spectrum) -> float:
     InputError
         If the systems leave no degree of freedom to judge by.
     """
-    positive = spectrum.eigenvalues[spectrum.eigenvalues > 0]
-    if not len(positive):
-        raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
-    grid = np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)
+    grid = np.log(trial_amounts(spectrum))
     scores = np.array([gcv_score(np.exp(x), spectrum) for x in grid])
     best = int(np.argmin(scores))
     bracket = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])

@@ -15,6 +15,7 @@ from o3dleaf.rbf.solve import (
     reflect,
     reflect_both_sides,
     restrict_tail,
+    solve_positive,
     tail_matrix,
 )
 
@@ -65,6 +66,49 @@ def spectra(points, values, roots, exponents, power):
         for k in range(found.size):
             coefficients[row, k] = found[k] if abs(found[k]) > least else 0.0
     return eigenvalues, coefficients
+
+
+@njit(nogil=True, cache=True)
+def held_out_squares(points, values, roots, exponents, power, owners, amounts):
+    r"""Return, for each amount of smoothing, Σ e_j² over the points left out with all their constraints; and their number.
+
+    Row j belongs to row owners[j] of the ball (−1: to a point that is not in it) and only rows that own
+    themselves are judged. With B as in `appraise`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for a group I of rows.
+
+    Parameters
+    ----------
+    points, values, roots, exponents, power
+        As in `spectra`; `values` (n,).
+    owners : (n,) int64
+    amounts : (m,) smoothing in unit coordinates, above 0
+    """
+    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    count, free = len(values), len(eigenvalues)
+    rank = count - free
+    basis = np.zeros((free, count))
+    basis[:, rank:] = eigenvectors.T
+    for k in range(free):
+        reflect(basis[k], vectors, betas, False)
+    coefficients = basis @ (values * roots)
+    basis = np.ascontiguousarray(basis.T)
+    squares, judged = np.zeros(amounts.size), 0.0
+    for owner in range(count):
+        rows = np.flatnonzero(owners == owner)
+        if owners[owner] != owner or count - rows.size < 2 * rank:
+            continue
+        judged += np.sum(roots[rows] ** 2)
+        for at in range(amounts.size):
+            inverse = 1.0 / (eigenvalues + amounts[at])
+            block, right = np.empty((rows.size, rows.size)), np.empty(rows.size)
+            for i in range(rows.size):
+                scaled = basis[rows[i]] * inverse
+                right[i] = dot(scaled, coefficients, free)
+                for j in range(rows.size):
+                    block[i, j] = dot(scaled, basis[rows[j]], free)
+            solve_positive(block, right)
+            for i in range(rows.size):
+                squares[at] += right[i] ** 2
+    return squares, judged
 
 
 @njit(nogil=True, cache=True)
