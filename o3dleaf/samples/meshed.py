@@ -45,6 +45,11 @@ class Meshed(Solid):
         crossings, triangles = polygonise(values.reshape(lattice.shape), 0.0)
         return lattice.positions(crossings), triangles
 
+    @property
+    def area(self) -> float:
+        """Area of that mesh, too small by about (h/R)²/8."""
+        return float(triangle_areas(*self.mesh).sum())
+
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         vertices, triangles = self.mesh
         area = triangle_areas(vertices, triangles)

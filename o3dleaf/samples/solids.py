@@ -40,6 +40,8 @@ class Solid(ABC):
     bounds : (2, 3) ndarray
         A box around it with room; outside, F falls with the distance to that box, as every Field does.
     unit : None
+    area : float
+        Of the surface.
     """
 
     unit: str | None = None
@@ -48,6 +50,11 @@ class Solid(ABC):
     @abstractmethod
     def box(self) -> FloatArray:
         """(2, 3) lower, then upper corner of a box around it, in its own coordinates."""
+
+    @property
+    @abstractmethod
+    def area(self) -> float:
+        """Area of the surface."""
 
     @abstractmethod
     def _feet(self, points: FloatArray) -> Feet:
@@ -150,6 +157,11 @@ class Sphere(Solid):
         """(2, 3) lower, then upper corner of its box."""
         return self.radius * np.array([[-1.0] * 3, [1.0] * 3])
 
+    @property
+    def area(self) -> float:
+        """Area of the surface."""
+        return float(4 * np.pi * self.radius**2)
+
     def _feet(self, points: FloatArray) -> Feet:
         normals, length = _directions(points, np.array([1.0, 0.0, 0.0]))
         return Feet(self.radius * normals, normals, length - self.radius)
@@ -176,6 +188,11 @@ class Torus(Solid):
         """(2, 3) lower, then upper corner of its box."""
         reach = self.radius + self.tube
         return np.array([[-1.0], [1.0]]) * [reach, reach, self.tube]
+
+    @property
+    def area(self) -> float:
+        """Area of the surface."""
+        return float(4 * np.pi**2 * self.radius * self.tube)
 
     def _feet(self, points: FloatArray) -> Feet:
         flat = points * [1.0, 1.0, 0.0]
@@ -211,6 +228,12 @@ class Block(Solid):
     def box(self) -> FloatArray:
         """(2, 3) lower, then upper corner of the block."""
         return np.array([[-0.5], [0.5]]) * self.sides
+
+    @property
+    def area(self) -> float:
+        """Area of the surface."""
+        a, b, c = self.sides
+        return 2 * (a * b + b * c + c * a)
 
     def _feet(self, points: FloatArray) -> Feet:
         half, rows = self.box[1], np.arange(len(points))
