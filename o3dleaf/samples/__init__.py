@@ -1,9 +1,26 @@
-"""Synthetic leaves, seeded, with the truth kept as a Field: a scan and a micro-CT volume to try everything on."""
+"""Synthetic leaves and solids, seeded, with the truth kept as a Field: scans, volumes, clouds to try things on."""
 
 from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples.figure import Figure
 from o3dleaf.samples.files import write_samples
 from o3dleaf.samples.micro import WheatPatch
 from o3dleaf.samples.scan import ScanSample, wheat_scan
 from o3dleaf.samples.sheet import WheatBlade
+from o3dleaf.samples.slab import WavySheet
+from o3dleaf.samples.solids import Block, Feet, Solid, Sphere, Torus
 
-__all__ = ["ScanSample", "WheatBlade", "WheatPatch", "wheat_ct", "wheat_scan", "write_samples"]
+__all__ = [
+    "Block",
+    "Feet",
+    "Figure",
+    "ScanSample",
+    "Solid",
+    "Sphere",
+    "Torus",
+    "WavySheet",
+    "WheatBlade",
+    "WheatPatch",
+    "wheat_ct",
+    "wheat_scan",
+    "write_samples",
+]

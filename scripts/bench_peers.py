@@ -1,0 +1,219 @@
+"""Ours beside its peers: oriented clouds of surfaces that are known, clean and noisy, and real scans.
+
+python scripts/bench_peers.py [--json FILE] [--shapes ...] [--points ...] [--noise ...] [--methods ...] [--quick]
+
+Every method gets the same points and the same normals: those of the truth on a clean cloud, on a noisy one Open3D's PCA
+normals (30 neighbours) turned to the truth's side. Lattices, octrees and first balls have the spacing of the cloud,
+sqrt(area / points). Each call has a process of its own; seconds and peak_mb (resident memory beyond what was there
+before) are those of the call alone, after a warm-up on a small ball, so that imports and compilation are not counted.
+Accuracy: mean distance to the truth, closest points by formula or Newton's method, of 200,000 points of the mesh, and
+completeness: of as many points of the truth to the mesh; both uniform by area. hausdorff95 and hausdorff are the larger
+of the two ways. fscore counts what is nearer than the noise, or than a tenth of the spacing where there is less.
+Normal consistency is the mean cosine, -1 for a surface turned inside out. Real scans have no truth: nine tenths are
+reconstructed from, completeness is the distance of the others to the mesh, accuracy that of the mesh to the nearest
+point of the whole scan (never below a part of its spacing), and fscore counts within one spacing.
+"""
+
+import argparse
+import math
+import os
+import platform
+from dataclasses import dataclass
+
+import open3d as o3d
+from clouds import SCANS, SHARED, SOLIDS, scanned, synthetic
+from measuring import number, write_json
+from peers import METHODS, is_there, reconstruct
+from rich.console import Console
+from rich.table import Table
+from surface_errors import shape_of
+
+from o3dleaf.errors import O3DLeafError
+from o3dleaf.parallel import get_num_threads
+
+OURS = "rbfpu"
+POISSONS = ("open3d_poisson", "meshlab_poisson")
+JUDGED = ("accuracy", "completeness", "hausdorff")
+QUICK_SAMPLES = 20_000
+
+
+@dataclass
+class Record:
+    """One method on one cloud; lengths in the cloud's unit, None where it failed or cannot be known."""
+
+    shape: str
+    points: int
+    noise: float
+    method: str
+    accuracy: float | None = None
+    completeness: float | None = None
+    hausdorff95: float | None = None
+    hausdorff: float | None = None
+    normal_consistency: float | None = None
+    fscore: float | None = None
+    components: int | None = None
+    manifold: bool | None = None
+    boundary_edges: int | None = None
+    seconds: float | None = None
+    peak_mb: float | None = None
+    processor_seconds: float | None = None
+    spacing: float | None = None
+    triangles: int | None = None
+    area: float | None = None
+    failed: str | None = None
+
+
+def judge(case, method, limit):
+    """Return the record of a method on a case, failed or not."""
+    record = Record(case.shape, len(case.points), case.noise, method, spacing=case.spacing)
+    try:
+        vertices, triangles, seconds, processor, peak = reconstruct(
+            case.points, case.normals, method, case.spacing, case.is_open, limit
+        )
+    except O3DLeafError as error:
+        record.failed = "timed out" if "did not end within" in str(error) else str(error)
+        return record
+    record.seconds, record.processor_seconds = seconds, processor
+    record.peak_mb = None if math.isnan(peak) else peak
+    if not len(triangles):
+        record.failed = "found no surface"
+        return record
+    for name, value in (case.errors(vertices, triangles) | shape_of(vertices, triangles)).items():
+        setattr(record, name, value)
+    return record
+
+
+def cases(options):
+    """Yield the clouds that are asked for."""
+    samples = QUICK_SAMPLES if options.quick else None
+    for shape in options.shapes:
+        if shape in SCANS and (SHARED / SCANS[shape][0]).exists():
+            yield scanned(shape, samples)
+        elif shape in SCANS:
+            print(f"{shape}: {SHARED / SCANS[shape][0]} is not there; left out")
+        else:
+            for count in options.points:
+                for noise in options.noise:
+                    yield synthetic(shape, count, noise, options.normals, samples)
+
+
+def table_of(records):
+    """Return one row a record."""
+    table = Table(title="Lengths in percent of the cloud's spacing")
+    table.add_column("cloud")
+    table.add_column("method")
+    heads = ("accuracy", "complete", "95 %", "Hausdorff", "normals", "F", "pieces", "manifold", "open edges", "s", "MB")
+    for head in heads:
+        table.add_column(head, justify="right")
+    for r in records:
+        lengths = r.accuracy, r.completeness, r.hausdorff95, r.hausdorff
+        lengths = [None if x is None else 100 * x / r.spacing for x in lengths]
+        table.add_row(
+            name_of(r),
+            r.method,
+            *([number(x) for x in lengths] if r.failed is None else [f"[red]{r.failed}", "", "", ""]),
+            number(r.normal_consistency, "{:.4f}"),
+            number(r.fscore, "{:.3f}"),
+            number(r.components, "{}"),
+            number(r.manifold, "{}"),
+            number(r.boundary_edges, "{}"),
+            number(r.seconds, "{:.2f}"),
+            number(r.peak_mb, "{:.0f}"),
+        )
+    return table
+
+
+def name_of(record):
+    return f"{record.shape} {record.points:,} {record.noise:.1%}"
+
+
+def verdicts(records):
+    """Return for each cloud what ours is beside its peers: {measure: (best peer, its figure, ours over it)}.
+
+    Under "poisson" and the measure's name: ours over the better of the two Poissons; under "seconds": ours over
+    Open3D's. A ratio is None where either has no figure.
+    """
+    found = {}
+    for name in dict.fromkeys(map(name_of, records)):
+        by = {r.method: r for r in records if name_of(r) == name}
+        ours, peers = by.get(OURS), [r for m, r in by.items() if m != OURS]
+        found[name] = {each: against(ours, peers, each) for each in JUDGED}
+        poissons = [r for r in peers if r.method in POISSONS]
+        found[name] |= {f"poisson {each}": against(ours, poissons, each) for each in JUDGED[:2]}
+        found[name]["seconds"] = against(ours, [r for r in peers if r.method == POISSONS[0]], "seconds")
+    return found
+
+
+def against(ours, peers, measure):
+    """Return the peer of the least figure, that figure, lengths in percent of the spacing, and ours over it."""
+    known = [r for r in peers if getattr(r, measure) is not None]
+    if not known:
+        return None, None, None
+    best = min(known, key=lambda r: getattr(r, measure))
+    figure, own = getattr(best, measure), None if ours is None else getattr(ours, measure)
+    ratio = None if own is None or not figure else own / figure
+    return best.method, figure if measure == "seconds" else 100 * figure / best.spacing, ratio
+
+
+def summary_of(found):
+    """Return a table of the verdicts: ratios of at most 1 hold, those to the Poissons must be below it."""
+    table = Table(
+        title="Ours over the best peer, whose figure is in percent of the spacing; (over the better Poisson); s over Open3D's"
+    )
+    for head in ("cloud", *JUDGED, "s"):
+        table.add_column(head)
+    for name, verdict in found.items():
+        cells = []
+        for measure in JUDGED:
+            method, figure, ratio = verdict[measure]
+            poisson = verdict.get(f"poisson {measure}", (None, None, None))[2]
+            holds = ratio is not None and ratio <= 1 and (measure == JUDGED[2] or (poisson is not None and poisson < 1))
+            beside = "" if poisson is None else f" ({poisson:.2f})"
+            peer = "no peer" if method is None else f"{method} {figure:.3g}"
+            colour = "green" if holds else "red"
+            cells.append(peer if ratio is None else f"[{colour}]{ratio:.2f}{beside}[/] {peer}")
+        table.add_row(name, *cells, number(verdict["seconds"][2], "{:.2f}"))
+    return table
+
+
+def parse(arguments):
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    every = [*SOLIDS, *SCANS]
+    parser.add_argument("--shapes", nargs="+", choices=every, default=None, help="default: all")
+    parser.add_argument("--points", nargs="+", type=int, default=None, help="default: 5000 40000; try 500000")
+    parser.add_argument("--noise", nargs="+", type=float, default=[0.0, 0.002, 0.005], help="of the box's diagonal")
+    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
+    parser.add_argument("--normals", choices=["auto", "truth", "estimated"], default="auto")
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds that a method may take")
+    parser.add_argument("--json", metavar="FILE", help="write the records there, after each of them")
+    parser.add_argument("--quick", action="store_true", help="5,000 points, fewer samples, solids only")
+    options = parser.parse_args(arguments)
+    options.shapes = options.shapes or (list(SOLIDS) if options.quick else every)
+    options.points = options.points or ([5000] if options.quick else [5000, 40_000])
+    return options
+
+
+def main(arguments=None):
+    options = parse(arguments)
+    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, {get_num_threads()} threads of ours;")
+    print(f"Open3D {o3d.__version__}, Python {platform.python_version()}")
+    methods = [each for each in options.methods if is_there(each)]
+    for missing in set(options.methods) - set(methods):
+        print(f"{missing}: not in this version of o3dleaf; left out")
+    records = []
+    for case in cases(options):
+        for method in methods:
+            records.append(judge(case, method, options.limit))
+            r = records[-1]
+            said = r.failed or f"accuracy {r.accuracy:.3g}, {r.seconds:.2f} s"
+            print(f"{name_of(r)}, {method}: {said}", flush=True)
+            if options.json:
+                write_json(options.json, records)
+    console = Console(width=180 if not os.isatty(1) else None)
+    console.print(table_of(records))
+    console.print(summary_of(verdicts(records)))
+    return records
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""Oriented clouds to reconstruct: samples of solids with known truth, clean and noisy, and real scans."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+from peers import cloud_of
+from scipy.spatial import KDTree
+from surface_errors import errors_to_scan, errors_to_truth
+
+import o3dleaf as o3l
+
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+SOLIDS = {
+    "sphere": o3l.samples.Sphere,
+    "torus": o3l.samples.Torus,
+    "sheet": o3l.samples.WavySheet,
+    "block": o3l.samples.Block,
+    "figure": o3l.samples.Figure,
+}
+SCANS = {
+    # File, and whether the surface has a border.
+    "homer": ("oriented/homer.ply", False),
+    "tori": ("oriented/interlocked_tori.ply", False),
+    "soybean": ("leaves/soybean_with_normals.ply", True),
+    "sugarbeet": ("leaves/sugarbeet.ply", True),
+    "wheat": ("wheat/wheat_leaf.ply", True),
+}
+NEIGHBOURS = 30
+"""Points that a normal is estimated from."""
+HELD_OUT = 0.1
+FINEST = 10
+"""On clean clouds the F-score counts what is within the spacing over this."""
+
+
+@dataclass
+class Case:
+    """A cloud, and how a mesh of it is judged: `errors(vertices, triangles)` returns the figures."""
+
+    shape: str
+    noise: float
+    points: np.ndarray
+    normals: np.ndarray
+    spacing: float
+    is_open: bool
+    errors: Callable
+
+
+def synthetic(shape, count, noise, normals="auto", samples=None):
+    """Return a case of a solid; noise is in parts of the diagonal of the clean cloud's box."""
+    solid = solid_of(shape)
+    points, facing = solid.sample(count)
+    amount = noise * np.linalg.norm(np.ptp(points, axis=0))
+    points = points + amount * np.random.default_rng([count, 17]).normal(size=points.shape)
+    if normals == "estimated" or (normals == "auto" and noise):
+        facing = estimated(points, solid.closest(points).normals)
+    spacing = float(np.sqrt(solid.area / count))
+    more = {"samples": samples} if samples else {}
+    errors = partial(errors_to_truth, solid=solid, threshold=max(spacing / FINEST, amount), **more)
+    return Case(shape, noise, points, facing, spacing, is_open=False, errors=errors)
+
+
+@cache
+def solid_of(shape):
+    """Return a solid, made once: its mesh and its trees are kept."""
+    return SOLIDS[shape]()
+
+
+def estimated(points, sides):
+    """Return PCA normals of a cloud, on the side that `sides` point to: what a known viewpoint tells a user."""
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+    normals = np.array(cloud.normals)
+    return np.where((normals * sides).sum(axis=1)[:, np.newaxis] < 0, -normals, normals)
+
+
+def scanned(shape, samples=None):
+    """Return a case of a real scan: nine tenths of its points to reconstruct from, the others to judge by."""
+    file, is_open = SCANS[shape]
+    cloud = o3l.read_point_cloud(SHARED / file)
+    points = np.unique(np.column_stack([np.asarray(cloud.points), facing_of(cloud)]), axis=0)
+    order = np.random.default_rng(0).permutation(len(points))
+    held_out, kept = np.split(order, [round(HELD_OUT * len(points))])
+    used = np.ascontiguousarray(points[np.sort(kept)])
+    spacing = spacing_of(used[:, :3])
+    more = {"samples": samples} if samples else {}
+    scan = np.ascontiguousarray(points[:, :3]), points[:, 3:]
+    errors = partial(errors_to_scan, scan=scan, held_out=points[held_out, :3], threshold=spacing, **more)
+    return Case(shape, 0.0, used[:, :3].copy(), used[:, 3:].copy(), spacing, is_open, errors)
+
+
+def facing_of(cloud):
+    """Return a scan's own normals; if it has none, PCA normals made consistent over their nearest neighbours."""
+    if not cloud.has_normals():
+        cloud = cloud_of(np.asarray(cloud.points), np.zeros((len(cloud.points), 3)))
+        cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+        cloud.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+    normals = np.asarray(cloud.normals)
+    return normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+
+
+def spacing_of(points, neighbours=8):
+    """Return 1/√density of a scan: a disc of n points around one has the area n s², π d²."""
+    distance = KDTree(points).query(points, neighbours + 1)[0][:, -1]
+    return float(np.median(distance) * np.sqrt(np.pi / neighbours))
