@@ -1,6 +1,10 @@
 # The public names, in the order of the story; `__init__.py` reads this file and loads them lazily.
 from .cloud.read import read_point_cloud as read_point_cloud
 from .cloud.prepare import remove_stray_points as remove_stray_points
+from .cloud.oriented import prepare_cloud as prepare_cloud
+from .cloud.oriented import OrientedCloud as OrientedCloud
+from .cloud.spacing import cloud_spacing as cloud_spacing
+from .cloud.constraints import off_surface_constraints as off_surface_constraints
 from .ct.formats import read_volume as read_volume
 from .ct.volume import Volume as Volume
 from .ct.align import align_blade as align_blade
@@ -63,6 +67,7 @@ from .errors import O3DLeafError as O3DLeafError
 from .errors import InputError as InputError
 from .errors import UnitError as UnitError
 from .errors import IllPosedError as IllPosedError
+from .errors import OrientationError as OrientationError
 from .errors import ReconstructionError as ReconstructionError
 from .errors import MemoryBudgetError as MemoryBudgetError
 

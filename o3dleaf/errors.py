@@ -17,6 +17,10 @@ class IllPosedError(O3DLeafError):
     """The data cannot determine the interpolant that was asked for (names the rank found)."""
 
 
+class OrientationError(InputError):
+    """The points do not say which side of them is outside."""
+
+
 class ReconstructionError(O3DLeafError):
     """A stage of the reconstruction ran but its result is not a usable surface."""
 

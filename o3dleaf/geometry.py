@@ -1,6 +1,6 @@
 """The border to Open3D: what a user holds in, plain arrays out; nothing here imports Open3D."""
 
-from typing import TYPE_CHECKING, Any, Union
+from typing import TYPE_CHECKING, Any, Union, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +22,24 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     InputError
         If there are fewer than `least` points, or one is not finite.
     """
+    return as_points(held_points(cloud), name, dim=3, least=least)
+
+
+def held_points(cloud: CloudLike) -> npt.ArrayLike:
+    """Return the coordinates that an Open3D cloud (legacy or tensor) or an array holds, unchecked."""
     held: Any = cloud
     if hasattr(held, "point"):
-        held = held.point.positions.numpy()
+        held = held.point.positions.cpu().numpy()
     elif hasattr(held, "points"):
         held = np.asarray(held.points)
-    return as_points(held, name, dim=3, least=least)
+    return cast(npt.ArrayLike, held)
+
+
+def held_normals(cloud: CloudLike) -> npt.ArrayLike | None:
+    """Return the normals that an Open3D cloud (legacy or tensor) holds, unchecked, or None where it has none."""
+    held: Any = cloud
+    if hasattr(held, "point"):
+        return cast(npt.ArrayLike, held.point.normals.cpu().numpy()) if "normals" in held.point else None
+    if hasattr(held, "normals") and len(held.normals):
+        return np.asarray(held.normals)
+    return None

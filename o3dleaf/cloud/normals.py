@@ -1,0 +1,57 @@
+"""Normals of a cloud: found from the points, or given and then checked against their neighbours."""
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.cloud import loops
+from o3dleaf.cloud.neighbours import BLOCK, IndexArray
+from o3dleaf.parallel import run_blocks
+
+SURE = 0.7
+"""Agreement of two normals, or disagreement, from which on it counts as a vote."""
+MAJORITY = 0.8
+"""Share of at least `QUORUM` votes against a normal from which on it is turned round."""
+QUORUM = 6
+ROUNDS = 5
+"""Turning one normal may decide the next; five rounds settle patches of a few points and cannot eat into a sheet."""
+
+
+def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) -> tuple[FloatArray, int, float]:
+    """Turn normals round that their neighbours contradict, round after round.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) ndarray
+    rows : (n, k) ndarray
+        Each point's neighbours, itself first.
+
+    Returns
+    -------
+    normals : (n, 3) ndarray
+    turned : int
+        Normals that differ from those given.
+    conflict : float
+        Share of the votes that still contradict one another.
+    """
+    sign = np.ones(len(points))
+    for _ in range(ROUNDS):
+        against = _votes(points, sign[:, np.newaxis] * normals, rows)
+        total = against.sum(axis=1)
+        wrong = (against[:, 1] >= MAJORITY * total) & (total >= QUORUM)
+        if not wrong.any():
+            break
+        sign[wrong] *= -1
+    repaired = sign[:, np.newaxis] * normals
+    return repaired, int(np.sum(sign < 0)), vote_conflict(points, repaired, rows)
+
+
+def vote_conflict(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
+    """Return the share of neighbours' votes that say that two normals contradict one another."""
+    against = _votes(points, normals, rows).sum(axis=0)
+    return float(against[1] / max(against.sum(), 1))
+
+
+def _votes(points: FloatArray, normals: FloatArray, rows: IndexArray) -> IndexArray:
+    votes = np.empty((len(points), 2), np.int64)
+    run_blocks(lambda i, j: loops.count_votes(points, normals, rows, SURE, i, j, votes), len(points), BLOCK)
+    return votes

@@ -1,0 +1,30 @@
+"""Points that belong to no surface: far from all others, alone or in small clusters."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.cloud.neighbours import nearest_neighbours
+
+NEIGHBOURS = 8
+LINK = 6.0
+"""Medians of the distance to the eighth neighbour that a gap within a scan may have; the gappy wheat leaf has 3."""
+CLUSTER = 24
+"""Fewer points than this are no piece of a surface: three times the neighbours that a plane is fitted to."""
+
+
+def find_stray_points(points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which of `points` (n, 3) are stray (n,).
+
+    Points are linked to those of their eight nearest that are within 6 times the median distance of an eighth
+    neighbour; pieces of fewer than 24 points are stray, however far apart, unless nothing larger is there.
+    """
+    distance, row = nearest_neighbours(points, NEIGHBOURS + 1)
+    linked = distance[:, 1:] <= LINK * np.median(distance[:, -1])
+    i, _ = np.nonzero(linked)
+    graph = coo_array((np.ones(len(i), np.int8), (i, row[:, 1:][linked])), shape=(len(points), len(points)))
+    _, piece = connected_components(graph, directed=False)
+    size = np.bincount(piece)
+    return np.asarray(size[piece] < min(CLUSTER, size.max()), dtype=bool)
