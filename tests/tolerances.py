@@ -185,7 +185,7 @@ SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
 
 ASKED_PER_CELL = 2.2
-"""Points that a band asks for, a crossed cell: two layers of corners, one vertex a cell apart; found 1.8 on a sphere.
+"""Points that a band asks for, a crossed cell: two layers of corners; found 2.0 on a sphere.
 Sampling the neighbours of every crossed cell makes 4."""
 
 RIGHT_ANGLE = 1e-5
