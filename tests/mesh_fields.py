@@ -19,7 +19,9 @@ class Analytic:
         return self.function(*nearest.T) - np.linalg.norm(points - nearest, axis=1)
 
     def gradient(self, points):
-        raise NotImplementedError
+        points, step = np.atleast_2d(np.asarray(points, dtype=np.float64)), 1e-6
+        offsets = step * np.eye(3)
+        return np.stack([self(points + offset) - self(points - offset) for offset in offsets], axis=1) / (2 * step)
 
 
 # A little off the lattice's own symmetry, so that no sample lies on the surface by accident.

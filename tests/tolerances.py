@@ -181,6 +181,13 @@ LATTICE_EDGE = 1e-12
 BOX_INDEPENDENCE = 1e-9
 """Lattices of two boxes start at other multiples of the spacing, so that positions differ by roundings."""
 
+SHARPENED_ORDER = 3.0
+"""Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
+
+ASKED_PER_CELL = 2.2
+"""Points that a band asks for, a crossed cell: two layers of corners; found 2.0 on a sphere.
+Sampling the neighbours of every crossed cell makes 4."""
+
 RIGHT_ANGLE = 1e-5
 """arctan2 of a product and a cross product, to first order in an angle of 0.1 degrees."""
 

@@ -1,0 +1,175 @@
+"""The compiled loops of support: distances to data, along a mesh and to a front, and sums over the data nearby."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(nogil=True, cache=True)
+def least_distances(start, stop, vertices, normals, points, spacing, nearest, noise, least):
+    """Write how far each vertex is from the nearest of some points, in the points' own spacings.
+
+    Of the distance along the vertex's normal, `noise` does not count.
+
+    Parameters
+    ----------
+    vertices, normals : (n, 3) ndarrays
+    points : (m, 3) ndarray
+    spacing : (m,) ndarray
+    nearest : (n, k) ndarray of int64
+        The points to choose from.
+    noise : float
+    least : (n,) ndarray
+        Filled at start:stop.
+    """
+    for n in range(start, stop):
+        best = np.inf
+        for j in nearest[n]:
+            square, along = 0.0, 0.0
+            for axis in range(3):
+                offset = points[j, axis] - vertices[n, axis]
+                square += offset * offset
+                along += offset * normals[n, axis]
+            counted = max(abs(along) - noise, 0.0)
+            far = math.sqrt(max(square - along * along, 0.0) + counted * counted) / spacing[j]
+            best = min(best, far)
+        least[n] = best
+
+
+@njit(nogil=True, cache=True)
+def find_front(triangles, vertices, values, level, front, of_triangle):
+    """Write the (f, 2, 3) lines along which triangles cross a level, and which triangles; return how many there are."""
+    count = 0
+    for t in range(len(triangles)):
+        ends = 0
+        for corner in range(3):
+            one, other = triangles[t, corner], triangles[t, (corner + 1) % 3]
+            a, b = values[one] - level, values[other] - level
+            if (a > 0.0) != (b > 0.0):
+                for axis in range(3):
+                    gap = vertices[other, axis] - vertices[one, axis]
+                    front[count, ends, axis] = vertices[one, axis] + a / (a - b) * gap
+                ends += 1
+        if ends == 2:
+            of_triangle[count] = t
+            count += 1
+    return count
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _to_line(point, line):
+    """Return the distance of a point from a line between two."""
+    square, along = 0.0, 0.0
+    for axis in range(3):
+        gap = line[1, axis] - line[0, axis]
+        square += gap * gap
+        along += gap * (point[axis] - line[0, axis])
+    share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
+    total = 0.0
+    for axis in range(3):
+        offset = line[0, axis] + share * (line[1, axis] - line[0, axis]) - point[axis]
+        total += offset * offset
+    return math.sqrt(total)
+
+
+@njit(nogil=True, cache=True)
+def spread_front(vertices, triangles, front, of_triangle, begin, around, reach, distance):
+    """Spread distances from a front over a mesh: each vertex asks for the lines that its neighbours are nearest to.
+
+    Parameters
+    ----------
+    vertices, triangles : (n, 3), (m, 3) ndarrays
+    front, of_triangle : (f, 2, 3), (f,) ndarrays
+        As `find_front` finds them.
+    begin, around : (n + 1,), (e,) ndarrays of int64
+        The neighbours of vertex v are around[begin[v] : begin[v + 1]].
+    reach : (n,) ndarray
+        Vertices farther than this pass nothing on.
+    distance : (n,) ndarray
+        Infinite; filled as far as the reach, and one edge beyond.
+    """
+    line, waiting = np.full(len(vertices), -1), np.zeros(len(vertices), dtype=np.bool_)
+    queue = [np.int64(0)]
+    queue.pop()
+    for f in range(len(front)):
+        for corner in range(3):
+            vertex = triangles[of_triangle[f], corner]
+            far = _to_line(vertices[vertex], front[f])
+            if far < distance[vertex]:
+                distance[vertex], line[vertex] = far, f
+                if not waiting[vertex]:
+                    waiting[vertex] = True
+                    queue.append(vertex)
+    while len(queue) > 0:
+        following = [np.int64(0)]
+        following.pop()
+        for vertex in queue:
+            waiting[vertex] = False
+            if distance[vertex] > reach[vertex]:
+                continue
+            for k in range(begin[vertex], begin[vertex + 1]):
+                other = around[k]
+                far = _to_line(vertices[other], front[line[vertex]])
+                if far < distance[other]:
+                    distance[other], line[other] = far, line[vertex]
+                    if not waiting[other]:
+                        waiting[other] = True
+                        following.append(other)
+        queue = following
+
+
+@njit(nogil=True, cache=True)
+def find_start(keys, key):
+    """Return the first place in rising keys that holds no smaller one."""
+    low, high = 0, len(keys)
+    while low < high:
+        middle = (low + high) >> 1
+        if keys[middle] < key:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(nogil=True, cache=True)
+def sum_near(start, stop, vertices, points, squares, grid, radius, weight, moment):
+    """Write Σ φ(|v − x_j|/radius) and Σ φ(|v − x_j|/radius) q_j over the points, φ(r) = (1 − r)⁴ (4 r + 1).
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+    points, squares : (m, 3), (m,) ndarrays
+        By rising keys; squares are the q_j.
+    grid : (keys (m,), low (3,), shape (3,))
+        The cell of each point in a grid of step `radius`, (i · shape[1] + j) · shape[2] + k.
+    weight, moment : (n,) ndarrays
+        Filled at start:stop.
+    """
+    keys, low, shape = grid
+    cell = np.empty(3, dtype=np.int64)
+    for n in range(start, stop):
+        total, second, inside = 0.0, 0.0, True
+        for axis in range(3):
+            place = math.floor((vertices[n, axis] - low[axis]) / radius)
+            inside &= -1 <= place <= shape[axis]
+            cell[axis] = place if inside else 0
+        for i in range(cell[0] - 1, cell[0] + 2):
+            for j in range(cell[1] - 1, cell[1] + 2):
+                if not inside or i < 0 or j < 0 or i >= shape[0] or j >= shape[1]:
+                    continue
+                row = (i * shape[1] + j) * shape[2]
+                place = find_start(keys, row + max(cell[2] - 1, 0))
+                last = row + min(cell[2] + 1, shape[2] - 1)
+                while place < len(keys) and keys[place] <= last:
+                    square = 0.0
+                    for axis in range(3):
+                        gap = points[place, axis] - vertices[n, axis]
+                        square += gap * gap
+                    r = math.sqrt(square) / radius
+                    if r < 1.0:
+                        fade = (1.0 - r) ** 4 * (4.0 * r + 1.0)
+                        total += fade
+                        second += fade * squares[place]
+                    place += 1
+        weight[n], moment[n] = total, second

@@ -1,0 +1,253 @@
+"""Cutting a surface off where it goes on past its data: no invented surface, and no hole in a random cloud."""
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+from scipy.spatial import cKDTree
+
+from o3dleaf.checks import FloatArray, as_number, as_weights, require_positive
+from o3dleaf.errors import InputError, ReconstructionError
+from o3dleaf.geometry import CloudLike, points_of
+from o3dleaf.mesh.adjacency import list_ends
+from o3dleaf.mesh.arrays import (
+    BoolArray,
+    IntArray,
+    MeshLike,
+    build_mesh,
+    drop_unused_vertices,
+    require_triangles,
+    triangle_areas,
+)
+from o3dleaf.mesh.deviation import distance_to_mesh
+from o3dleaf.mesh.support_loops import find_front, least_distances, spread_front
+from o3dleaf.mesh.topology import EdgeTable, label_triangles
+from o3dleaf.parallel import run_blocks
+
+FACTOR = 3.0
+"""Radius of the largest empty circle that is closed, in spacings: of five million random points, one in ten thousand
+clouds holds a larger one, N π r² exp(−π r²) of them."""
+
+MARGIN = 0.5
+"""How far the surface goes on past its outermost data, in spacings: the mean distance of an edge from random points."""
+
+NEIGHBOURS = 12
+"""Points whose distance tells the spacing; off by 1/(2 √12), 14 %, at one random point, before averaging."""
+
+CHOICE = 8
+"""Nearest points among which the one is sought that is nearest but for noise."""
+
+NOISE = 3.0
+"""Standard deviations of the data off the surface that do not count."""
+
+SAMPLED = 20_000
+"""Points whose distance from the mesh tells the noise."""
+
+LEAST_SHARE = 0.05
+"""A vertex on the rim keeps this share of its edge from both ends: no slivers, no vertex on another."""
+
+LEAST_DENSITY = 0.25
+"""A piece goes if fewer points than this share of its area over spacing² are nearest to it."""
+
+BLOCK = 1 << 14
+
+
+def trim_to_support(
+    mesh: MeshLike,
+    points: CloudLike,
+    spacing: float | npt.ArrayLike | None = None,
+    *,
+    factor: float = FACTOR,
+    margin: float = MARGIN,
+    noise: float | None = None,
+) -> o3d.geometry.TriangleMesh:
+    r"""Return a mesh without what no data support: cut off past the rim of open data, untouched where they are closed.
+
+    A ball of `factor` spacings rolls over the mesh, outside the data: where it can stand without touching a point,
+    there is a hole or an end of the data, and what comes within `factor` − `margin` of its centres, along the mesh,
+    goes. The rim is then `margin` spacings past the outermost points, as smooth as the ball's path, and no gap
+    narrower than the ball makes a hole: a closing of the data, or an α-shape of the surface, with α = `factor`.
+
+    Triangles are cut along the rim, which runs in straight lines between their edges; vertices that stay do not
+    move. Pieces to which less than a quarter of the data that their area ought to have are nearest are dropped.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Manifold; it must reach `factor` + 1 spacings past the data's rim, or the ball finds no place beyond it.
+    points : (n, 3) array_like or Open3D point cloud
+        The data, in the mesh's unit.
+    spacing : float or (n,) array_like, optional
+        1/√(points per unit area), of all or of each point; left out, of each point, from its neighbours.
+    factor : float
+        Radius of the ball in spacings: wider gaps are holes.
+    margin : float
+        Distance of the rim from the outermost data in spacings, below `factor`.
+    noise : float, optional
+        Distance along the normal that does not count; left out, three standard deviations of the data off the mesh.
+
+    Returns
+    -------
+    open3d.geometry.TriangleMesh
+        With the very vertices and triangles of `mesh` where nothing was cut.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be meant.
+    ReconstructionError
+        If nothing is left.
+
+    References
+    ----------
+    Edelsbrunner and Mücke (1994), Three-dimensional alpha shapes.
+    """
+    vertices, triangles = require_triangles(mesh)
+    data = points_of(points, least=NEIGHBOURS + 1 if spacing is None else 1)
+    if not 0 <= as_number(margin, "margin") < require_positive(factor, "factor"):
+        raise InputError(f"margin: is {margin:g}; give 0 or more, and less than the factor, {factor:g}")
+    tree = cKDTree(data)
+    steps = _spacings(data, spacing, tree)
+    far, nearest = tree.query(vertices, workers=-1)
+    ratio, local = far / steps[nearest], steps[nearest]
+    if ratio.max() > factor:
+        mesh_normals = _normals(vertices, triangles)
+        allowed = _measure_noise(vertices, triangles, data) if noise is None else as_number(noise, "noise")
+        doubtful = np.flatnonzero(ratio > factor / 2)
+        ratio[doubtful] = _refine(vertices[doubtful], mesh_normals[doubtful], data, steps, tree, allowed)
+    if ratio.max() > factor:
+        kept = _roll(vertices, triangles, ratio, local, factor, factor - margin)
+        vertices, triangles = cut_below(vertices, triangles, kept)
+    vertices, triangles = _drop_unsupported(vertices, triangles, data, steps)
+    return build_mesh(vertices, triangles)
+
+
+def local_spacing(points: CloudLike) -> FloatArray:
+    r"""Return the (n,) spacings 1/√(points per unit area) of a cloud on a surface, one for each point.
+
+    :math:`s = r_k \sqrt{\pi/k}` from the distance r_k to the k-th neighbour, k = 12, which holds for random points and
+    for lattices alike; then the neighbours' median, and the mean of theirs.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like or Open3D point cloud
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 13 points, one is not finite, or 13 lie in one place.
+    """
+    data = points_of(points, least=NEIGHBOURS + 1)
+    return _spacings(data, None, cKDTree(data))
+
+
+def _spacings(data: FloatArray, spacing: float | npt.ArrayLike | None, tree: cKDTree) -> FloatArray:
+    """Return the (n,) spacings of the data, given or found."""
+    if spacing is not None:
+        given = np.broadcast_to(np.asarray(spacing, dtype=np.float64), len(data)) if np.ndim(spacing) == 0 else spacing
+        return as_weights(given, len(data), "spacing")
+    far, near = tree.query(data, NEIGHBOURS + 1, workers=-1)
+    found = far[:, NEIGHBOURS] * np.sqrt(np.pi / NEIGHBOURS)
+    found = np.asarray(np.median(found[near], axis=1)[near].mean(axis=1))
+    if not found.min() > 0:
+        raise InputError(f"points: {NEIGHBOURS + 1} lie in one place; remove repeated ones")
+    return found
+
+
+def _normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (n, 3) unit normals of the vertices."""
+    mesh = build_mesh(vertices, triangles)
+    mesh.compute_vertex_normals()
+    return np.array(mesh.vertex_normals)
+
+
+def _measure_noise(vertices: FloatArray, triangles: IntArray, data: FloatArray) -> float:
+    """Return three standard deviations of the data off the mesh, from their median as if they were normal."""
+    some = data[:: -(-len(data) // SAMPLED)]
+    return float(NOISE * 1.4826 * np.median(distance_to_mesh(vertices, triangles, some)))
+
+
+def _refine(
+    vertices: FloatArray, normals: FloatArray, data: FloatArray, steps: FloatArray, tree: cKDTree, noise: float
+) -> FloatArray:
+    """Return the distances in spacings from the data without the noise along the normals."""
+    near = tree.query(vertices, min(CHOICE, len(data)), workers=-1)[1].reshape(len(vertices), -1)
+    least = np.empty(len(vertices))
+    run_blocks(
+        lambda i, j: least_distances(i, j, vertices, normals, data, steps, near, noise, least), len(least), BLOCK
+    )
+    return least
+
+
+def _roll(
+    vertices: FloatArray, triangles: IntArray, ratio: FloatArray, local: FloatArray, factor: float, reach: float
+) -> FloatArray:
+    """Return (n,) how far each vertex is beyond what the ball takes away, in spacings; below 0 it goes."""
+    front, of_triangle = np.empty((len(triangles), 2, 3)), np.empty(len(triangles), dtype=np.int64)
+    lines = find_front(triangles, vertices, ratio, factor, front, of_triangle)
+    ends = EdgeTable.of(triangles).ends.astype(np.int64)
+    begin, at_vertex = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(ends.size, dtype=np.int64)
+    list_ends(ends, begin, at_vertex)
+    owner = np.repeat(np.arange(len(vertices)), np.diff(begin))
+    around = ends[at_vertex].sum(axis=1) - owner
+    distance = np.full(len(vertices), np.inf)
+    spread_front(vertices, triangles, front[:lines], of_triangle[:lines], begin, around, reach * local, distance)
+    # Vertices farther than the ball was asked to look are all alike.
+    signed = np.minimum(distance / local, 2 * factor)
+    return np.where(ratio > factor, -signed, signed) - reach
+
+
+def cut_below(vertices: FloatArray, triangles: IntArray, values: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the part of a mesh where the values at its vertices, linear between them, are above 0.
+
+    Parameters
+    ----------
+    vertices, triangles : (n, 3), (m, 3) ndarrays
+    values : (n,) ndarray
+
+    Returns
+    -------
+    vertices, triangles : ndarrays
+        Manifold if the mesh was; on each cut edge one vertex, a twentieth of it or more from both ends.
+    """
+    inside = values > 0
+    count = inside[triangles].sum(axis=1)
+    cut = triangles[(count > 0) & (count < 3)]
+    # Turned so that the one corner on its side comes first.
+    alone = np.where(inside[cut].sum(axis=1) == 1, inside[cut].argmax(axis=1), inside[cut].argmin(axis=1))
+    cut = np.take_along_axis(cut, (alone[:, np.newaxis] + np.arange(3)) % 3, axis=1)
+    pairs = np.sort(np.concatenate([cut[:, :2], cut[:, [0, 2]]]), axis=1)
+    edges, number = np.unique(pairs[:, 0] * np.int64(len(vertices)) + pairs[:, 1], return_inverse=True)
+    low, high = edges // len(vertices), edges % len(vertices)
+    share = np.clip(values[low] / (values[low] - values[high]), LEAST_SHARE, 1 - LEAST_SHARE)
+    added = vertices[low] + share[:, np.newaxis] * (vertices[high] - vertices[low])
+    number += len(vertices)
+    a, b = number[: len(cut)], number[len(cut) :]
+    small = inside[cut[:, 0]]
+    first, second, third = cut.T
+    parts = [
+        triangles[count == 3],
+        np.column_stack([first, a, b])[small],
+        np.column_stack([a, second, third])[~small],
+        np.column_stack([a, third, b])[~small],
+    ]
+    return drop_unused_vertices(np.concatenate([vertices, added]), np.concatenate(parts))
+
+
+def _drop_unsupported(
+    vertices: FloatArray, triangles: IntArray, data: FloatArray, steps: FloatArray
+) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without the pieces that too few data are nearest to."""
+    if not len(triangles):
+        raise ReconstructionError("trim_to_support: no part of the mesh is near the points; are they in one unit?")
+    piece = label_triangles(triangles)
+    pieces = int(piece.max()) + 1
+    if pieces == 1:
+        return vertices, triangles
+    of_vertex = np.empty(len(vertices), dtype=np.int64)
+    of_vertex[triangles.ravel()] = np.repeat(piece, 3)
+    nearest = cKDTree(vertices).query(data, workers=-1)[1]
+    found = np.bincount(of_vertex[nearest], weights=steps**2, minlength=pieces)
+    keep: BoolArray = found > LEAST_DENSITY * np.bincount(piece, weights=triangle_areas(vertices, triangles))
+    if not keep.any():
+        raise ReconstructionError("trim_to_support: no piece of the mesh has data enough; is the spacing too small?")
+    return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)

@@ -1,0 +1,190 @@
+"""A band of a lattice's cells that grows across the faces which a surface crosses, and its triangles."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field as attribute
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.checks import FloatArray, require_finite
+from o3dleaf.errors import InputError
+from o3dleaf.field import Field
+from o3dleaf.mesh import band_loops as loops
+from o3dleaf.mesh.arrays import BoolArray, IntArray
+from o3dleaf.mesh.cells import COUNTS, CUBES
+from o3dleaf.parallel import blocks, run_blocks
+
+BATCH = 1 << 20
+"""Points that a field is asked for at once."""
+
+BLOCK = 1 << 14
+"""Cells or vertices that one thread works on at a time."""
+
+
+def _distinct(keys: IntArray) -> IntArray:
+    """Return the rising keys, each once; `np.unique` hashes, which takes longer where few recur."""
+    keys = np.sort(keys)
+    return keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
+
+
+@dataclass
+class Band:
+    """The points and cells of a lattice that have been looked at; `loops` says how they are kept."""
+
+    field: Field
+    level: float
+    step: FloatArray
+    centre: IntArray
+    table: npt.NDArray[np.int32] = attribute(default_factory=lambda: np.full(1 << 13, -1, dtype=np.int32))
+    keys: IntArray = attribute(default_factory=lambda: np.empty(1 << 12, dtype=np.int64))
+    values: FloatArray = attribute(default_factory=lambda: np.empty(1 << 12))
+    known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
+    count: int = 0
+    found: list[tuple[npt.NDArray[np.int32], npt.NDArray[np.uint8]]] = attribute(default_factory=list)
+
+    @classmethod
+    def around(cls, points: FloatArray, field: Field, level: float, step: FloatArray) -> "Band":
+        """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
+        low, high = points.min(axis=0) / step, points.max(axis=0) / step
+        quarter = 1 << loops.BITS - 2
+        if np.any(high - low > quarter):
+            raise InputError(
+                f"spacing: the seeds reach over {(high - low).max():.2g} cells; coarsen it or cut the cloud"
+            )
+        return cls(field, level, step, (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64))
+
+    @property
+    def base(self) -> FloatArray:
+        """(3,) the lattice point with key 0."""
+        return (self.centre - (1 << loops.BITS - 1)).astype(np.float64)
+
+    def cells_of(self, points: FloatArray) -> IntArray:
+        """Return the rising keys of the cells that hold points; those too far away to be named are left out."""
+        indices = np.floor(points / self.step) - self.base
+        near = ((indices >= 1) & (indices < (1 << loops.BITS) - 2)).all(axis=1)
+        keys = np.empty(np.count_nonzero(near), dtype=np.int64)
+        loops.encode(indices[near].astype(np.int64), keys)
+        return _distinct(keys)
+
+    def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
+        """Return the cells whose centres pass a test."""
+        return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
+
+    def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
+        """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
+        points, beyond = np.empty((len(keys), 3)), np.full(3, shift)
+        run_blocks(lambda i, j: loops.place_points(i, j, keys, beyond, self.base, self.step, points), len(keys), BLOCK)
+        return points
+
+    def advance(self, cells: IntArray) -> IntArray:
+        """Look at new cells, keep those that the surface crosses, and return the rising keys of those beyond."""
+        corners, asked, start = np.empty((len(cells), 8), dtype=np.int32), self.count, 0
+        while start < len(cells):
+            start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
+            if start < len(cells):
+                self._grow()
+        for i, j in blocks(self.count - asked, BATCH):
+            rows = slice(asked + i, asked + j)
+            self.values[rows] = self._ask(self.positions(self.keys[rows]))
+        codes = np.empty(len(cells), dtype=np.uint8)
+        run_blocks(lambda i, j: loops.read_codes(i, j, self.values, corners, codes), len(cells), BLOCK)
+        crossed = (codes > 0) & (codes < 255)
+        if not crossed.any():
+            return np.empty(0, dtype=np.int64)
+        self.found.append((corners[crossed], codes[crossed]))
+        return self._beyond(*self.found[-1])
+
+    def _beyond(self, corners: npt.NDArray[np.int32], codes: npt.NDArray[np.uint8]) -> IntArray:
+        """Return the rising keys of the cells not looked at across the faces of some that the surface crosses."""
+        beyond = np.empty((len(codes), 6), dtype=np.int64)
+
+        def task(start: int, stop: int) -> None:
+            loops.cross_faces(start, stop, corners, codes, self.table, self.keys, self.known, beyond)
+
+        run_blocks(task, len(codes), BLOCK)
+        return _distinct(beyond[beyond >= 0])
+
+    def _grow(self) -> None:
+        """Double the room for points."""
+        room = 2 * len(self.keys)
+        if room >= np.iinfo(np.int32).max // 2:
+            raise InputError(f"spacing: the band has over {self.count:.2g} points; coarsen it, or give `within`")
+        self.keys, self.values, self.known = (
+            np.concatenate([array, np.zeros_like(array)]) for array in (self.keys, self.values, self.known)
+        )
+        self.table = np.full(2 * room, -1, dtype=np.int32)
+        loops.fill_table(self.table, self.keys, self.count)
+
+    def draw(self, *, sharpen: bool) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles, in the order of the keys of their points and cells."""
+        corners, codes = (np.concatenate(part) for part in zip(*self.found, strict=True))
+        order = np.argsort(self.keys[corners[:, 0]])
+        corners, codes = corners[order], codes[order]
+        numbering, many = self._number(corners, codes)
+        edges = _Edges.empty(many)
+
+        def find(start: int, stop: int) -> None:
+            loops.find_fractions(start, stop, corners, codes, self.values, numbering, edges.arrays)
+
+        run_blocks(find, len(codes), BLOCK)
+        vertices = self._place(edges)
+        if sharpen:
+            for i, j in blocks(many, BATCH):
+                between = self._ask(vertices[i:j])
+                loops.sharpen_fractions(i, j, edges.here, edges.there, between, edges.fraction)
+            vertices = self._place(edges)
+        drawn = COUNTS[CUBES, codes]
+        offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
+
+        def draw(start: int, stop: int) -> None:
+            loops.draw_cells(start, stop, corners, codes, numbering, edges.fraction, offsets, triangles)
+
+        run_blocks(draw, len(codes), BLOCK)
+        return vertices, triangles
+
+    def _number(
+        self, corners: npt.NDArray[np.int32], codes: npt.NDArray[np.uint8]
+    ) -> tuple[tuple[IntArray, npt.NDArray[np.uint8]], int]:
+        """Return each point's first vertex and the axes along which it has one, and how many vertices there are."""
+        marks, first = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count, dtype=np.int64)
+        loops.mark_edges(corners, codes, marks)
+        rows = np.flatnonzero(marks)
+        rows = rows[np.argsort(self.keys[rows])]
+        many = np.bitwise_count(marks[rows]).astype(np.int64)
+        first[rows] = np.cumsum(many) - many
+        return (first, marks), int(many.sum())
+
+    def _ask(self, points: FloatArray) -> FloatArray:
+        """Return the field's values less the level."""
+        return require_finite(np.asarray(self.field(points), dtype=np.float64), "field values") - self.level
+
+    def _place(self, edges: "_Edges") -> FloatArray:
+        """Return the (v, 3) positions of vertices."""
+        vertices, keys = np.empty((len(edges.lower), 3)), self.keys[edges.lower]
+
+        def task(start: int, stop: int) -> None:
+            loops.place_crossings(start, stop, keys, edges.towards, edges.fraction, self.base, self.step, vertices)
+
+        run_blocks(task, len(keys), BLOCK)
+        return vertices
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """The crossed edges: the row of their lower point, direction, vertex as a fraction, and values at both ends."""
+
+    lower: IntArray
+    towards: IntArray
+    fraction: FloatArray
+    here: FloatArray
+    there: FloatArray
+
+    @classmethod
+    def empty(cls, count: int) -> "_Edges":
+        return cls(*np.empty((2, count), dtype=np.int64), *np.empty((3, count)))
+
+    @property
+    def arrays(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+        """The five arrays, as the compiled loops take them."""
+        return self.lower, self.towards, self.fraction, self.here, self.there
