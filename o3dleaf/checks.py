@@ -82,6 +82,17 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
+def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
+    """Return one finite (n, d) vector for each of the points, divided by its length, or raise `InputError`."""
+    array = as_points(normals, "normals", dim=points.shape[1])
+    if len(array) != len(points):
+        raise InputError(f"normals: are {len(array)}, for {len(points)} points; give one for each point")
+    lengths = np.linalg.norm(array, axis=1)
+    if not np.all(lengths > 0):
+        raise InputError(f"normals: {np.sum(lengths == 0)} are zero; leave out their points, or estimate_normals")
+    return array / lengths[:, np.newaxis]
+
+
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:
     """Return `bounds` as a (2, dim) array, lower corner then upper corner, or raise `InputError`."""
     array = as_points(bounds, name, dim=dim)
