@@ -13,6 +13,7 @@ from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalSplines
+from o3dleaf.pu.oriented import LocalPolynomials, LocalPotentials
 from o3dleaf.rbf.interpolant import RBFInterpolant
 from o3dleaf.rbf.kernels import Polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing
@@ -29,6 +30,8 @@ CLASSES: dict[str, type[Any]] = {
         Cover,
         HeightMap,
         LeafFrame,
+        LocalPolynomials,
+        LocalPotentials,
         LocalSplines,
         MultiscaleLeaf,
         PatchBlend,

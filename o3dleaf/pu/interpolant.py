@@ -14,6 +14,7 @@ from o3dleaf.checks import (
     FloatArray,
     as_bounds,
     as_mask,
+    as_normals,
     as_number,
     as_points,
     as_rigid_motion,
@@ -31,6 +32,7 @@ from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
+from o3dleaf.pu.oriented import OrientedFitter, as_fitter
 from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
 from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
@@ -158,6 +160,36 @@ class PUInterpolant(Blended):
             cover, sites, data, phi, degree, rule, trust=trust, owners=made_from, progress=progress
         )
         return cls(cover, index, splines, check_unit(unit), data_hash)
+
+    @classmethod
+    def fit_oriented(
+        cls,
+        points: npt.ArrayLike,
+        normals: npt.ArrayLike,
+        *,
+        local: str | OrientedFitter = "curl-free",
+        points_per_ball: int | tuple[int, int] | None = None,
+        overlap: float = OVERLAP,
+        unit: str | None = None,
+        bounds: npt.ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> "PUInterpolant":
+        """Fit points on a surface and the outward normals there: F = 0 and ∇F = −n, a signed distance to first order.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+        normals : (n, d) array_like
+        """
+        sites = as_points(points, least=1)
+        outward = as_normals(normals, sites)
+        fitter = as_fitter(local)
+        box = _box(sites, bounds)
+        size = as_ball_size(fitter.points_per_ball if points_per_ball is None else points_per_ball, overlap)
+        cover = Cover.fit(sites, box, size, overlap)
+        index = BallIndex.build(cover.centres, cover.radii, box)
+        fits = fitter.fit(cover, sites, outward, progress=progress)
+        return cls(cover, index, fits, check_unit(unit), _hash(sites, outward))
 
     @classmethod
     def fit_lattice(  # noqa: PLR0913 - the options of a lattice besides those of a spline, of a cover and of a field

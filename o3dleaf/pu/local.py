@@ -137,19 +137,11 @@ class LocalSplines:
         """
         if level == 2:
             require_twice_differentiable(self.kernel)
-        folded, leaves = index.fold(queries)
-        order = loops.group(leaves, len(index.tree[0]))
-        images = (index.balls, index.centres, index.radii)
         sites, weights = self._as_type(dtype)
         widest = int(np.diff(self.offsets).max())
-        model = (self.offsets, self.places, sites, weights, self.tails, self.exponents, self.kernel.power, widest)
-        jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
-
-        def task(start: int, stop: int) -> None:
-            loops.blend(start, stop, order, folded, leaves, index.tree, images, model, level, jets)
-
-        run_blocks(task, len(queries), BLEND_BLOCK)
-        return jets
+        power, exponents = self.kernel.power, self.exponents
+        balls = loops.SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
+        return blend_balls(balls, index, queries, level)
 
     def _as_type(self, dtype: np.dtype[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return sites and weights in float64, or in a float32 copy that is kept."""
@@ -158,6 +150,22 @@ class LocalSplines:
     @cached_property
     def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         return self.sites.astype(np.float32), self.weights.astype(np.float32)
+
+
+def blend_balls(
+    balls: loops.SplineBalls | loops.PotentialBalls, index: BallIndex, queries: FloatArray, level: int
+) -> FloatArray:
+    """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box."""
+    folded, leaves = index.fold(queries)
+    order = loops.group(leaves, len(index.tree[0]))
+    images = (index.balls, index.centres, index.radii)
+    jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
+
+    def task(start: int, stop: int) -> None:
+        loops.blend(start, stop, order, folded, leaves, index.tree, images, balls, level, jets)
+
+    run_blocks(task, len(queries), BLEND_BLOCK)
+    return jets
 
 
 @dataclass(frozen=True, eq=False)

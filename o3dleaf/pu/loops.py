@@ -5,14 +5,17 @@ at a query runs over the balls in the order of its leaf's list, so it does not d
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from o3dleaf.pu.jets import add_product, divide, scale_jets
-from o3dleaf.pu.weights import weight_jets
+from o3dleaf.pu.weights import weight_jets, wendland
 from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
+from o3dleaf.rbf.potential import curl_free, hermite, moving_polynomial, potential_jets
 from o3dleaf.rbf.solve import solve_local
 from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
@@ -26,6 +29,36 @@ ABREAST = 8
 
 STRIP = 256
 """Points of one leaf that are blended at once: what is known of them stays in the nearest cache."""
+
+FARTHER = 1.1
+"""Radius of the weight of a ball that borrows points, over the distance of the farthest: as far as balls overlap."""
+
+
+class SplineBalls(NamedTuple):
+    """What the blend reads of splines of values, all balls end to end; see `o3dleaf.pu.local.LocalSplines`."""
+
+    offsets: Any
+    places: Any
+    sites: Any
+    weights: Any
+    tails: Any
+    exponents: Any
+    power: Any
+    widest: Any
+
+
+class PotentialBalls(NamedTuple):
+    """The same of splines of values and gradients, whose `moments` lie as the sites do."""
+
+    offsets: Any
+    places: Any
+    sites: Any
+    weights: Any
+    tails: Any
+    exponents: Any
+    power: Any
+    widest: Any
+    moments: Any
 
 
 @njit(nogil=True, cache=True)
@@ -246,7 +279,7 @@ def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
 @njit(nogil=True, cache=True)
 def working_space(images, model, level):
     """Return the arrays that `blend_strip` works in: a quarter of a megabyte at most, in three dimensions."""
-    dimension, sites, exponents, widest = images[1].shape[1], model[2], model[5], model[7]
+    dimension, sites, exponents, widest = images[1].shape[1], model.sites, model.exponents, model.widest
     size = jet_size(dimension, level)
     return (
         np.empty((dimension, STRIP)),
@@ -262,10 +295,43 @@ def working_space(images, model, level):
 
 
 @njit(nogil=True, cache=True)
+def block(flat, model, ball, dimension):
+    """Return the (d, N) block of one ball in an array that lies as the sites do."""
+    count = model.offsets[ball + 1] - model.offsets[ball]
+    return flat[model.places[ball] : model.places[ball] + dimension * count].reshape(dimension, count)
+
+
+def ball_jets(model, ball, z, count, scratch, level, local):
+    """Write the jets of one ball's fit at the first `count` columns of z (d, ·): Numba chooses by the model's type."""
+    raise NotImplementedError
+
+
+@overload(ball_jets, jit_options={"nogil": True})
+def ball_jets_of(model, ball, z, count, scratch, level, local):  # noqa: ARG001 - types, of which one chooses
+    """Return the function for a type of model."""
+    return spline_ball_jets if model.instance_class is SplineBalls else potential_ball_jets
+
+
+def spline_ball_jets(model, ball, z, count, scratch, level, local):
+    """`ball_jets` of splines of values."""
+    coefficients, lowered, terms, radial = scratch
+    points = block(model.sites, model, ball, len(z))
+    weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
+    local_jets(z, count, points, weights, coefficients, lowered, model.power, level, terms, radial, local)
+
+
+def potential_ball_jets(model, ball, z, count, scratch, level, local):
+    """`ball_jets` of splines of values and gradients."""
+    coefficients, lowered, terms, radial = scratch
+    points, moments = block(model.sites, model, ball, len(z)), block(model.moments, model, ball, len(z))
+    weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
+    potential_jets(z, count, points, weights, moments, coefficients, lowered, model.power, level, terms, radial, local)
+
+
+@njit(nogil=True, cache=True)
 def blend_strip(rows, items, folded, images, model, level, scratch, jets):
     """Blend the images `items` at the points `rows` of one leaf."""
     balls, centres, radii = images
-    offsets, places, sites, weights, tails, exponents, power, _ = model
     at, z, squared, held, (weight, local, sums, totals), lowered, terms, coefficients, radial = scratch
     dimension = folded.shape[1]
     for axis in range(dimension):
@@ -278,10 +344,8 @@ def blend_strip(rows, items, folded, images, model, level, scratch, jets):
         count = hold(at, rows.size, centres[item], radius, squared, z, held)
         if count == 0:
             continue
-        first, last = offsets[ball], offsets[ball + 1]
-        points = sites[places[ball] : places[ball] + dimension * (last - first)].reshape(dimension, last - first)
-        tail_derivatives(tails[ball], exponents, lowered, level, coefficients)
-        local_jets(z, count, points, weights[first:last], coefficients, lowered, power, level, terms, radial, local)
+        tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
+        ball_jets(model, ball, z, count, (coefficients, lowered, terms, radial), level, local)
         weight_jets(z, count, level, weight)
         scale_jets(local, count, 1.0 / radius, dimension)
         scale_jets(weight, count, 1.0 / radius, dimension)
@@ -309,3 +373,68 @@ def hold(at, count, centre, radius, squared, z, held):
         for i in range(found):
             z[axis, i] = (at[axis, held[i]] - centre[axis]) / radius
     return found
+
+
+@njit(nogil=True, cache=True)
+def gather_oriented(points, normals, rows, centre, radius):
+    """Return the unit coordinates (d, n) of the points `rows` of a ball, and the gradients −normal (d, n)."""
+    count, dimension = rows.size, centre.size
+    local, gradients = np.empty((dimension, count)), np.empty((dimension, count))
+    for j in range(count):
+        for axis in range(dimension):
+            local[axis, j] = (points[rows[j], axis] - centre[axis]) / radius
+            gradients[axis, j] = -normals[rows[j], axis]
+    return local, gradients
+
+
+@njit(nogil=True, cache=True)
+def fit_potentials(start, stop, points, normals, cover, exponents, power, joint, ridges, model, dropped):
+    """Fit the balls start:stop by `hermite` (joint) or `curl_free`; `ridges` (2,) are in the data's unit."""
+    centres, radii, offsets, members = cover
+    sites, weights, moments, tails = model
+    dimension = centres.shape[1]
+    for ball in range(start, stop):
+        first, last, radius = offsets[ball], offsets[ball + 1], radii[ball]
+        local, gradients = gather_oriented(points, normals, members[first:last], centres[ball], radius)
+        ridge = (ridges[0] / radius**power, ridges[1] / radius ** (power - 2))
+        if joint:
+            lam, moment, tail, lost = hermite(local, gradients, exponents, power, ridge)
+        else:
+            lam, moment, tail, lost = curl_free(local, gradients, exponents, power, ridge)
+        # F = R F̃(z): unit slopes in both coordinates.
+        sites[dimension * first : dimension * last] = local.ravel()
+        weights[first:last] = radius * lam
+        moments[dimension * first : dimension * last] = radius * moment.ravel()
+        tails[ball] = radius * tail
+        dropped[ball] = lost
+
+
+@njit(nogil=True, cache=True)
+def fit_polynomials(start, stop, points, normals, cover, exponents, step, tails, ranks):
+    """Fit the balls start:stop by `moving_polynomial`, with `step` spacings of the ball's points as the length h."""
+    centres, radii, offsets, members = cover
+    dimension = centres.shape[1]
+    for ball in range(start, stop):
+        rows, radius = members[offsets[ball] : offsets[ball + 1]], radii[ball]
+        local, gradients = gather_oriented(points, normals, rows, centres[ball], radius)
+        trust, reach = weigh(local)
+        # A sheet of n points in a ball of radius r has the spacing r √(π/n); a curve has 2 r/n.
+        spacing = reach * (math.sqrt(math.pi / rows.size) if dimension == 3 else 2.0 / rows.size)
+        tail, ranks[ball] = moving_polynomial(local, gradients, trust, step * spacing, exponents)
+        tails[ball] = radius * tail
+
+
+@njit(nogil=True, cache=True)
+def weigh(points):
+    """Return Wendland's weights of points (d, n) in the unit ball, or in the larger one that they need, and its radius."""
+    count = points.shape[1]
+    distance = np.zeros(count)
+    for j in range(count):
+        for axis in range(len(points)):
+            distance[j] += points[axis, j] ** 2
+        distance[j] = math.sqrt(distance[j])
+    reach = max(1.0, FARTHER * np.max(distance))
+    trust = np.empty(count)
+    for j in range(count):
+        trust[j] = wendland(distance[j] / reach)
+    return trust, reach

@@ -227,11 +227,16 @@ def solve_positive(matrix, right):
 
 @njit(nogil=True, cache=True)
 def project(points, exponents, power, diagonal):
-    """Return (Qᵀ (A + D) Q, reflectors, β, R, basis) of a local system: positive on the null space of Pᵀ."""
+    """Return `project_system` of the local system of values at (d, n) points, its matrix radial."""
     matrix = radial_matrix(points, power)
     for i in range(len(matrix)):
         matrix[i, i] += diagonal[i]
-    tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    return project_system(matrix, tail_matrix(points, exponents), natural_monomials(points, exponents))
+
+
+@njit(nogil=True, cache=True)
+def project_system(matrix, tail, frame):
+    """Return (Qᵀ A Q, reflectors, β, R, basis) of the saddle point of A, overwritten, and P; see `restrict_tail`."""
     vectors, betas, triangle, basis = restrict_tail(tail, frame)
     reflect_both_sides(matrix, vectors, betas, True)
     return matrix, vectors, betas, triangle, basis
@@ -254,7 +259,24 @@ def solve_local(points, values, exponents, power, diagonal):
     -------
     weights (n,), tail (q,), rank of P, directions left out
     """
-    matrix, vectors, betas, triangle, basis = project(points, exponents, power, diagonal)
+    return solve_projected(values, project(points, exponents, power, diagonal))
+
+
+@njit(nogil=True, cache=True)
+def solve_system(matrix, tail, frame, values):
+    """Solve A λ + P a = f, Pᵀ λ = 0 for any A, overwritten, that is positive on the null space of Pᵀ.
+
+    Returns
+    -------
+    weights (n,), coefficients (q,), rank of P, directions left out
+    """
+    return solve_projected(values, project_system(matrix, tail, frame))
+
+
+@njit(nogil=True, cache=True)
+def solve_projected(values, projected):
+    """Solve what `project_system` made."""
+    matrix, vectors, betas, triangle, basis = projected
     count, rank = len(values), len(triangle)
     rotated = values.copy()
     reflect(rotated, vectors, betas, True)
@@ -262,10 +284,27 @@ def solve_local(points, values, exponents, power, diagonal):
     weights[rank:] = rotated[rank:]
     dropped = solve_positive(matrix[rank:, rank:].copy(), weights[rank:])
     reduced = np.empty(rank)
-    for k in range(rank - 1, -1, -1):
-        total = rotated[k] - dot(matrix[k, rank:], weights[rank:], count - rank)
-        for j in range(k + 1, rank):
-            total -= triangle[k, j] * reduced[j]
-        reduced[k] = total / triangle[k, k]
+    for k in range(rank):
+        reduced[k] = rotated[k] - dot(matrix[k, rank:], weights[rank:], count - rank)
+    solve_triangle(triangle, reduced)
     reflect(weights, vectors, betas, False)
     return weights, basis @ reduced, rank, dropped
+
+
+@njit(nogil=True, cache=True)
+def solve_triangle(triangle, right):
+    """Solve R x = b, R above the diagonal, in place of `right`."""
+    for k in range(len(triangle) - 1, -1, -1):
+        for j in range(k + 1, len(triangle)):
+            right[k] -= triangle[k, j] * right[j]
+        right[k] /= triangle[k, k]
+
+
+@njit(nogil=True, cache=True)
+def least_squares(rows, frame, right):
+    """Return the coefficients with least |P a − b|, of them the least in the norm of `frame`, and the rank of P."""
+    vectors, betas, triangle, basis = restrict_tail(rows, frame)
+    reflect(right, vectors, betas, True)
+    reduced = right[: len(triangle)].copy()
+    solve_triangle(triangle, reduced)
+    return basis @ reduced, len(triangle)

@@ -1,0 +1,225 @@
+"""Potentials of one ball: splines of values and gradients at points, and the systems that they follow from.
+
+.. math:: F(x) = \\sum_j λ_j φ(x - x_j) - \\sum_j c_j \\cdot \\nabla φ(x - x_j) + p(x)
+
+The part of c is the potential of a curl-free field, Σ −∇∇ᵀφ(x − x_j) c_j. Its matrix is positive where that of φ is:
+a functional Σ c_j · ∇δ_{x_j} annihilates constants, so a tail of gradients takes the place of the tail (Narcowich and
+Ward 1994; Fuselier 2008). Unit coordinates as in `loops.py`, φ = ±rᵏ with k odd and 3 or more. Vectors of all points
+are stored axis after axis: (d, n), flat d n.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.rbf.loops import (
+    REASSOCIATE,
+    dot,
+    lower_exponents,
+    radial_bends,
+    radial_slopes,
+    radial_values,
+    squared_distances,
+    tail_jets,
+)
+from o3dleaf.rbf.solve import least_squares, natural_monomials, solve_system
+
+TINY = 1e-18
+"""Beside distances: at a data site rᵏ⁻⁴ multiplies zeros, and float32 must hold its inverse."""
+
+
+@njit(nogil=True, cache=True)
+def oriented_matrix(points, power):
+    """Return the (1 + d)n symmetric matrix of the functionals δ_{x_i}, then ∂_a δ_{x_i} axis by axis, of φ."""
+    dimension, count = points.shape
+    matrix = np.zeros(((1 + dimension) * count, (1 + dimension) * count))
+    squared, value, slope, bend = (np.empty(count), np.empty(count), np.empty(count), np.empty(count))
+    z = np.empty(dimension)
+    for i in range(count):
+        for axis in range(dimension):
+            z[axis] = points[axis, i]
+        squared_distances(z, points, count, squared)
+        radial_values(power, squared, count, value)
+        radial_slopes(power, squared, count, slope)
+        radial_bends(power, squared, count, bend)
+        matrix[i, :count] = value
+        for a in range(dimension):
+            start = (1 + a) * count
+            row, below = matrix[i, start : start + count], matrix[start + i]
+            for j in range(count):
+                row[j] = -slope[j] * (z[a] - points[a, j])
+                below[j] = -row[j]
+            for b in range(dimension):
+                block = below[(1 + b) * count : (2 + b) * count]
+                for j in range(count):
+                    block[j] = -bend[j] * (z[a] - points[a, j]) * (z[b] - points[b, j])
+                    if a == b:
+                        block[j] -= slope[j]
+    return matrix
+
+
+@njit(nogil=True, cache=True)
+def oriented_tail(points, exponents):
+    """Return the ((1 + d)n, q) values, then slopes axis by axis, of the monomials at the points."""
+    dimension, count = points.shape
+    columns, lowered = len(exponents), lower_exponents(exponents)
+    terms, jets = np.empty((columns, count)), np.empty((1 + dimension, count))
+    coefficients = np.zeros((1 + dimension, columns))
+    matrix = np.empty(((1 + dimension) * count, columns))
+    for k in range(columns):
+        coefficients[:] = 0.0
+        coefficients[0, k] = 1.0
+        for a in range(dimension):
+            if lowered[a, k] >= 0:
+                coefficients[1 + a, lowered[a, k]] = exponents[k, a]
+        tail_jets(points, count, coefficients, lowered, terms, jets)
+        for row in range(1 + dimension):
+            for i in range(count):
+                matrix[row * count + i, k] = jets[row, i]
+    return matrix
+
+
+@njit(nogil=True, cache=True)
+def curl_free(points, gradients, exponents, power, ridge):
+    """Fit gradients (d, n) alone, then put the potential's values at the points onto zero by a spline of its own.
+
+    `ridge` holds the two numbers on the diagonals: of the values' system and of the gradients'.
+
+    Returns
+    -------
+    weights (n,), moments (d, n), tail (q,), directions left out
+    """
+    count = points.shape[1]
+    matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
+    frame = natural_monomials(points, exponents)
+    inner = matrix[count:, count:].copy()
+    for i in range(len(inner)):
+        inner[i, i] += ridge[1]
+    moments, slopes, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame[1:, 1:].copy(), gradients.ravel())
+    heights = np.empty(count)
+    for i in range(count):
+        heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i, 1:], slopes, slopes.size)
+    # Apart, for on a quadric the tail takes a constant for a quadric.
+    constant = np.mean(heights)
+    heights -= constant
+    outer = matrix[:count, :count].copy()
+    for i in range(count):
+        outer[i, i] += ridge[0]
+    weights, correction, _, lost = solve_system(outer, tail[:count].copy(), frame, -heights)
+    correction[1:] += slopes
+    correction[0] -= constant
+    return weights, moments.reshape(gradients.shape), correction, dropped + lost
+
+
+@njit(nogil=True, cache=True)
+def hermite(points, gradients, exponents, power, ridge):
+    """Fit the values zero and the gradients (d, n) at once; see `curl_free` for what comes and goes."""
+    count = points.shape[1]
+    matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
+    for i in range(len(matrix)):
+        matrix[i, i] += ridge[0] if i < count else ridge[1]
+    right = np.zeros(len(matrix))
+    right[count:] = gradients.ravel()
+    found, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
+    return found[:count].copy(), found[count:].copy().reshape(gradients.shape), coefficients, dropped
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
+def odd_powers(power, squared, count, out):
+    """Write rᵏ⁻⁴ of squared distances, k odd."""
+    tiny = out.dtype.type(TINY)
+    if power == 3:
+        for j in range(count):
+            out[j] = 1 / (np.sqrt(squared[j]) + tiny)
+        return
+    for j in range(count):
+        out[j] = np.sqrt(squared[j])
+    for _ in range((power - 5) // 2):
+        for j in range(count):
+            out[j] *= squared[j]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
+def add_potential_jets(z, count, points, weights, moments, power, order, scratch, jets):
+    """Add the jets of Σ λ_j φ − c_j · ∇φ at the first `count` columns of z to `jets`; `scratch` (3, n) is overwritten.
+
+    With ψ = φ′/r, β = ψ′/r, γ = β′/r, y = z − z_j and h = c · y the terms are λφ − ψh; (λψ − βh) y − ψc; and
+    (λβ − γh) y yᵀ + (λψ − βh) I − β (c yᵀ + y cᵀ).
+    """
+    dimension, sites = points.shape
+    kind = weights.dtype.type
+    sign = kind(1.0 if power // 2 % 2 else -1.0)
+    first, second = sign * kind(power), sign * kind(power * (power - 2))
+    third = second * kind(power - 4)
+    squared, base, along = scratch[0], scratch[1], scratch[2]
+    at = np.empty(dimension, dtype=weights.dtype)
+    for i in range(count):
+        for a in range(dimension):
+            at[a] = z[a, i]
+        squared_distances(at, points, sites, squared)
+        odd_powers(power, squared, sites, base)
+        along[:sites] = kind(0)
+        for a in range(dimension):
+            c, x, w = moments[a], points[a], at[a]
+            for j in range(sites):
+                along[j] += c[j] * (w - x[j])
+        value = trace = kind(0)
+        for j in range(sites):
+            slope = squared[j] * base[j]
+            value += sign * weights[j] * squared[j] * slope - first * slope * along[j]
+            trace += first * weights[j] * slope - second * base[j] * along[j]
+        jets[0, i] += value
+        if order == 0:
+            continue
+        for a in range(dimension):
+            c, x, w = moments[a], points[a], at[a]
+            total = kind(0)
+            for j in range(sites):
+                slope = squared[j] * base[j]
+                total += (first * weights[j] * slope - second * base[j] * along[j]) * (w - x[j]) - first * slope * c[j]
+            jets[1 + a, i] += total
+        if order < 2:
+            continue
+        tiny = kind(TINY)
+        row = 1 + dimension
+        for a in range(dimension):
+            jets[row, i] += trace
+            for b in range(a, dimension):
+                total = kind(0)
+                for j in range(sites):
+                    ya, yb = at[a] - points[a, j], at[b] - points[b, j]
+                    outer = second * weights[j] - third * along[j] / (squared[j] + tiny)
+                    total += base[j] * (outer * ya * yb - second * (moments[a, j] * yb + ya * moments[b, j]))
+                jets[row, i] += total
+                row += 1
+
+
+@njit(nogil=True, cache=True)
+def potential_jets(z, count, points, weights, moments, coefficients, lowered, power, order, terms, scratch, jets):
+    """Write the jets of a potential at the first `count` columns of z (d, ·); `local_jets` says what the rest is."""
+    tail_jets(z, count, coefficients, lowered, terms, jets)
+    add_potential_jets(z, count, points, weights, moments, power, order, scratch, jets)
+
+
+@njit(nogil=True, cache=True)
+def moving_polynomial(points, gradients, trust, step, exponents):
+    """Fit a polynomial with value 0 and gradients (d, n) at the points (d, n) by weighted least squares.
+
+    It minimises Σ w_j (p(z_j)² + h² |∇p(z_j) − g_j|²). Where the points do not determine it, it is the least such in
+    the norm of `natural_monomials`.
+
+    Returns
+    -------
+    tail (q,), rank
+    """
+    dimension, count = points.shape
+    rows, right = oriented_tail(points, exponents), np.zeros((1 + dimension) * count)
+    for j in range(count):
+        root = math.sqrt(trust[j])
+        rows[j] *= root
+        for a in range(dimension):
+            at = (1 + a) * count + j
+            rows[at] *= root * step
+            right[at] = root * step * gradients[a, j]
+    return least_squares(rows, natural_monomials(points, exponents), right)
