@@ -82,7 +82,6 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
-<<<<<<< HEAD
 def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
     """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
     array = np.asarray(rows)
@@ -91,7 +90,8 @@ def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArra
             f"{name}: is {array.dtype} of shape {array.shape}; give one row number from 0 to {count - 1} each"
         )
     return array.astype(np.int64)
-=======
+
+
 def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     """Return one finite (n, d) vector for each of the points, divided by its length, or raise `InputError`."""
     array = as_points(normals, "normals", dim=points.shape[1])
@@ -101,7 +101,6 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     if not np.all(lengths > 0):
         raise InputError(f"normals: {np.sum(lengths == 0)} are zero; leave out their points, or estimate_normals")
     return array / lengths[:, np.newaxis]
->>>>>>> hd
 
 
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:

@@ -50,7 +50,12 @@ class CurlFree:
         exponents = tail_exponents(points.shape[1], as_degree(self.degree, phi))
         balls = (cover.centres, cover.radii, cover.offsets, cover.members)
         count, total, dimension = len(cover.radii), int(cover.offsets[-1]), points.shape[1]
-        model = np.empty(dimension * total), np.empty(total), np.empty(dimension * total), np.empty((count, len(exponents)))
+        model = (
+            np.empty(dimension * total),
+            np.empty(total),
+            np.empty(dimension * total),
+            np.empty((count, len(exponents))),
+        )
         dropped = np.empty(count, dtype=np.int64)
         ridges = np.array(self.smoothing, dtype=float)
 
