@@ -158,7 +158,7 @@ def against(ours, peers, measure):
 def summary_of(found):
     """Return a table of the verdicts: ratios of at most 1 hold, those to the Poissons must be below it."""
     table = Table(
-        title="Ours over the best peer, whose figure is in percent of the spacing; (over the better Poisson); s over Open3D's"
+        title="Ours over the best peer (over the better Poisson), its figure in % of the spacing; s over Open3D's"
     )
     for head in ("cloud", *JUDGED, "s"):
         table.add_column(head)

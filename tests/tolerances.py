@@ -409,3 +409,21 @@ BLUNT = 0.02
 
 SHARPENED = 1e-3
 """Of an edge: regula falsi stops at steps of 1e-4; found 2e-4. Linear interpolation leaves 1e-1."""
+
+SOLID_FOOT = 1e-12
+"""Newton's method goes on to rounding; found 2e-14. Where the last steps had to descend, 1e-8 was left."""
+
+SOLID_TIE = 4e-4
+"""Of two sides as near, that of the nearest vertex is taken; found 2.9e-4 in the creases of the figure."""
+
+DIVERGENCE_SIGMAS = 5.0
+"""Standard errors of a mean, 60 of them asked; a torus drawn evenly by its angles is off by more than 100."""
+
+SHEET_AREA = 0.005
+"""The thickness was rounded to three digits."""
+
+BENCH_SAG = 2e-4
+"""Of triangles of 1/100 of half a turn on a sphere of radius 0.5: r (1 − cos) of their middles, 1.3e-4."""
+
+BENCH_SPACING = 0.03
+"""Medians of a Poisson process are not its means; found 0.01."""
