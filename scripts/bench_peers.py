@@ -20,6 +20,7 @@ import os
 import platform
 from dataclasses import dataclass
 
+import numpy as np
 import open3d as o3d
 from clouds import SCANS, SHARED, SOLIDS, scanned, synthetic
 from measuring import number, write_json
@@ -29,6 +30,7 @@ from rich.table import Table
 from surface_errors import shape_of
 
 from o3dleaf.errors import O3DLeafError
+from o3dleaf.mesh.arrays import drop_unused_vertices
 from o3dleaf.parallel import get_num_threads
 
 OURS = "rbfpu"
@@ -60,6 +62,7 @@ class Record:
     spacing: float | None = None
     triangles: int | None = None
     area: float | None = None
+    nonfinite_vertices: int | None = None
     failed: str | None = None
 
 
@@ -75,6 +78,10 @@ def judge(case, method, limit):
         return record
     record.seconds, record.processor_seconds = seconds, processor
     record.peak_mb = None if math.isnan(peak) else peak
+    whole = np.isfinite(vertices).all(axis=1)
+    record.nonfinite_vertices = int((~whole).sum())
+    # What a viewer does with them: their triangles are not there.
+    vertices, triangles = drop_unused_vertices(vertices, triangles[whole[triangles].all(axis=1)])
     if not len(triangles):
         record.failed = "found no surface"
         return record

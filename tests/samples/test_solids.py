@@ -8,7 +8,8 @@ from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.mesh.topology import EdgeTable, label_triangles
 from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet
-from tolerances import DIVERGENCE_SIGMAS, SAMPLE_DIFFERENCE, SHEET_AREA, SOLID_FOOT, SOLID_TIE
+from o3dleaf.samples.meshed import draw_on_triangles
+from tolerances import DIVERGENCE_SIGMAS, SAMPLE_DIFFERENCE, SHEET_AREA, SOLID_ASTRAY, SOLID_FOOT, SOLID_TIE
 
 KINDS = [Sphere, Torus, Block, WavySheet, Figure]
 
@@ -66,6 +67,9 @@ def test_feet_are_on_the_surface_as_far_away_as_the_distance_says(solid):
     assert np.abs(solid.signed_distance(feet.points)).max() < SOLID_FOOT
     assert np.abs(np.linalg.norm(points - feet.points, axis=1) - np.abs(feet.distance)).max() < SOLID_FOOT
     assert np.abs(np.linalg.norm(feet.normals, axis=1) - 1).max() < SOLID_FOOT
+    if not isinstance(solid, Block):  # whose normals on an edge are those of a face
+        aside = np.linalg.norm(np.cross(points - feet.points, feet.normals), axis=1)
+        assert np.mean(aside > SOLID_FOOT) < SOLID_ASTRAY
 
 
 def test_who_goes_out_along_the_normal_finds_back(solid):
@@ -100,10 +104,24 @@ def test_samples_are_uniform_by_area(solid):
     assert np.all(np.abs(terms.mean(axis=0) - expected) < DIVERGENCE_SIGMAS * sigma)
 
 
+def test_points_on_triangles_are_uniform():
+    vertices = np.array([[0.0, 0, 0], [3, 0, 0], [0, 3, 0], [4, 0, 0], [5, 0, 0], [4, 1, 0]])
+    triangles, count = np.arange(6).reshape(2, 3), 40_000
+    points, chosen = draw_on_triangles(vertices, triangles, count, np.random.default_rng(0))
+    assert abs(np.mean(chosen == 0) - 0.9) < DIVERGENCE_SIGMAS * np.sqrt(0.9 * 0.1 / count)
+    large = points[chosen == 0]
+    sigma = large.std(axis=0) / np.sqrt(len(large))
+    assert np.all(np.abs(large.mean(axis=0) - vertices[:3].mean(axis=0)) <= DIVERGENCE_SIGMAS * sigma)
+    # The covariance of a uniform triangle is that of its corners over four.
+    expected = np.cov(vertices[:3].T, bias=True) / 4
+    assert np.abs(np.cov(large.T) - expected).max() < DIVERGENCE_SIGMAS * np.sqrt(2 / len(large)) * expected.max()
+
+
 def test_the_seed_decides(solid):
     first, again, other = (solid.sample(100, seed)[0] for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.any(np.all(first == other, axis=1))
+    assert len(np.unique(np.concatenate([first, other]), axis=0)) == 200
 
 
 def test_the_sheet_is_three_spacings_thick_all_over(solids):
