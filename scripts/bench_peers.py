@@ -19,6 +19,7 @@ import math
 import os
 import platform
 from dataclasses import dataclass
+from importlib.metadata import version
 
 import numpy as np
 import open3d as o3d
@@ -162,8 +163,14 @@ def against(ours, peers, measure):
     return best.method, figure if measure == "seconds" else 100 * figure / best.spacing, ratio
 
 
+def holds(verdict, measure):
+    """Say whether ours is no worse than the best peer and, where that is asked, better than either Poisson."""
+    ratio, poisson = verdict[measure][2], verdict.get(f"poisson {measure}", (None, None, None))[2]
+    return ratio is not None and ratio <= 1 and (poisson is None or poisson < 1)
+
+
 def summary_of(found):
-    """Return a table of the verdicts: ratios of at most 1 hold, those to the Poissons must be below it."""
+    """Return a table of the verdicts."""
     table = Table(
         title="Ours over the best peer (over the better Poisson), its figure in % of the spacing; s over Open3D's"
     )
@@ -174,10 +181,9 @@ def summary_of(found):
         for measure in JUDGED:
             method, figure, ratio = verdict[measure]
             poisson = verdict.get(f"poisson {measure}", (None, None, None))[2]
-            holds = ratio is not None and ratio <= 1 and (measure == JUDGED[2] or (poisson is not None and poisson < 1))
             beside = "" if poisson is None else f" ({poisson:.2f})"
             peer = "no peer" if method is None else f"{method} {figure:.3g}"
-            colour = "green" if holds else "red"
+            colour = "green" if holds(verdict, measure) else "red"
             cells.append(peer if ratio is None else f"[{colour}]{ratio:.2f}{beside}[/] {peer}")
         table.add_row(name, *cells, number(verdict["seconds"][2], "{:.2f}"))
     return table
@@ -202,8 +208,9 @@ def parse(arguments):
 
 def main(arguments=None):
     options = parse(arguments)
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, {get_num_threads()} threads of ours;")
-    print(f"Open3D {o3d.__version__}, Python {platform.python_version()}")
+    machine = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+    print(f"{machine}, {get_num_threads()} threads of ours, load {os.getloadavg()[0]:.1f} before the start;")
+    print(f"Open3D {o3d.__version__}, pymeshlab {version('pymeshlab')}, Python {platform.python_version()}")
     methods = [each for each in options.methods if is_there(each)]
     for missing in set(options.methods) - set(methods):
         print(f"{missing}: not in this version of o3dleaf; left out")
@@ -218,7 +225,11 @@ def main(arguments=None):
                 write_json(options.json, records)
     console = Console(width=180 if not os.isatty(1) else None)
     console.print(table_of(records))
-    console.print(summary_of(verdicts(records)))
+    found = verdicts(records)
+    console.print(summary_of(found))
+    if OURS in methods:
+        for measure in JUDGED:
+            print(f"{measure}: holds on {sum(holds(each, measure) for each in found.values())} of {len(found)} clouds")
     return records
 
 

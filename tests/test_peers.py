@@ -185,8 +185,19 @@ def test_a_verdict_is_against_the_best_peer_and_the_better_poisson(script):
     assert verdict["accuracy"] == ("apss", 1.0, 2.0)
     assert verdict["poisson accuracy"] == ("open3d_poisson", 4.0, 0.5)
     assert verdict["seconds"] == ("open3d_poisson", 4.0, 0.5)
+    assert not bench.holds(verdict, "accuracy")
+    records[0].accuracy = records[0].hausdorff = 1.0
+    (verdict,) = bench.verdicts(records).values()
+    assert bench.holds(verdict, "accuracy")
+    assert bench.holds(verdict, "hausdorff")
+    assert not bench.holds(verdict, "completeness")
     (without,) = bench.verdicts(records[1:]).values()
     assert without["hausdorff"] == ("apss", 1.0, None)
+    assert not bench.holds(without, "hausdorff")
+    equal = [
+        bench.Record("torus", 5000, 0.0, method, accuracy=1.0, spacing=1.0) for method in ("rbfpu", "open3d_poisson")
+    ]
+    assert not bench.holds(*bench.verdicts(equal).values(), "accuracy"), "no better than Poisson"
 
 
 def test_a_quick_run_writes_records_with_the_promised_keys(script, capsys, tmp_path):
