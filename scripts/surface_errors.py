@@ -7,6 +7,7 @@ from o3dleaf.mesh.arrays import triangle_areas
 from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.topology import EdgeTable, fans_per_vertex, label_fans, label_triangles
 from o3dleaf.parallel import get_num_threads
+from o3dleaf.samples.meshed import draw_on_triangles
 
 SAMPLES = 200_000
 FARTHEST = 10_000
@@ -15,13 +16,10 @@ FARTHEST = 10_000
 
 def sample_triangles(vertices, triangles, count, rng):
     """Return `count` points of a mesh, uniform by area, and the unit normals of their triangles."""
-    area = triangle_areas(vertices, triangles)
-    chosen = rng.choice(len(triangles), count, p=area / area.sum())
-    u, v = rng.random((2, count, 1))
-    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    points, chosen = draw_on_triangles(vertices, triangles, count, rng)
     a, b, c = vertices[triangles[chosen]].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
-    return a + u * (b - a) + v * (c - a), normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
+    return points, normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
 
 
 def errors_to_truth(vertices, triangles, solid, threshold, *, samples=SAMPLES, seed=1):

@@ -424,3 +424,23 @@ NEAREST = 1e-9
 
 SPACING = 0.1
 """16 neighbours: 4 % too close at random, 6 % too wide on a lattice, found; one neighbour miscounted is 3 % more."""
+SOLID_FOOT = 1e-12
+"""Newton's method goes on to rounding; found 2e-14. Where the last steps had to descend, 1e-8 was left."""
+
+SOLID_ASTRAY = 1e-3
+"""Part of the points, deep inside the figure, for which the nearest vertex is taken; found 3 of 50,000."""
+
+SOLID_TIE = 4e-4
+"""Of two sides as near, that of the nearest vertex is taken; found 3e-4 in the creases of the figure."""
+
+DIVERGENCE_SIGMAS = 5.0
+"""Standard errors of a mean, 60 of them asked; a torus drawn evenly by its angles is off by more than 100."""
+
+SHEET_AREA = 0.005
+"""The thickness was rounded to three digits."""
+
+BENCH_SAG = 2e-4
+"""Of triangles of 1/100 of half a turn on a sphere of radius 0.5: r (1 − cos) of their middles, 1.3e-4."""
+
+BENCH_SPACING = 0.03
+"""Medians of a Poisson process are not its means; found 0.01."""

@@ -51,11 +51,17 @@ class Meshed(Solid):
         return float(triangle_areas(*self.mesh).sum())
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        vertices, triangles = self.mesh
-        area = triangle_areas(vertices, triangles)
-        chosen = rng.choice(len(triangles), count, p=area / area.sum())
-        # Folding the unit square's corner back keeps the points uniform over a triangle.
-        u, v = rng.random((2, count, 1))
-        u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-        a, b, c = vertices[triangles[chosen]].transpose(1, 0, 2)
-        return np.asarray(a + u * (b - a) + v * (c - a))
+        return draw_on_triangles(*self.mesh, count, rng)[0]
+
+
+def draw_on_triangles(
+    vertices: FloatArray, triangles: IntArray, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """Return (count, 3) points of a mesh, uniform by area and independent, and the triangles that they are on."""
+    area = triangle_areas(vertices, triangles)
+    chosen = rng.choice(len(triangles), count, p=area / area.sum())
+    # Folding the unit square's corner back keeps the points uniform over a triangle.
+    u, v = rng.random((2, count, 1))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    a, b, c = vertices[triangles[chosen]].transpose(1, 0, 2)
+    return np.asarray(a + u * (b - a) + v * (c - a)), chosen
