@@ -77,6 +77,14 @@ def build_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> o3d.geometr
     return mesh
 
 
+def tensor_mesh(vertices: FloatArray, triangles: IntArray) -> o3d.t.geometry.TriangleMesh:
+    """Return Open3D's tensor mesh with float64 positions, which its own `from_legacy` rounds to float32."""
+    mesh = o3d.t.geometry.TriangleMesh()
+    mesh.vertex.positions = o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices))
+    mesh.triangle.indices = o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles))
+    return mesh
+
+
 def drop_unused_vertices(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the mesh without vertices that no triangle names, the others in their old order."""
     used = np.zeros(len(vertices), dtype=bool)

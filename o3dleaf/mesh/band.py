@@ -11,6 +11,7 @@ from o3dleaf.checks import FloatArray, as_mask, as_number, as_points, as_step, r
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, build_mesh
+from o3dleaf.mesh.clip import trim_to_manifold
 from o3dleaf.mesh.wavefront import Band
 from o3dleaf.parallel import Progress
 
@@ -52,6 +53,7 @@ def extract_band(
     within : float or callable, optional
         Cells whose centre lies farther than this from all seeds, or for whose centres (n, 3) the function returns
         False, are left out: the surface ends there, open. Left out, the band grows until it is closed.
+        `near_data` makes such a function of a cloud.
     isovalue : float
         The field is larger than this inside.
     sharpen : bool
@@ -94,7 +96,9 @@ def extract_band(
             f"seeds: none of {len(points)} leads to a cell that the surface {isovalue:g} crosses; give points near it, "
             "or a finer spacing"
         )
-    return build_mesh(*band.draw(sharpen=sharpen))
+    vertices, triangles = band.draw(sharpen=sharpen)
+    # Cells that were kept may touch along an edge alone.
+    return build_mesh(*(trim_to_manifold(vertices, triangles) if allowed else (vertices, triangles)))
 
 
 def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:

@@ -114,14 +114,29 @@ def distance_to_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArr
     """Return the (k,) distances of (k, 3) points to the nearest triangle, in single precision about their middle."""
     if not len(triangles):
         return np.full(len(points), np.inf)
+    scene, middle = _scene(vertices, triangles, points)
+    found = scene.compute_distance(o3d.core.Tensor.from_numpy((points - middle).astype(np.float32)), get_num_threads())
+    return np.asarray(found.numpy(), dtype=np.float64)
+
+
+def nearest_on_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
+    """Return the (k, 3) places on a mesh nearest to (k, 3) points, in single precision about their middle."""
+    scene, middle = _scene(vertices, triangles, points)
+    query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
+    return np.asarray(scene.compute_closest_points(query, get_num_threads())["points"].numpy() + middle)
+
+
+def _scene(
+    vertices: FloatArray, triangles: IntArray, points: FloatArray
+) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
+    """Return a mesh in Open3D's scene, about the middle of some points, and that middle."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=get_num_threads())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     scene.add_triangles(
         o3d.core.Tensor.from_numpy((vertices - middle).astype(np.float32)),
         o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)),
     )
-    found = scene.compute_distance(o3d.core.Tensor.from_numpy((points - middle).astype(np.float32)), get_num_threads())
-    return np.asarray(found.numpy(), dtype=np.float64)
+    return scene, middle
 
 
 def _at_used(

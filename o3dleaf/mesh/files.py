@@ -16,6 +16,12 @@ from o3dleaf.mesh.arrays import MeshLike, build_mesh, mesh_arrays
 SUFFIXES = (".ply", ".obj", ".stl")
 """What meshes can be written as."""
 
+PLY_TYPES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint"} | {
+    "f4": "float",
+    "f8": "double",
+}
+"""PLY's names of NumPy's types."""
+
 LINES = 100_000
 """Rows of an OBJ file that are turned into text at once."""
 
@@ -48,7 +54,8 @@ def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:
     ======  =========================================================================================
     suffix  what is kept
     ======  =========================================================================================
-    .ply    binary, vertices in float64, with normals and colours if the mesh has them
+    .ply    binary, vertices in float64, with normals and colours if the mesh has them, and with all
+            other attributes of a tensor mesh's vertices (`o3d.t.io.read_point_cloud` reads them back)
     .obj    text with every digit of float64 (Open3D's own writer keeps six)
     .stl    binary, float32 by the format's definition, with the triangles' normals
     ======  =========================================================================================
@@ -68,11 +75,55 @@ def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:
     """
     writers = dict(zip(SUFFIXES, (_write_open3d, _write_obj, _write_stl), strict=True))
     target = require_writable(path, SUFFIXES)
+    extra = _attributes(mesh) if target.suffix.lower() == ".ply" else {}
     legacy = mesh if isinstance(mesh, o3d.geometry.TriangleMesh) else build_mesh(*mesh_arrays(mesh))
     if not legacy.has_triangles():
         raise InputError(f"{target}: the mesh has no triangles; there is nothing to write")
     with whole_file(target) as temporary:
-        writers[target.suffix.lower()](temporary, legacy)
+        if extra:
+            _write_attributes(temporary, legacy, extra)
+        else:
+            writers[target.suffix.lower()](temporary, legacy)
+
+
+def _attributes(mesh: MeshLike) -> dict[str, npt.NDArray[Any]]:
+    """Return the attributes of a tensor mesh's vertices but their positions, (n, c) each."""
+    if not isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        return {}
+    found = {name: np.asarray(tensor.cpu().numpy()) for name, tensor in mesh.vertex.items() if name != "positions"}
+    return {name: values.reshape(len(values), -1) for name, values in found.items()}
+
+
+def _write_attributes(path: Path, mesh: o3d.geometry.TriangleMesh, extra: dict[str, npt.NDArray[Any]]) -> None:
+    """Write binary PLY with the vertices' attributes as properties, which Open3D's writers of meshes leave out."""
+    vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+    columns = dict(zip("xyz", vertices.T, strict=True))
+    for name, values in extra.items():
+        if name == "colors":
+            colours = values if values.dtype == np.uint8 else np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
+            columns |= dict(zip(("red", "green", "blue"), colours.T, strict=True))
+        elif name == "normals":
+            columns |= dict(zip(("nx", "ny", "nz"), values.astype(np.float64).T, strict=True))
+        else:
+            several = values.shape[1] > 1
+            columns |= {f"{name}_{n}" if several else name: column for n, column in enumerate(values.T)}
+    rows = np.empty(len(vertices), dtype=[(name, _little(column.dtype)) for name, column in columns.items()])
+    for name, column in columns.items():
+        rows[name] = column
+    faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+    faces["count"], faces["corners"] = 3, triangles
+    header = ["ply", "format binary_little_endian 1.0", "comment o3dleaf mesh", f"element vertex {len(rows)}"]
+    header += [f"property {PLY_TYPES[rows.dtype[name].str[1:]]} {name}" for name in columns]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    with path.open("wb") as file:
+        file.write("\n".join(header).encode("ascii"))
+        file.write(rows.tobytes())
+        file.write(faces.tobytes())
+
+
+def _little(dtype: np.dtype[Any]) -> str:
+    """Return the type of PLY's that holds numbers of a type: the same, or float64."""
+    return f"<{dtype.str[1:]}" if dtype.str[1:] in PLY_TYPES else "<f8"
 
 
 def _write_open3d(path: Path, mesh: o3d.geometry.TriangleMesh) -> None:

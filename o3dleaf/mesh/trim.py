@@ -1,5 +1,7 @@
 """Cutting a surface off where it goes on past its data: no invented surface, and no hole in a random cloud."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import open3d as o3d
@@ -33,7 +35,7 @@ MARGIN = 0.5
 NEIGHBOURS = 12
 """Points whose distance tells the spacing; off by 1/(2 √12), 14 %, at one random point, before averaging."""
 
-CHOICE = 8
+CHOICE = 16
 """Nearest points among which the one is sought that is nearest but for noise."""
 
 NOISE = 3.0
@@ -47,6 +49,9 @@ LEAST_SHARE = 0.05
 
 LEAST_DENSITY = 0.25
 """A piece goes if fewer points than this share of its area over spacing² are nearest to it."""
+
+LEAST_POINTS = 8
+"""A piece also goes if fewer points are nearest to it: so few are strays, no surface."""
 
 BLOCK = 1 << 14
 
@@ -68,12 +73,13 @@ def trim_to_support(
     narrower than the ball makes a hole: a closing of the data, or an α-shape of the surface, with α = `factor`.
 
     Triangles are cut along the rim, which runs in straight lines between their edges; vertices that stay do not
-    move. Pieces to which less than a quarter of the data that their area ought to have are nearest are dropped.
+    move. Of several pieces those go to which fewer than eight points are nearest, or less than a quarter of
+    those that their area ought to have.
 
     Parameters
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
-        Manifold; it must reach `factor` + 1 spacings past the data's rim, or the ball finds no place beyond it.
+        Manifold; it must reach `factor` + 1 spacings past the data's rim (`near_data`), for the ball to stand there.
     points : (n, 3) array_like or Open3D point cloud
         The data, in the mesh's unit.
     spacing : float or (n,) array_like, optional
@@ -119,6 +125,39 @@ def trim_to_support(
         vertices, triangles = cut_below(vertices, triangles, kept)
     vertices, triangles = _drop_unsupported(vertices, triangles, data, steps)
     return build_mesh(vertices, triangles)
+
+
+def near_data(
+    points: CloudLike, spacing: float | npt.ArrayLike | None = None, *, factor: float = FACTOR + 1
+) -> Callable[[FloatArray], BoolArray]:
+    """Return the function that says which places (n, 3) lie within `factor` spacings of data.
+
+    What `extract_band` takes as `within` so that `trim_to_support` finds the surface far enough, and no farther,
+    where points lie dense and where they lie thin.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like or Open3D point cloud
+    spacing : float or (n,) array_like, optional
+        As for `trim_to_support`.
+    factor : float
+        One more than that of `trim_to_support`.
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be meant.
+    """
+    require_positive(factor, "factor")
+    data = points_of(points, least=NEIGHBOURS + 1 if spacing is None else 1)
+    tree = cKDTree(data)
+    steps = _spacings(data, spacing, tree)
+
+    def near(places: FloatArray) -> BoolArray:
+        far, nearest = tree.query(places, workers=-1)
+        return np.asarray(far <= factor * steps[nearest])
+
+    return near
 
 
 def local_spacing(points: CloudLike) -> FloatArray:
@@ -246,8 +285,9 @@ def _drop_unsupported(
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[triangles.ravel()] = np.repeat(piece, 3)
     nearest = cKDTree(vertices).query(data, workers=-1)[1]
-    found = np.bincount(of_vertex[nearest], weights=steps**2, minlength=pieces)
-    keep: BoolArray = found > LEAST_DENSITY * np.bincount(piece, weights=triangle_areas(vertices, triangles))
+    found, count = (np.bincount(of_vertex[nearest], some, pieces) for some in (steps**2, None))
+    area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
+    keep: BoolArray = (found > LEAST_DENSITY * area) & (count >= LEAST_POINTS)
     if not keep.any():
         raise ReconstructionError("trim_to_support: no piece of the mesh has data enough; is the spacing too small?")
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)
