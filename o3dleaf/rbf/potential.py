@@ -106,7 +106,10 @@ def curl_free(points, gradients, exponents, power, ridge):
     outer = matrix[:count, :count].copy()
     for i in range(count):
         outer[i, i] += ridge[0]
-    weights, correction, _, lost = solve_system(outer, tail[:count].copy(), frame, -heights)
+    low = int(np.sum(np.sum(exponents, axis=1) <= power // 2))
+    weights, few, _, lost = solve_system(outer, tail[:count, :low].copy(), frame[:low, :low].copy(), -heights)
+    correction = np.zeros(len(exponents))
+    correction[:low] = few
     correction[1:] += slopes
     correction[0] -= constant
     return weights, moments.reshape(gradients.shape), correction, dropped + lost
