@@ -8,7 +8,7 @@ r"""Local fits to oriented points on a surface, with no others beside it: F = 0 
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -70,16 +70,13 @@ class Hermite:
     smoothing: Amount = 0.0
     step: float = 1.0
     points_per_ball: int = 50
-    method: ClassVar[int] = oriented_loops.HERMITE
 
     def fit(
         self, cover: Cover, points: FloatArray, normals: FloatArray, *, progress: Progress | None = None
     ) -> "LocalPotentials":
-        """Fit every ball of the cover; 1.4 times the cost of a system of (1 + d) n values."""
+        """Fit every ball of the cover."""
         step = require_positive(self.step, "step")
-        balls = _Balls.of(self, cover, points, normals, step)
-        amount = balls.chosen(self.smoothing, "smoothing")
-        return balls.fit((amount, 0.0), progress)
+        return _Balls.of(self, cover, points, normals, oriented_loops.HERMITE, step).fit(self.smoothing, progress)
 
 
 @dataclass(frozen=True)
@@ -87,9 +84,9 @@ class CurlFree:
     r"""A curl-free field that fits the normals, and its potential put onto zero at the points.
 
     The field Σ −∇∇ᵀφ(x − x_j) c_j + ∇p meets −n_j (or smooths it); its potential, whose heights at the points should
-    be one constant, loses that and then a spline of values through the rest (Drake, Fuselier and Wright 2022, "Implicit
-    surface reconstruction with a curl-free radial basis function partition of unity method"). Values at the points
-    are then zero to rounding, slopes −n to what the spline adds: `Hermite` does without that step at a third more time.
+    be one constant, loses that and, where `exact`, a spline of values through the rest (Drake, Fuselier and Wright
+    2022, "Implicit surface reconstruction with a curl-free radial basis function partition of unity method"). Values
+    at the points are then zero to rounding, slopes −n but for what the spline adds; `Hermite` needs no such step.
 
     Attributes
     ----------
@@ -97,25 +94,24 @@ class CurlFree:
         As of `Hermite`.
     smoothing : float or "gcv"
         On the diagonal of the normals' system, in unit^(k−2).
-    correction : float or "gcv"
-        On that of the heights, in unit^k.
+    exact : bool
+        Whether to go through the points. Not where they are noisy: a spline through points off the surface finds
+        their distances to it, which is the potential itself, and takes them off.
     points_per_ball : int
     """
 
     kernel: str | Polyharmonic = "quintic"
     degree: int | None = None
     smoothing: Amount = 0.0
-    correction: Amount = 0.0
+    exact: bool = True
     points_per_ball: int = 50
-    method: ClassVar[int] = oriented_loops.CURL_FREE
 
     def fit(
         self, cover: Cover, points: FloatArray, normals: FloatArray, *, progress: Progress | None = None
     ) -> "LocalPotentials":
         """Fit every ball of the cover."""
-        balls = _Balls.of(self, cover, points, normals, 1.0)
-        amount = balls.chosen(self.smoothing, "smoothing")
-        return balls.fit((balls.chosen(self.correction, "correction", amount), amount), progress)
+        method = oriented_loops.CORRECTED if self.exact else oriented_loops.CURL_FREE
+        return _Balls.of(self, cover, points, normals, method, 1.0).fit(self.smoothing, progress)
 
 
 @dataclass(frozen=True)
@@ -177,51 +173,57 @@ class _Balls:
 
     @classmethod
     def of(
-        cls, fitter: Hermite | CurlFree, cover: Cover, points: FloatArray, normals: FloatArray, step: float
+        cls, fitter: Hermite | CurlFree, cover: Cover, points: FloatArray, normals: FloatArray, method: int, step: float
     ) -> "_Balls":
         dimension = points.shape[1]
         phi = as_kernel(fitter.kernel, dimension)
         if phi.logarithmic or phi.power < 3:
             raise InputError(f"kernel: {phi} has no slopes to interpolate here; use 'cubic' or 'quintic'")
         exponents = tail_exponents(dimension, as_degree(fitter.degree, phi))
-        return cls(cover, points, normals, phi, exponents, fitter.method, step)
+        return cls(cover, points, normals, phi, exponents, method, step)
 
-    def chosen(self, amount: Amount, name: str, ridge: float = -1.0) -> float:
-        """Return the amount, by GCV of a sample of balls where it says so; `ridge` as in `oriented_loops`."""
-        if not isinstance(amount, str):
-            if amount < 0:
-                raise InputError(f"{name}: is {amount}; give a number >= 0 or 'gcv'")
-            return as_number(amount, name)
-        require_choice(amount, ("gcv",), name)
-        cover, power = self.cover, self.kernel.power
-        power -= 2 if self.method == oriented_loops.CURL_FREE and ridge < 0 else 0
+    def chosen(self, smoothing: Amount) -> float:
+        """Return the amount of smoothing, or what a sample of balls agrees on."""
+        if not isinstance(smoothing, str):
+            if smoothing < 0:
+                raise InputError(f"smoothing: is {smoothing}; give a number >= 0 or 'gcv'")
+            return as_number(smoothing, "smoothing")
+        require_choice(smoothing, ("gcv",), "smoothing")
+        cover, kind = self.cover, (self.exponents, self.kernel.power, self.method, self.step)
 
         def spectrum(ball: int) -> Spectrum:
-            rows, radius = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]], cover.radii[ball]
-            place = (self.points, self.normals, rows, cover.centres[ball], radius)
-            kind = (self.exponents, self.kernel.power, self.method, self.step, ridge)
-            values, coefficients = oriented_loops.ball_spectrum(*place, *kind)
-            return Spectrum(values * radius**power, coefficients * radius, len(rows))
+            rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
+            place = (self.points, self.normals, rows, cover.centres[ball], cover.radii[ball])
+            return Spectrum(*oriented_loops.ball_spectrum(*place, *kind), len(rows))
 
-        sample = np.unique(np.linspace(0, len(cover.radii) - 1, GCV_BALLS).round().astype(np.int64))
+        own = balls_with_points(cover, self.points)
+        sample = own[np.unique(np.linspace(0, len(own) - 1, GCV_BALLS).round().astype(np.int64))]
         with single_threaded_blas():
             return choose_by_gcv(Spectrum.pooled(each_ball(spectrum, sample)))
 
-    def fit(self, ridges: tuple[float, float], progress: Progress | None) -> "LocalPotentials":
-        """Fit all balls, with `ridges` on the diagonals of values and slopes."""
-        cover, dimension = self.cover, self.points.shape[1]
+    def fit(self, smoothing: Amount, progress: Progress | None) -> "LocalPotentials":
+        """Fit all balls."""
+        cover, dimension, amount = self.cover, self.points.shape[1], self.chosen(smoothing)
         count, total = len(cover.radii), int(cover.offsets[-1])
-        model = tuple(np.empty(size) for size in (dimension * total, total, dimension * total))
-        filled = (*model, np.empty((count, len(self.exponents)))), np.empty(count, dtype=np.int64)
+        flat = tuple(np.empty(size) for size in (dimension * total, total, dimension * total))
+        model, dropped = (*flat, np.empty((count, len(self.exponents)))), np.empty(count, dtype=np.int64)
         balls = (cover.centres, cover.radii, cover.offsets, cover.members)
-        kind = (self.exponents, self.kernel.power, self.method, ridges, self.step)
+        kind = (self.exponents, self.kernel.power, self.method, amount, self.step)
 
         def task(start: int, stop: int) -> None:
-            oriented_loops.fit_potentials(start, stop, self.points, self.normals, balls, *kind, *filled)
+            oriented_loops.fit_potentials(start, stop, self.points, self.normals, balls, *kind, model, dropped)
 
         with single_threaded_blas():
             run_blocks(task, count, FIT_BLOCK, progress)
-        return LocalPotentials(self.kernel, np.array(ridges), cover.offsets, *filled[0], self.exponents, filled[1])
+        return LocalPotentials(self.kernel, amount, cover.offsets, *model, self.exponents, dropped)
+
+
+def balls_with_points(cover: Cover, points: FloatArray) -> IntArray:
+    """Return the balls that hold their points themselves; those far from the surface, which borrow them, if none does."""
+    owner = np.repeat(np.arange(len(cover.radii)), cover.counts)
+    distances = np.linalg.norm(points[cover.members] - cover.centres[owner], axis=1)
+    own = np.maximum.reduceat(distances, cover.offsets[:-1]) <= cover.radii
+    return np.flatnonzero(own) if own.any() else np.arange(len(cover.radii))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +233,8 @@ class LocalPotentials:
     Attributes
     ----------
     kernel : Polyharmonic
-    ridges : (2,) ndarray
-        The numbers on the diagonal of values and of slopes, chosen where they were "gcv".
+    smoothing : float
+        The amount, chosen where it was "gcv".
     offsets : (M + 1,) int64 ndarray
         Ball i has the weights ``offsets[i]:offsets[i + 1]``.
     sites, weights, moments : (d total,), (total,), (d total,) ndarrays
@@ -244,7 +246,7 @@ class LocalPotentials:
     """
 
     kernel: Polyharmonic
-    ridges: FloatArray
+    smoothing: float
     offsets: IntArray
     sites: FloatArray
     weights: FloatArray

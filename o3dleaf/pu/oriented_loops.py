@@ -6,21 +6,18 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland
-from o3dleaf.rbf.loops import jet_size, lower_exponents, tail_derivatives
 from o3dleaf.rbf.potential import (
     curl_free,
     gradient_spectrum,
-    height_spectrum,
     hermite,
     hermite_spectrum,
     moving_polynomial,
-    potential_jets,
 )
 
 FARTHER = 1.1
 """Radius of the weight of a ball that borrows points, over the distance of the farthest: as far as balls overlap."""
 
-HERMITE, CURL_FREE = 0, 1
+HERMITE, CURL_FREE, CORRECTED = 0, 1, 2
 """How `fit_potentials` fits."""
 
 
@@ -59,25 +56,31 @@ def sheet_spacing(points):
 
 
 @njit(nogil=True, cache=True)
-def fit_potential(method, local, gradients, exponents, power, ridges, step):
-    """Fit one ball; `ridges` (2,) are in unit coordinates, those of `HERMITE` for h = `step` spacings."""
+def fit_potential(method, local, gradients, exponents, power, ridge, step):
+    """Fit one ball, its diagonal in unit coordinates: of `HERMITE` that of the values, with h = `step` spacings."""
     if method == HERMITE:
         length = step * sheet_spacing(local)
-        return hermite(local, gradients, exponents, power, (ridges[0], ridges[0] / length**2))
-    return curl_free(local, gradients, exponents, power, (ridges[0], ridges[1]))
+        return hermite(local, gradients, exponents, power, (ridge, ridge / length**2))
+    return curl_free(local, gradients, exponents, power, ridge, method == CORRECTED)
 
 
 @njit(nogil=True, cache=True)
-def fit_potentials(start, stop, points, normals, cover, exponents, power, method, ridges, step, model, dropped):
-    """Fit the balls start:stop; `ridges` (2,) are the diagonals of values and gradients in the data's unit."""
+def unit_ridge(method, amount, radius, power):
+    """Return the number on the diagonal in unit coordinates: of values or, but for `HERMITE`, of slopes."""
+    return amount / radius ** (power if method == HERMITE else power - 2)
+
+
+@njit(nogil=True, cache=True)
+def fit_potentials(start, stop, points, normals, cover, exponents, power, method, amount, step, model, dropped):
+    """Fit the balls start:stop with the `amount` of smoothing, in the data's unit."""
     centres, radii, offsets, members = cover
     sites, weights, moments, tails = model
     dimension = centres.shape[1]
     for ball in range(start, stop):
         first, last, radius = offsets[ball], offsets[ball + 1], radii[ball]
         local, gradients = gather_oriented(points, normals, members[first:last], centres[ball], radius)
-        scaled = (ridges[0] / radius**power, ridges[1] / radius ** (power - 2))
-        lam, moment, tail, lost = fit_potential(method, local, gradients, exponents, power, scaled, step)
+        ridge = unit_ridge(method, amount, radius, power)
+        lam, moment, tail, lost = fit_potential(method, local, gradients, exponents, power, ridge, step)
         # F = R F̃(z) has unit slopes in both coordinates.
         sites[dimension * first : dimension * last] = local.ravel()
         weights[first:last] = radius * lam
@@ -87,20 +90,14 @@ def fit_potentials(start, stop, points, normals, cover, exponents, power, method
 
 
 @njit(nogil=True, cache=True)
-def ball_spectrum(points, normals, rows, centre, radius, exponents, power, method, step, ridge):
-    """Return the spectrum of one ball's system, in unit coordinates.
-
-    Of `HERMITE` the joint one; of `CURL_FREE` that of the gradients or, for a `ridge` >= 0 of theirs in the data's
-    unit, that of the heights.
-    """
+def ball_spectrum(points, normals, rows, centre, radius, exponents, power, method, step):
+    """Return the spectrum of one ball's system, both in the data's unit: of values and slopes, or of slopes alone."""
     local, gradients = gather_oriented(points, normals, rows, centre, radius)
     if method == HERMITE:
         found = hermite_spectrum(local, gradients, exponents, power, step * sheet_spacing(local))
-    elif ridge < 0.0:
-        found = gradient_spectrum(local, gradients, exponents, power)
-    else:
-        found = height_spectrum(local, gradients, exponents, power, ridge / radius ** (power - 2))
-    return found[0], found[1][0]
+        return found[0] / unit_ridge(method, 1.0, radius, power), found[1][0] * radius
+    found = gradient_spectrum(local, gradients, exponents, power)
+    return found[0] / unit_ridge(method, 1.0, radius, power), found[1][0]
 
 
 @njit(nogil=True, cache=True)

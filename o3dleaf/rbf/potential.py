@@ -24,7 +24,7 @@ from o3dleaf.rbf.loops import (
     tail_jets,
 )
 from o3dleaf.rbf.solve import least_squares, natural_monomials, radial_matrix, solve_system, tail_matrix
-from o3dleaf.rbf.spectrum import coefficients_of, decompose_system, spectra
+from o3dleaf.rbf.spectrum import coefficients_of, decompose_system
 
 TINY = 1e-18
 """Beside distances: at a data site rᵏ⁻⁴ multiplies zeros, and float32 must hold its inverse."""
@@ -100,31 +100,25 @@ def hermite(points, gradients, exponents, power, ridge):
 
 
 @njit(nogil=True, cache=True)
-def curl_free(points, gradients, exponents, power, ridge):
-    """Fit the gradients (d, n) alone, then put the potential's heights at the points onto zero by a spline of values.
+def curl_free(points, gradients, exponents, power, ridge, exact):
+    """Fit the gradients (d, n) alone, with the number `ridge` on the diagonal, and put the potential's mean onto zero.
 
-    The spline has the least tail that its kernel needs: a quadric that vanishes on the points could take any slope.
-    Arguments and results as of `hermite`.
+    Where `exact`, a spline of values takes off what is left of its heights at the points. It has the least tail that
+    its kernel needs: a quadric that vanishes on the points could take any slope. Results as of `hermite`.
     """
-    moments, slopes, heights, dropped = potential(points, gradients, exponents, power, ridge[1])
-    few, matrix = least_tail(exponents, power), radial_matrix(points, power)
-    for i in range(len(matrix)):
-        matrix[i, i] += ridge[0]
-    frame, tail = natural_monomials(points, few), tail_matrix(points, few)
-    weights, correction, _, lost = solve_system(matrix, tail, frame, -heights)
-    slopes[: len(few)] += correction
-    return weights, moments, slopes, dropped + lost
-
-
-@njit(nogil=True, cache=True)
-def least_tail(exponents, power):
-    """Return those exponents whose degree is below the order of φ; they come first."""
-    return exponents[: np.sum(np.sum(exponents, axis=1) <= power // 2)]
+    moments, tail, heights, dropped = potential(points, gradients, exponents, power, ridge)
+    if not exact:
+        return np.zeros(len(heights)), moments, tail, dropped
+    few = exponents[: np.sum(np.sum(exponents, axis=1) <= power // 2)]
+    parts = radial_matrix(points, power), tail_matrix(points, few), natural_monomials(points, few)
+    weights, correction, _, lost = solve_system(*parts, -heights)
+    tail[: len(few)] += correction
+    return weights, moments, tail, dropped + lost
 
 
 @njit(nogil=True, cache=True)
 def potential(points, gradients, exponents, power, ridge):
-    """Return moments (d, n), tail (q,) of the curl-free fit, its heights (n,) at the points, of mean 0, and what it left out."""
+    """Return moments (d, n), tail (q,), heights (n,) at the points, of mean 0, and the directions left out."""
     count = points.shape[1]
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
     inner = matrix[count:, count:].copy()
@@ -160,13 +154,6 @@ def gradient_spectrum(points, gradients, exponents, power):
     frame = natural_monomials(points, exponents)[1:, 1:].copy()
     roots, right = np.ones(len(matrix)), gradients.copy().reshape(1, -1)
     return coefficients_of(right, roots, decompose_system(matrix, tail, frame, roots))
-
-
-@njit(nogil=True, cache=True)
-def height_spectrum(points, gradients, exponents, power, ridge):
-    """Return the spectrum of the heights of the potential that gradients with the number `ridge` on the diagonal have."""
-    _, _, heights, _ = potential(points, gradients, exponents, power, ridge)
-    return spectra(points, heights.reshape(1, -1), np.ones(len(heights)), least_tail(exponents, power), power)
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
