@@ -12,10 +12,10 @@ from numba import njit
 from numba.extending import overload
 
 from o3dleaf.pu.jets import add_product, divide, scale_jets
-from o3dleaf.pu.weights import weight_jets, wendland
+from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
-from o3dleaf.rbf.potential import curl_free, hermite, moving_polynomial, potential_jets
+from o3dleaf.rbf.potential import potential_jets
 from o3dleaf.rbf.solve import solve_local
 from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
@@ -29,10 +29,6 @@ ABREAST = 8
 
 STRIP = 256
 """Points of one leaf that are blended at once: what is known of them stays in the nearest cache."""
-
-FARTHER = 1.1
-"""Radius of the weight of a ball that borrows points, over the distance of the farthest: as far as balls overlap."""
-
 
 class SplineBalls(NamedTuple):
     """What the blend reads of splines of values, all balls end to end; see `o3dleaf.pu.local.LocalSplines`."""
@@ -373,68 +369,3 @@ def hold(at, count, centre, radius, squared, z, held):
         for i in range(found):
             z[axis, i] = (at[axis, held[i]] - centre[axis]) / radius
     return found
-
-
-@njit(nogil=True, cache=True)
-def gather_oriented(points, normals, rows, centre, radius):
-    """Return the unit coordinates (d, n) of the points `rows` of a ball, and the gradients −normal (d, n)."""
-    count, dimension = rows.size, centre.size
-    local, gradients = np.empty((dimension, count)), np.empty((dimension, count))
-    for j in range(count):
-        for axis in range(dimension):
-            local[axis, j] = (points[rows[j], axis] - centre[axis]) / radius
-            gradients[axis, j] = -normals[rows[j], axis]
-    return local, gradients
-
-
-@njit(nogil=True, cache=True)
-def fit_potentials(start, stop, points, normals, cover, exponents, power, joint, ridges, model, dropped):
-    """Fit the balls start:stop by `hermite` (joint) or `curl_free`; `ridges` (2,) are in the data's unit."""
-    centres, radii, offsets, members = cover
-    sites, weights, moments, tails = model
-    dimension = centres.shape[1]
-    for ball in range(start, stop):
-        first, last, radius = offsets[ball], offsets[ball + 1], radii[ball]
-        local, gradients = gather_oriented(points, normals, members[first:last], centres[ball], radius)
-        ridge = (ridges[0] / radius**power, ridges[1] / radius ** (power - 2))
-        if joint:
-            lam, moment, tail, lost = hermite(local, gradients, exponents, power, ridge)
-        else:
-            lam, moment, tail, lost = curl_free(local, gradients, exponents, power, ridge)
-        # F = R F̃(z): unit slopes in both coordinates.
-        sites[dimension * first : dimension * last] = local.ravel()
-        weights[first:last] = radius * lam
-        moments[dimension * first : dimension * last] = radius * moment.ravel()
-        tails[ball] = radius * tail
-        dropped[ball] = lost
-
-
-@njit(nogil=True, cache=True)
-def fit_polynomials(start, stop, points, normals, cover, exponents, step, tails, ranks):
-    """Fit the balls start:stop by `moving_polynomial`, with `step` spacings of the ball's points as the length h."""
-    centres, radii, offsets, members = cover
-    dimension = centres.shape[1]
-    for ball in range(start, stop):
-        rows, radius = members[offsets[ball] : offsets[ball + 1]], radii[ball]
-        local, gradients = gather_oriented(points, normals, rows, centres[ball], radius)
-        trust, reach = weigh(local)
-        # A sheet of n points in a ball of radius r has the spacing r √(π/n); a curve has 2 r/n.
-        spacing = reach * (math.sqrt(math.pi / rows.size) if dimension == 3 else 2.0 / rows.size)
-        tail, ranks[ball] = moving_polynomial(local, gradients, trust, step * spacing, exponents)
-        tails[ball] = radius * tail
-
-
-@njit(nogil=True, cache=True)
-def weigh(points):
-    """Return Wendland's weights of points (d, n) in the unit ball, or in the larger one that they need, and its radius."""
-    count = points.shape[1]
-    distance = np.zeros(count)
-    for j in range(count):
-        for axis in range(len(points)):
-            distance[j] += points[axis, j] ** 2
-        distance[j] = math.sqrt(distance[j])
-    reach = max(1.0, FARTHER * np.max(distance))
-    trust = np.empty(count)
-    for j in range(count):
-        trust[j] = wendland(distance[j] / reach)
-    return trust, reach

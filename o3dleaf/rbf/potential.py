@@ -23,7 +23,8 @@ from o3dleaf.rbf.loops import (
     squared_distances,
     tail_jets,
 )
-from o3dleaf.rbf.solve import least_squares, natural_monomials, solve_system
+from o3dleaf.rbf.solve import least_squares, natural_monomials, radial_matrix, solve_system, tail_matrix
+from o3dleaf.rbf.spectrum import coefficients_of, decompose_system
 
 TINY = 1e-18
 """Beside distances: at a data site rᵏ⁻⁴ multiplies zeros, and float32 must hold its inverse."""
@@ -81,40 +82,13 @@ def oriented_tail(points, exponents):
 
 
 @njit(nogil=True, cache=True)
-def curl_free(points, gradients, exponents, power, ridge):
-    """Fit gradients (d, n) alone, then put the potential's values at the points onto zero by a spline of its own.
-
-    `ridge` holds the two numbers on the diagonals: of the values' system and of the gradients'.
+def hermite(points, gradients, exponents, power, ridge):
+    """Fit the values zero and the gradients (d, n) at once, with the two numbers `ridge` on the diagonal of each.
 
     Returns
     -------
     weights (n,), moments (d, n), tail (q,), directions left out
     """
-    count = points.shape[1]
-    matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
-    frame = natural_monomials(points, exponents)
-    inner = matrix[count:, count:].copy()
-    for i in range(len(inner)):
-        inner[i, i] += ridge[1]
-    moments, slopes, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame[1:, 1:].copy(), gradients.ravel())
-    heights = np.empty(count)
-    for i in range(count):
-        heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i, 1:], slopes, slopes.size)
-    # Apart, for on a quadric the tail takes a constant for a quadric.
-    constant = np.mean(heights)
-    heights -= constant
-    outer = matrix[:count, :count].copy()
-    for i in range(count):
-        outer[i, i] += ridge[0]
-    weights, correction, _, lost = solve_system(outer, tail[:count].copy(), frame, -heights)
-    correction[1:] += slopes
-    correction[0] -= constant
-    return weights, moments.reshape(gradients.shape), correction, dropped + lost
-
-
-@njit(nogil=True, cache=True)
-def hermite(points, gradients, exponents, power, ridge):
-    """Fit the values zero and the gradients (d, n) at once; see `curl_free` for what comes and goes."""
     count = points.shape[1]
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
     for i in range(len(matrix)):
@@ -123,6 +97,63 @@ def hermite(points, gradients, exponents, power, ridge):
     right[count:] = gradients.ravel()
     found, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
     return found[:count].copy(), found[count:].copy().reshape(gradients.shape), coefficients, dropped
+
+
+@njit(nogil=True, cache=True)
+def curl_free(points, gradients, exponents, power, ridge, exact):
+    """Fit the gradients (d, n) alone, with the number `ridge` on the diagonal, and put the potential's mean onto zero.
+
+    Where `exact`, a spline of values takes off what is left of its heights at the points. It has the least tail that
+    its kernel needs: a quadric that vanishes on the points could take any slope. Results as of `hermite`.
+    """
+    moments, tail, heights, dropped = potential(points, gradients, exponents, power, ridge)
+    if not exact:
+        return np.zeros(len(heights)), moments, tail, dropped
+    few = exponents[: np.sum(np.sum(exponents, axis=1) <= power // 2)]
+    parts = radial_matrix(points, power), tail_matrix(points, few), natural_monomials(points, few)
+    weights, correction, _, lost = solve_system(*parts, -heights)
+    tail[: len(few)] += correction
+    return weights, moments, tail, dropped + lost
+
+
+@njit(nogil=True, cache=True)
+def potential(points, gradients, exponents, power, ridge):
+    """Return moments (d, n), tail (q,), heights (n,) at the points, of mean 0, and the directions left out."""
+    count = points.shape[1]
+    matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
+    inner = matrix[count:, count:].copy()
+    for i in range(len(inner)):
+        inner[i, i] += ridge
+    frame = natural_monomials(points, exponents)[1:, 1:].copy()
+    moments, slopes, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
+    heights, coefficients = np.empty(count), np.zeros(len(exponents))
+    coefficients[1:] = slopes
+    for i in range(count):
+        heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i], coefficients, len(coefficients))
+    coefficients[0] = -np.mean(heights)
+    return moments.reshape(gradients.shape), coefficients, heights + coefficients[0], dropped
+
+
+@njit(nogil=True, cache=True)
+def hermite_spectrum(points, gradients, exponents, power, step):
+    """Return the spectrum of the joint system with h = `step`: the values count once, the gradients h² times."""
+    count = points.shape[1]
+    matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
+    roots, right = np.full(len(matrix), step), np.zeros((1, len(matrix)))
+    roots[:count] = 1.0
+    right[0, count:] = gradients.ravel()
+    return coefficients_of(right, roots, decompose_system(matrix, tail, natural_monomials(points, exponents), roots))
+
+
+@njit(nogil=True, cache=True)
+def gradient_spectrum(points, gradients, exponents, power):
+    """Return the spectrum of the gradients' own system."""
+    count = points.shape[1]
+    matrix = oriented_matrix(points, power)[count:, count:].copy()
+    tail = oriented_tail(points, exponents)[count:, 1:].copy()
+    frame = natural_monomials(points, exponents)[1:, 1:].copy()
+    roots, right = np.ones(len(matrix)), gradients.copy().reshape(1, -1)
+    return coefficients_of(right, roots, decompose_system(matrix, tail, frame, roots))
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")

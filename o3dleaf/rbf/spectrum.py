@@ -32,12 +32,18 @@ def decompose(points, roots, exponents, power):
 
     `roots` are the √w of the points. Eigenvalues of rounding size, one for each coinciding point, are zero.
     """
-    matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
+    frame = natural_monomials(points, exponents)
+    return decompose_system(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+
+
+@njit(nogil=True, cache=True)
+def decompose_system(matrix, tail, frame, roots):
+    """Return what `decompose` does, of any A and P, which are overwritten."""
     for i in range(len(roots)):
         tail[i] *= roots[i]
         for j in range(len(roots)):
             matrix[i, j] *= roots[i] * roots[j]
-    vectors, betas, triangle, _ = restrict_tail(tail, natural_monomials(points, exponents))
+    vectors, betas, triangle, _ = restrict_tail(tail, frame)
     reflect_both_sides(matrix, vectors, betas, True)
     rank = len(triangle)
     eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
@@ -55,7 +61,13 @@ def spectra(points, values, roots, exponents, power):
     They live on the null space of the tail. With them the residual of smoothing s is Σ (s c/(e + s))², in the
     weighted norm, for every s at once. Coefficients of rounding size are zero.
     """
-    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    return coefficients_of(values, roots, decompose(points, roots, exponents, power))
+
+
+@njit(nogil=True, cache=True)
+def coefficients_of(values, roots, decomposed):
+    """Return (eigenvalues, coefficients) of rows of values (m, n), as `spectra` does, of a decomposed system."""
+    eigenvalues, eigenvectors, vectors, betas = decomposed
     transposed, rank = np.ascontiguousarray(eigenvectors.T), len(roots) - len(eigenvalues)
     coefficients = np.empty((len(values), len(eigenvalues)))
     for row in range(len(values)):
