@@ -47,6 +47,11 @@ from .mesh.defects import Defects as Defects
 from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
+from .cloud.noise import estimate_noise as estimate_noise
+from .cloud.noise import merge_points as merge_points
+from .reconstruction.fit import merge_noise as merge_noise
+from .reconstruction.fit import fit_surface as fit_surface
+from .reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .remeshing.remesh import remesh as remesh
 from .exchange.consumers import export_mesh as export_mesh
 from .exchange.read import read_labelled_mesh as read_labelled_mesh
@@ -73,8 +78,9 @@ from .parallel import set_num_threads as set_num_threads
 from .errors import O3DLeafError as O3DLeafError
 from .errors import InputError as InputError
 from .errors import UnitError as UnitError
-from .errors import IllPosedError as IllPosedError
 from .errors import OrientationError as OrientationError
+from .errors import CloudWarning as CloudWarning
+from .errors import IllPosedError as IllPosedError
 from .errors import ReconstructionError as ReconstructionError
 from .errors import MemoryBudgetError as MemoryBudgetError
 

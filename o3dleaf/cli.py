@@ -178,6 +178,34 @@ def leaf(
 
 
 @app.command()
+def reconstruct(
+    cloud: Annotated[Path, typer.Argument(help="Any point cloud, with normals or without: PLY, PCD, XYZ, XYZN, ...")],
+    output: Output,
+    spacing: Annotated[float | None, typer.Option(help="Mesh step, in the cloud's unit; from its points.")] = None,
+    rho: Annotated[str, typer.Option(help="Smoothing, the paper's rho in unit³, or 'gcv'.")] = "gcv",
+    local: Annotated[str, typer.Option(help="Fit in the balls: rbf, hermite, curl-free or mls.")] = "rbf",
+    keep_all: Annotated[
+        bool, typer.Option("--untrimmed", help="Keep what no data support, four spacings beyond the data.")
+    ] = False,
+    measure: Annotated[str, typer.Option(help="Support to colour by: distance, weight or residual.")] = "distance",
+    unit: Unit = None,
+    model: Annotated[Path | None, typer.Option(help="Write the field as a model too (.o3l).")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Write a picture too, in the colours of the support.")] = None,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Make a surface of any point cloud: open where the data are open, closed where they are closed."""
+    from o3dleaf.cloud_run import CloudRun
+
+    set_num_threads_if(threads)
+    job = CloudRun(cloud, output, spacing, number_or_word(rho), local, not keep_all, measure, unit, model, picture)
+    with shown(quiet=quiet) as journal:
+        found = job.run(journal)
+    if not quiet:
+        typer.echo(found)
+
+
+@app.command()
 def patch(
     volume: Annotated[Path, typer.Argument(help="Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...")],
     output: Output,

@@ -27,3 +27,7 @@ class ReconstructionError(O3DLeafError):
 
 class MemoryBudgetError(O3DLeafError, MemoryError):
     """The job would not fit into the stated memory budget."""
+
+
+class CloudWarning(UserWarning):
+    """What was decided about a point cloud on the way to its surface."""

@@ -12,7 +12,7 @@ from o3dleaf.files import require_whole_ply
 SUFFIXES = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
 
 
-def read_point_cloud(path: str | PathLike[str], *, least: int = 3) -> o3d.geometry.PointCloud:
+def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool = True) -> o3d.geometry.PointCloud:
     """Return the points of a file that Open3D reads: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.
 
     Parameters
@@ -20,6 +20,8 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3) -> o3d.geomet
     path : str or path
     least : int
         The fewest points that will do.
+    finite : bool
+        Whether a point that is NaN or infinite is an error; `prepare_cloud` leaves such points out.
 
     Raises
     ------
@@ -39,5 +41,6 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3) -> o3d.geomet
         raise InputError(f"{file}: no points could be read; is it a damaged file or an empty cloud?")
     if len(points) < least:
         raise InputError(f"{file}: holds {len(points)} points; at least {least} are needed")
-    require_finite(points, str(file))
+    if finite:
+        require_finite(points, str(file))
     return cloud

@@ -1,7 +1,7 @@
 """An oriented cloud to a field: noise averaged, constraints off the surface, splines blended over balls."""
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -48,37 +48,52 @@ def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSur
 def fit_surface(
     cloud: Merged,
     *,
-    rho: Amount | None = None,
+    rho: Amount | None = "gcv",
     smoothing: Amount | None = None,
-    local: Literal["rbf", "curl-free", "mls"] | OrientedFitter = "rbf",
+    local: str | OrientedFitter = "rbf",
     constraints: Constrain = constrain,
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
     unit: str | None = None,
     progress: Progress | None = None,
 ) -> PUInterpolant:
+    """Return the field of an oriented cloud: about the signed distance, larger inside, zero on the surface.
+
+    Parameters
+    ----------
+    cloud : Merged
+        Points, outward normals, and how many measured points each stands for.
+    rho, smoothing
+        As in `PUInterpolant.fit`; "gcv" leaves points out with all constraints made from them.
+    local : {"rbf", "hermite", "curl-free", "mls"} or OrientedFitter
+        What lives in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
+        normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
+    constraints : callable
+        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
+    points_per_ball, unit, progress
+        As in `PUInterpolant.fit`.
+    margin : float
+        How far beyond the cloud's box the field is to reach, in the unit of the points.
+    """
     spacing = cloud_spacing(cloud.points).median
-    box = np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)])
-    size = {} if points_per_ball is None else {"points_per_ball": points_per_ball}
+    reach = max(margin, spacing) * np.array([[-1.0], [1.0]])
+    options: dict[str, Any] = {
+        "bounds": np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)]) + reach,
+        "unit": unit,
+        "progress": progress,
+    }
+    if points_per_ball is not None:
+        options["points_per_ball"] = points_per_ball
     if local != "rbf":
-        box += margin * np.array([[-1.0], [1.0]])
-        return PUInterpolant.fit_oriented(
-            cloud.points, cloud.normals, local=local, unit=unit, bounds=box, progress=progress, **size
-        )
+        return PUInterpolant.fit_oriented(cloud.points, cloud.normals, local=local, **options)
     off = constraints(cloud.points, cloud.normals, spacing)
-    count = len(cloud.points)
-    owners = np.concatenate([np.arange(count), off.base])
-    sites = np.concatenate([cloud.points, off.sites])
-    box += max(margin, spacing) * np.array([[-1.0], [1.0]])
+    owners = np.concatenate([np.arange(len(cloud.points)), off.base])
     return PUInterpolant.fit(
-        sites,
-        np.concatenate([np.zeros(count), off.values]),
+        np.concatenate([cloud.points, off.sites]),
+        np.concatenate([np.zeros(len(cloud.points)), off.values]),
         rho=rho,
         smoothing=smoothing,
         owners=owners,
         weights=cloud.weights[owners],
-        unit=unit,
-        bounds=box,
-        progress=progress,
-        **size,
+        **options,
     )

@@ -1,0 +1,95 @@
+"""One run of the reconstruction on files: read a cloud, make its surface, and write what was asked for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import open3d as o3d
+
+from o3dleaf.checks import require_choice
+from o3dleaf.cloud.read import read_point_cloud
+from o3dleaf.files import require_apart, require_writable
+from o3dleaf.journal import Journal
+from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
+from o3dleaf.mesh.quality import MeshReport, mesh_report
+from o3dleaf.mesh.support import MEASURES
+from o3dleaf.rbf.smoothing import Amount
+from o3dleaf.reconstruction.reconstruct import create_from_point_cloud_rbfpu
+from o3dleaf.store import SUFFIX as MODEL
+from o3dleaf.units import check_unit
+from o3dleaf.view.render import PIXELS, VECTORS, render
+from o3dleaf.view.scene import Scalars
+
+WORDS = {
+    "distance": "distance to the data",
+    "weight": "data that speak for it (1: all that a whole cloud would)",
+    "residual": "data off the surface",
+}
+
+
+@dataclass(frozen=True)
+class CloudRun:
+    """What a run is asked for; the names are those of ``o3dleaf reconstruct``.
+
+    Attributes
+    ----------
+    cloud, output : Path
+    spacing : float, optional
+        Mesh step, in the cloud's unit.
+    rho : float or "gcv"
+    local, measure : str
+    trimmed : bool
+        Whether what no data support is cut off.
+    unit : str, optional
+    model, picture : Path, optional
+        Further files to write.
+    """
+
+    cloud: Path
+    output: Path
+    spacing: float | None = None
+    rho: Amount = "gcv"
+    local: str = "rbf"
+    trimmed: bool = True
+    measure: str = "distance"
+    unit: str | None = None
+    model: Path | None = None
+    picture: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse, before the work, what could not be written after it."""
+        require_apart([self.output, self.model, self.picture], [self.cloud])
+        require_choice(self.measure, MEASURES, "measure")
+        check_unit(self.unit)
+        for path, suffixes in ((self.output, SUFFIXES), (self.model, (MODEL,)), (self.picture, PIXELS + VECTORS)):
+            if path is not None:
+                require_writable(path, suffixes)
+
+    def run(self, journal: Journal) -> MeshReport:
+        """Make the surface, write it, and return what it is."""
+        with journal.stage("read cloud"):
+            held = read_point_cloud(self.cloud, finite=False)
+        mesh, field = create_from_point_cloud_rbfpu(
+            o3d.t.geometry.PointCloud.from_legacy(held, o3d.core.float64),
+            self.spacing,
+            self.rho,
+            local=self.local,
+            unit=self.unit,
+            measure=self.measure,
+            journal=journal,
+            **({} if self.trimmed else {"trim": None}),
+        )
+        with journal.stage("write mesh"):
+            write_triangle_mesh(self.output, mesh)
+        if self.model is not None:
+            with journal.stage("write model"):
+                field.save(self.model)
+        if self.picture is not None:
+            with journal.stage("draw picture"):
+                shown = Scalars(mesh.vertex[self.measure].numpy().ravel(), WORDS[self.measure] + self._in_unit)
+                render(mesh, self.picture, scalars=shown, unit=self.unit)
+        with journal.stage("check mesh") as progress:
+            return mesh_report(mesh, unit=self.unit, progress=progress)
+
+    @property
+    def _in_unit(self) -> str:
+        return f" / {self.unit}" if self.unit and self.measure != "weight" else ""

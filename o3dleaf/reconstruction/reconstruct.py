@@ -1,0 +1,161 @@
+"""The whole job for any point cloud, one step a line: prepare, merge, fit, follow the surface, trim, clean, support."""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+
+from o3dleaf.checks import require_positive
+from o3dleaf.cloud.noise import Merged
+from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
+from o3dleaf.cloud.spacing import cloud_spacing
+from o3dleaf.errors import CloudWarning
+from o3dleaf.geometry import CloudLike
+from o3dleaf.journal import Journal
+from o3dleaf.mesh.band import extract_band
+from o3dleaf.mesh.support import Support, attach_support, support
+from o3dleaf.mesh.trim import near_data, trim_to_support
+from o3dleaf.pu.interpolant import PUInterpolant
+from o3dleaf.pu.oriented import OrientedFitter
+from o3dleaf.rbf.smoothing import Amount
+from o3dleaf.reconstruction.fit import Constrain, constrain, fit_surface, merge_noise
+
+Mesh = o3d.geometry.TriangleMesh
+FINEST = 0.6
+"""Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
+ENOUGH = 1_000_000
+"""Triangles beyond which the mesh step grows, up to the cloud's spacing."""
+PER_POINT = 3.0
+"""Triangles for each point of a mesh whose step is the cloud's spacing."""
+MARGIN = 4.0
+"""Spacings that the surface is followed beyond its data, one more than the widest gap that is closed."""
+
+
+def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each of which can be replaced
+    pcd: CloudLike,
+    spacing: float | None = None,
+    rho: Amount | None = "gcv",
+    *,
+    smoothing: Amount | None = None,
+    local: str | OrientedFitter = "rbf",
+    points_per_ball: int | tuple[int, int] | None = None,
+    unit: str | None = None,
+    prepare: Callable[[CloudLike], OrientedCloud] = prepare_cloud,
+    merge: Callable[[OrientedCloud], Merged] | None = merge_noise,
+    constraints: Constrain = constrain,
+    trim: Callable[..., Mesh] | None = trim_to_support,
+    clean: Callable[[Mesh], Mesh] | None = None,
+    measure: str | None = "distance",
+    journal: Journal | None = None,
+) -> tuple[Any, PUInterpolant]:
+    r"""Return the surface of a point cloud as a mesh, and the field whose zero it is.
+
+    Beside `o3d.geometry.TriangleMesh.create_from_point_cloud_poisson`: open where the data are open and closed
+    where they are closed, smoothed as much as the noise asks for, and with no parameter that must be given.
+
+    Parameters
+    ----------
+    pcd : (n, 3) array_like or Open3D point cloud, legacy or tensor
+        With outward normals or without.
+    spacing : float, optional
+        Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
+    rho, smoothing
+        How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
+    local : {"rbf", "hermite", "curl-free", "mls"} or OrientedFitter
+        What lives in the balls, see `fit_surface`.
+    points_per_ball : int or (least, most), optional
+    unit : str, optional
+        Of the coordinates; the field keeps it.
+    prepare : callable
+        ``prepare(cloud) -> OrientedCloud``: what is wrong with the cloud goes, every point has an outward normal.
+    merge : callable or None
+        ``merge(cloud) -> Merged``: points averaged where noise is thicker than the spacing. None: as they are.
+    constraints : callable
+        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
+    trim : callable or None
+        ``trim(mesh, points) -> mesh``: what no data support goes. None: the surface ends four spacings past them.
+    clean : callable or None
+        ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
+        as it comes.
+    measure : {"distance", "weight", "residual"} or None
+        Support that the vertices are coloured by; None leaves support out.
+    journal : Journal, optional
+        Told of each stage and of what was decided; without one, decisions are warnings (`CloudWarning`).
+
+    Returns
+    -------
+    mesh : open3d.geometry.TriangleMesh, or open3d.t.geometry.TriangleMesh for a tensor cloud
+        Triangles counter-clockwise seen from outside. The vertices have the colours of their support and, of a
+        tensor mesh, the attributes `distance`, `weight` and `residual`; `support` gives those of any mesh.
+    field : PUInterpolant
+        Larger inside, in the cloud's unit about the signed distance near the surface; `field.save(path)` keeps it.
+
+    Raises
+    ------
+    InputError, OrientationError
+        If no surface can be told from the cloud, with the reason.
+    ReconstructionError
+        If no surface is left.
+    """
+    log = journal or Journal()
+    with log.stage("prepare cloud"):
+        cloud = prepare(pcd)
+    for line in decisions(cloud):
+        log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
+    with log.stage("merge points"):
+        merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
+        apart = cloud_spacing(merged.points).median
+    with log.stage("fit balls") as progress:
+        field = fit_surface(
+            merged,
+            rho=None if smoothing is not None and rho == "gcv" else rho,
+            smoothing=smoothing,
+            local=local,
+            constraints=constraints,
+            points_per_ball=points_per_ball,
+            margin=MARGIN * apart,
+            unit=unit,
+            progress=progress,
+        )
+    with log.stage("follow surface") as progress:
+        step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
+        mesh = extract_band(field, step, merged.points, within=near_data(merged.points, apart), progress=progress)
+    with log.stage("trim to data"):
+        mesh = trim(mesh, merged.points) if trim else mesh
+    with log.stage("clean mesh"):
+        mesh = clean(mesh) if clean else mesh
+    if measure is None:
+        return mesh, field
+    with log.stage("measure support"):
+        return coloured(mesh, support(mesh, merged.points, field), measure, tensor=hasattr(pcd, "point")), field
+
+
+def mesh_step(spacing: float, count: int) -> float:
+    """Return the step of the mesh of a cloud of `count` points 1/√(points per unit area) = `spacing` apart.
+
+    It is 0.6 spacings; where that would make more than a million triangles, more, but not more than one spacing.
+    """
+    return spacing * float(np.clip(np.sqrt(PER_POINT * count / ENOUGH), FINEST, 1.0))
+
+
+def decisions(cloud: OrientedCloud) -> tuple[str, ...]:
+    """Return what preparing a cloud removed and decided, one sentence each; nothing of a cloud without fault."""
+    removed = {
+        "not finite": cloud.non_finite,
+        "repeated": cloud.repeated,
+        "far from all others": cloud.stray,
+        "averaged with others of their voxel": cloud.merged,
+    }
+    found = ", ".join(f"{count:,} {why}" for why, count in removed.items() if count)
+    return (f"points left out: {found}", *cloud.notes) if found else cloud.notes
+
+
+def coloured(mesh: Mesh, found: Support, measure: str, *, tensor: bool) -> Any:
+    """Return the mesh in the colours of a measure of its support; as a tensor mesh, with all of it as attributes."""
+    told = attach_support(mesh, found, measure=measure)
+    if tensor:
+        return told
+    mesh.vertex_colors = o3d.utility.Vector3dVector(told.vertex.colors.numpy().astype(np.float64))
+    return mesh
