@@ -3,15 +3,16 @@
 python scripts/bench_peers.py [--json FILE] [--shapes ...] [--points ...] [--noise ...] [--methods ...] [--quick]
 
 Every method gets the same points and the same normals: those of the truth on a clean cloud, on a noisy one Open3D's PCA
-normals (30 neighbours) turned to the truth's side. Lattices, octrees and first balls have the spacing of the cloud,
-sqrt(area / points). Each call has a process of its own; seconds and peak_mb (resident memory beyond what was there
-before) are those of the call alone, after a warm-up on a small ball, so that imports and compilation are not counted.
-Accuracy: mean distance to the truth, closest points by formula or Newton's method, of 200,000 points of the mesh, and
-completeness: of as many points of the truth to the mesh; both uniform by area. hausdorff95 and hausdorff are the larger
-of the two ways. fscore counts what is nearer than the noise, or than a tenth of the spacing where there is less.
-Normal consistency is the mean cosine, -1 for a surface turned inside out. Real scans have no truth: nine tenths are
-reconstructed from, completeness is the distance of the others to the mesh, accuracy that of the mesh to the nearest
-point of the whole scan (never below a part of its spacing), and fscore counts within one spacing.
+normals (30 neighbours) turned to the truth's side. Scans keep their own normals, unless neighbours are at odds.
+Lattices, octrees and first balls have the spacing of the cloud, sqrt(area / points). Each call has a process of its
+own; seconds and peak_mb (resident memory beyond what was there before) are those of the call alone, after a warm-up on
+a small ball, so that imports and compilation are not counted. Accuracy: mean distance to the truth, closest points by
+formula or Newton's method, of 200,000 points of the mesh, and completeness: of as many points of the truth to the mesh;
+both uniform by area. hausdorff95 and hausdorff are the larger of the two ways. fscore counts what is nearer than the
+noise, or than a tenth of the spacing where there is less. Normal consistency is the mean cosine, -1 for a surface
+turned inside out. Real scans have no truth: nine tenths are reconstructed from, completeness is the distance of the
+others to the mesh, accuracy that of the mesh to the nearest point of the whole scan (never below a part of its
+spacing), and fscore counts within one spacing.
 """
 
 import argparse

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from o3dleaf.samples import Sphere
-from tolerances import BENCH_SAG, BENCH_SPACING
+from tolerances import BENCH_SAG, BENCH_SPACING, SOLID_FOOT
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 KEYS = [
@@ -152,6 +152,16 @@ def test_the_clouds_are_what_they_say(script):
 def test_the_spacing_of_a_scan_is_that_of_its_density(script):
     points = Sphere().sample(20_000)[0]
     assert abs(script("clouds").spacing_of(points) / np.sqrt(np.pi / 20_000) - 1) < BENCH_SPACING
+
+
+def test_normals_at_odds_are_found_anew(script):
+    clouds, (points, normals) = script("clouds"), Sphere().sample(2000)
+    signs = np.where(np.random.default_rng(0).random(2000) < 0.2, -1.0, 1.0)[:, np.newaxis]
+    assert abs(clouds.at_odds(points, signs * normals) - 2 * 0.2 * 0.8) < 0.03
+    kept = clouds.facing_of(clouds.cloud_of(points, normals))
+    assert np.abs(kept - normals).max() < SOLID_FOOT
+    found = clouds.facing_of(clouds.cloud_of(points, signs * normals))
+    assert abs((found * normals).sum(axis=1).mean()) > 0.95
 
 
 def test_a_scan_is_judged_by_points_that_no_method_has_seen(script):
