@@ -10,8 +10,9 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf.samples import Sphere
-from tolerances import BENCH_SAG, BENCH_SPACING
+from o3dleaf.errors import O3DLeafError
+from o3dleaf.samples import Sphere, Torus
+from tolerances import BENCH_SAG, BENCH_SPACING, SOLID_FOOT
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 KEYS = [
@@ -113,14 +114,15 @@ def test_the_kind_of_a_mesh_is_counted(errors, offset):
     assert errors.shape_of(np.concatenate([vertices, vertices + 9]), both)["components"] == 2
 
 
-@pytest.mark.parametrize("method", ["open3d_poisson", "meshlab_poisson", "apss", "rimls", "ball_pivoting"])
+@pytest.mark.parametrize("method", ["meshlab_poisson", "apss", "rimls", "ball_pivoting"])
 def test_triangles_are_as_fine_as_the_cloud(script, method):
     solid, count = Sphere(), 3000
     points, normals = solid.sample(count)
     spacing = np.sqrt(solid.area / count)
     vertices, triangles = script("peers").METHODS[method](points, normals, spacing, False)
     edge = np.median(np.linalg.norm(np.diff(vertices[triangles[:, :2]], axis=1), axis=2)) / spacing
-    # An octree's depth is a whole number; the edges of ball pivoting are those between the points.
+    # An octree's depth is a whole number; the edges of ball pivoting are those between the points. Open3D's Poisson,
+    # which has the depth of MeshLab's, is not called here: now and then it crashes the process that it runs in.
     assert {"apss": 0.9, "rimls": 0.9}.get(method, 0.5) < edge < 1.1
 
 
@@ -154,6 +156,17 @@ def test_the_spacing_of_a_scan_is_that_of_its_density(script):
     assert abs(script("clouds").spacing_of(points) / np.sqrt(np.pi / 20_000) - 1) < BENCH_SPACING
 
 
+def test_normals_at_odds_are_found_anew(script):
+    # Not a sphere: Open3D orients by way of a Delaunay tetrahedralisation, which fails on points of one sphere.
+    clouds, (points, normals) = script("clouds"), Torus().sample(2000)
+    signs = np.where(np.random.default_rng(0).random(2000) < 0.2, -1.0, 1.0)[:, np.newaxis]
+    assert abs(clouds.at_odds(points, signs * normals) - 2 * 0.2 * 0.8) < 0.03
+    kept = clouds.facing_of(clouds.cloud_of(points, normals))
+    assert np.abs(kept - normals).max() < SOLID_FOOT
+    found = clouds.facing_of(clouds.cloud_of(points, signs * normals))
+    assert abs((found * normals).sum(axis=1).mean()) > 0.95
+
+
 def test_a_scan_is_judged_by_points_that_no_method_has_seen(script):
     clouds = script("clouds")
     if not clouds.SHARED.exists():
@@ -172,6 +185,38 @@ def test_what_takes_too_long_or_fails_is_a_record_without_figures(script, tmp_pa
     assert late.accuracy is late.seconds is None
     script("measuring").write_json(tmp_path / "found.json", [late])
     assert json.loads((tmp_path / "found.json").read_text())[0]["accuracy"] is None
+
+
+def test_what_crashes_gets_another_chance_but_not_for_ever(script, monkeypatch, offset):
+    bench, (_, vertices, triangles) = script("bench_peers"), offset
+    case = script("clouds").synthetic("sphere", 200, 0.0, samples=100)
+    left = [1]
+
+    def crash(*_):
+        if left[0] == 0:
+            return vertices, triangles, 1.0, 1.0, 1.0
+        left[0] -= 1
+        raise O3DLeafError("apss: died of SIGSEGV; it is reported as failed")
+
+    monkeypatch.setattr(bench, "reconstruct", crash)
+    once = bench.judge(case, "apss", 10)
+    assert (once.crashes, once.failed, once.components) == (1, None, 1)
+    left[0] = 99
+    ever = bench.judge(case, "apss", 10)
+    assert ever.crashes == bench.TRIES == 99 - left[0]
+    assert "SIGSEGV" in ever.failed
+
+
+def test_vertices_that_are_no_numbers_are_counted_and_go(script, monkeypatch, offset):
+    bench, (_, vertices, triangles) = script("bench_peers"), offset
+    case = script("clouds").synthetic("sphere", 200, 0.0, samples=100)
+    broken = vertices.copy()
+    broken[triangles[0, 0]] = np.nan
+    monkeypatch.setattr(bench, "reconstruct", lambda *_: (broken, triangles, 1.0, 1.0, 1.0))
+    found = bench.judge(case, "rimls", 10)
+    assert found.nonfinite_vertices == 1
+    assert found.boundary_edges == np.sum(triangles == triangles[0, 0])
+    assert np.isfinite(found.hausdorff)
 
 
 def test_a_verdict_is_against_the_best_peer_and_the_better_poisson(script):
@@ -211,13 +256,13 @@ def test_a_quick_run_writes_records_with_the_promised_keys(script, capsys, tmp_p
         "--noise",
         "0",
         "--methods",
-        "open3d_poisson",
+        "meshlab_poisson",
         "apss",
         "--json",
     ]
     script("bench_peers").main([*arguments, str(found)])
     records, said = json.loads(found.read_text()), capsys.readouterr().out
-    assert [record["method"] for record in records] == ["open3d_poisson", "apss"]
+    assert [record["method"] for record in records] == ["meshlab_poisson", "apss"]
     for record in records:
         assert list(record)[: len(KEYS)] == KEYS
         assert record["failed"] is None
