@@ -3,6 +3,11 @@ from .cloud.read import read_point_cloud as read_point_cloud
 from .cloud.prepare import remove_stray_points as remove_stray_points
 from .cloud.oriented import prepare_cloud as prepare_cloud
 from .cloud.oriented import OrientedCloud as OrientedCloud
+from .cloud.stray import find_stray_points as find_stray_points
+from .cloud.orientation import estimate_normals as estimate_normals
+from .cloud.orientation import orient_normals as orient_normals
+from .cloud.orientation import Orientation as Orientation
+from .cloud.merging import merge_points as merge_points
 from .cloud.spacing import cloud_spacing as cloud_spacing
 from .cloud.constraints import off_surface_constraints as off_surface_constraints
 from .ct.formats import read_volume as read_volume

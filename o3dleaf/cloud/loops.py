@@ -167,3 +167,55 @@ def count_votes(points, normals, rows, sure, start, stop, votes):
                 votes[i, 0] += 1
             elif max(agreement, straight) < -sure:
                 votes[i, 1] += 1
+
+
+@njit(nogil=True, cache=True)
+def blend_normals(points, owner, centres, normals, rows, start, stop, blended):
+    """Write the unit mean of the normals of the surfels around each point, of those that face its owner's way.
+
+    Weights are exp(-4 d^2/R^2), R the distance from the owner to the farthest of its neighbours `rows`.
+    """
+    for i in range(start, stop):
+        o = owner[i]
+        far = rows[o, rows.shape[1] - 1]
+        reach = 0.0
+        for a in range(3):
+            reach += (centres[far, a] - centres[o, a]) ** 2
+            blended[i, a] = 0.0
+        for m in range(rows.shape[1]):
+            j = rows[o, m]
+            if normals[o, 0] * normals[j, 0] + normals[o, 1] * normals[j, 1] + normals[o, 2] * normals[j, 2] <= 0:
+                continue
+            square = 0.0
+            for a in range(3):
+                square += (points[i, a] - centres[j, a]) ** 2
+            weight = np.exp(-4 * square / reach)
+            for a in range(3):
+                blended[i, a] += weight * normals[j, a]
+        length = np.sqrt(blended[i, 0] ** 2 + blended[i, 1] ** 2 + blended[i, 2] ** 2)
+        for a in range(3):
+            blended[i, a] = blended[i, a] / length if length > 0 else normals[o, a]
+
+
+@njit(nogil=True, cache=True)
+def smooth_normals(points, normals, rows, noise, start, stop, smoothed):
+    """Write the normals that planes through neighbours agree on at each point, whatever their signs.
+
+    The axis a with the largest sum of w_j (a . n_j)^2, w_j = exp(-h^2 / (2 noise^2)), h the distance of x_i from the
+    plane of x_j: what lies on another sheet has no say.
+    """
+    matrix, axes, values = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(start, stop):
+        matrix[:] = 0.0
+        for m in range(rows.shape[1]):
+            j = rows[i, m]
+            h = 0.0
+            for a in range(3):
+                h += (points[i, a] - points[j, a]) * normals[j, a]
+            weight = np.exp(-h * h / (2 * noise * noise))
+            for a in range(3):
+                for b in range(a, 3):
+                    matrix[a, b] -= weight * normals[j, a] * normals[j, b]
+        least = diagonalise(matrix, axes, values)
+        for a in range(3):
+            smoothed[i, a] = axes[a, least]

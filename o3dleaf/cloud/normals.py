@@ -1,6 +1,7 @@
 """Normals of a cloud: found from the points, or given and then checked against their neighbours."""
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud import loops
@@ -34,21 +35,30 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
         Share of the votes that still contradict one another.
     """
     sign = np.ones(len(points))
+    against = _votes(points, normals, rows)
     for _ in range(ROUNDS):
-        against = _votes(points, sign[:, np.newaxis] * normals, rows)
         total = against.sum(axis=1)
         wrong = (against[:, 1] >= MAJORITY * total) & (total >= QUORUM)
         if not wrong.any():
             break
         sign[wrong] *= -1
-    repaired = sign[:, np.newaxis] * normals
-    return repaired, int(np.sum(sign < 0)), vote_conflict(points, repaired, rows)
+        against = _votes(points, sign[:, np.newaxis] * normals, rows)
+    return sign[:, np.newaxis] * normals, int(np.sum(sign < 0)), _share_against(against)
+
+
+def contradicted(points: FloatArray, normals: FloatArray, rows: IndexArray) -> npt.NDArray[np.bool_]:
+    """Return which normals (n,) at least one sure neighbour contradicts."""
+    return np.asarray(_votes(points, normals, rows)[:, 1] > 0)
 
 
 def vote_conflict(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
     """Return the share of neighbours' votes that say that two normals contradict one another."""
-    against = _votes(points, normals, rows).sum(axis=0)
-    return float(against[1] / max(against.sum(), 1))
+    return _share_against(_votes(points, normals, rows))
+
+
+def _share_against(votes: IndexArray) -> float:
+    right, wrong = votes.sum(axis=0)
+    return float(wrong / max(right + wrong, 1))
 
 
 def _votes(points: FloatArray, normals: FloatArray, rows: IndexArray) -> IndexArray:

@@ -1,16 +1,19 @@
 """Any point cloud, made ready for a surface: what is wrong with it goes, and every point has an outward normal."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_points
-from o3dleaf.cloud.neighbours import fit_planes, nearest_neighbours
-from o3dleaf.cloud.normals import repair_normals
-from o3dleaf.cloud.spacing import cloud_spacing
-from o3dleaf.cloud.stray import find_stray_points
+from o3dleaf.checks import FloatArray, as_points, require_positive
+from o3dleaf.cloud.given import check_normals
+from o3dleaf.cloud.merging import merge_points
+from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
+from o3dleaf.cloud.orientation import Orientation, estimate_normals, orient_normals, turn_outward
+from o3dleaf.cloud.spacing import median_spacing
+from o3dleaf.cloud.stray import find_stray_points, stray_among
+from o3dleaf.cloud.surfels import Surfels
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, held_normals, held_points
 
@@ -18,6 +21,8 @@ LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
 
 FindStray = Callable[[FloatArray], npt.NDArray[np.bool_]]
+Estimate = Callable[[FloatArray], FloatArray]
+Orient = Callable[[FloatArray, FloatArray], Orientation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,18 +45,21 @@ class OrientedCloud:
     points: FloatArray
     normals: FloatArray
     spacing: float
-    non_finite: int
-    repeated: int
-    stray: int
-    merged: int
-    notes: tuple[str, ...]
+    non_finite: int = 0
+    repeated: int = 0
+    stray: int = 0
+    merged: int = 0
+    notes: tuple[str, ...] = field(default=())
 
 
 def prepare_cloud(
     cloud: CloudLike,
     *,
     normals: npt.ArrayLike | None = None,
+    voxel_size: float | None = None,
     find_stray: FindStray | None = find_stray_points,
+    estimate: Estimate = estimate_normals,
+    orient: Orient | None = orient_normals,
 ) -> OrientedCloud:
     """Return the points of any cloud without those that do no good, each with its outward normal.
 
@@ -60,40 +68,47 @@ def prepare_cloud(
     cloud : (n, 3) array_like or Open3D point cloud
         Points that are not finite are removed and counted, as are repeated ones.
     normals : (n, 3) array_like, optional
-        Normals to use in place of those that the cloud holds. They are made of unit length; a normal that is
-        missing (zero or not finite) is found anew, and one that nearly all its neighbours contradict is turned.
+        Normals to use in place of those that the cloud holds. Given normals are kept as far as their neighbours bear
+        them out: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
+        point inward; where they contradict one another throughout, their sides are found anew.
+    voxel_size : float, optional
+        Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
     find_stray : callable, optional
         ``find_stray(points) -> (n,) mask`` of what is no surface; None keeps everything.
+    estimate : callable
+        ``estimate(points) -> (n, 3)`` unit normals of either sign, where the cloud has none.
+    orient : callable, optional
+        ``orient(points, normals) -> Orientation``; None leaves normals as they were given or estimated.
 
     Raises
     ------
     InputError
         If too few points are left.
+    OrientationError
+        If the points do not say which side is outside.
     """
     held = _held_array(held_points(cloud), "cloud")
     given = held_normals(cloud) if normals is None else normals
-    if given is None:
-        raise InputError("cloud: has no normals; estimate and orient them first")
-    direction = _held_array(given, "normals")
-    if len(direction) != len(held):
-        raise InputError(f"normals: {len(direction)} for {len(held)} points; give one a point")
+    directions = None if given is None else _held_array(given, "normals")
+    if directions is not None and len(directions) != len(held):
+        raise InputError(f"normals: {len(directions)} for {len(held)} points; give one a point")
     finite = np.flatnonzero(np.isfinite(held).all(axis=1))
     distinct = finite[_first_of_each(held[finite])]
-    _require_enough(len(distinct), len(held))
-    kept = distinct[~find_stray(held[distinct])] if find_stray else distinct
-    _require_enough(len(kept), len(held))
+    kept, near = _without_stray(held, distinct, find_stray)
     points = np.ascontiguousarray(held[kept])
-    unit, notes = _checked(points, direction[kept])
-    return OrientedCloud(
-        points,
-        unit,
-        cloud_spacing(points).median,
-        non_finite=len(held) - len(finite),
-        repeated=len(finite) - len(distinct),
-        stray=len(distinct) - len(kept),
-        merged=0,
-        notes=notes,
-    )
+    surfels = Surfels.of(points, near.row)
+    spacing = median_spacing(surfels.spacing).median
+    if directions is not None:
+        unit, notes = check_normals(points, directions[kept], surfels, near.row, orient=orient is not None)
+    else:
+        unit, notes = _found(points, surfels, estimate, orient)
+    count = len(points)
+    if voxel_size is not None:
+        points, unit = merge_points(points, unit, require_positive(voxel_size, "voxel_size"))
+        _require_enough(len(points), count)
+        spacing = median_spacing(Surfels.of(points).spacing).median
+    removed = len(held) - len(finite), len(finite) - len(distinct), len(distinct) - len(kept), count - len(points)
+    return OrientedCloud(points, unit, spacing, *removed, notes)
 
 
 def _held_array(array: npt.ArrayLike, name: str) -> FloatArray:
@@ -111,6 +126,24 @@ def _first_of_each(points: FloatArray) -> npt.NDArray[np.int64]:
     return np.sort(order[~same])  # lexsort is stable: of equal points the first comes first
 
 
+def _without_stray(
+    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None
+) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
+    """Return those of `rows` that are no stray points, and their neighbourhoods."""
+    _require_enough(len(rows), len(held))
+    points = held[rows]
+    near = nearest_neighbours(points)
+    if find_stray is None:
+        return rows, near
+    # Our own step shares its neighbourhoods with the next ones.
+    stray = stray_among(near) if find_stray is find_stray_points else find_stray(points)
+    if not stray.any():
+        return rows, near
+    kept = rows[~stray]
+    _require_enough(len(kept), len(held))
+    return kept, nearest_neighbours(held[kept])
+
+
 def _require_enough(count: int, whole: int) -> None:
     if count < LEAST_POINTS:
         raise InputError(
@@ -119,19 +152,10 @@ def _require_enough(count: int, whole: int) -> None:
         )
 
 
-def _checked(points: FloatArray, given: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return unit normals with the missing and the clearly wrong ones mended, and what was done."""
-    notes = []
-    rows = nearest_neighbours(points).row
-    length = np.linalg.norm(np.where(np.isfinite(given), given, 0.0), axis=1)
-    missing = ~(np.isfinite(given).all(axis=1) & (length > 0))
-    unit = np.where(missing[:, np.newaxis], 0.0, given) / np.where(missing, 1.0, length)[:, np.newaxis]
-    if missing.any():
-        unit[missing] = fit_planes(points, rows[missing]).normal
-        around = unit[rows[missing]] * ~missing[rows[missing]][:, :, np.newaxis]
-        unit[missing] *= np.where(np.einsum("ia,ija->i", unit[missing], around) < 0, -1.0, 1.0)[:, np.newaxis]
-        notes.append(f"{missing.sum()} normals were missing and are those of the planes through their neighbours")
-    unit, turned, _ = repair_normals(points, unit, rows)
-    if turned:
-        notes.append(f"{turned} normals were turned round, contradicted by their neighbours")
-    return unit, tuple(notes)
+def _found(points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None) -> Orientation:
+    """Return normals of a cloud that has none."""
+    ours = estimate is estimate_normals
+    normals = surfels.blend(points, surfels.planes.normal) if ours else as_points(estimate(points), "normals", dim=3)
+    if orient is None:
+        return Orientation(normals, ())
+    return turn_outward(points, normals, surfels) if orient is orient_normals else orient(points, normals)

@@ -6,7 +6,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.cloud.neighbours import nearest_neighbours
+from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
 
 NEIGHBOURS = 8
 LINK = 6.0
@@ -21,10 +21,15 @@ def find_stray_points(points: FloatArray) -> npt.NDArray[np.bool_]:
     Points are linked to those of their eight nearest that are within 6 times the median distance of an eighth
     neighbour; pieces of fewer than 24 points are stray, however far apart, unless nothing larger is there.
     """
-    distance, row = nearest_neighbours(points, NEIGHBOURS + 1)
-    linked = distance[:, 1:] <= LINK * np.median(distance[:, -1])
+    return stray_among(nearest_neighbours(points, NEIGHBOURS + 1))
+
+
+def stray_among(near: Neighbourhoods) -> npt.NDArray[np.bool_]:
+    """Return which points are stray (n,), given their neighbourhoods."""
+    distance, row = (part[:, 1 : NEIGHBOURS + 1] for part in near)
+    linked = distance <= LINK * np.median(distance[:, -1])
     i, _ = np.nonzero(linked)
-    graph = coo_array((np.ones(len(i), np.int8), (i, row[:, 1:][linked])), shape=(len(points), len(points)))
+    graph = coo_array((np.ones(len(i), np.int8), (i, row[linked])), shape=(len(row), len(row)))
     _, piece = connected_components(graph, directed=False)
     size = np.bincount(piece)
     return np.asarray(size[piece] < min(CLUSTER, size.max()), dtype=bool)

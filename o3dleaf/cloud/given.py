@@ -1,0 +1,89 @@
+"""Normals that came with a cloud: completed, and believed as far as the points bear them out."""
+
+import numpy as np
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.cloud.enclosure import enclosing_signs
+from o3dleaf.cloud.neighbours import IndexArray, fit_planes
+from o3dleaf.cloud.normals import repair_normals
+from o3dleaf.cloud.orientation import OPEN, Orientation, orient_surfels
+from o3dleaf.cloud.surfels import Surfels
+from o3dleaf.errors import OrientationError
+
+CONTRADICTED = 0.03
+"""Share of contradicting votes from which on sides are looked at: Homer, whose parts nearly touch, has 0.001."""
+SPLIT = 0.5
+"""Distance between the points of either side, over their spread, from which on they are two sheets within the noise,
+and their normals no mistake."""
+
+
+def check_normals(
+    points: FloatArray, given: FloatArray, surfels: Surfels, rows: IndexArray, *, orient: bool
+) -> Orientation:
+    """Return unit normals (n, 3) out of those given, mended where points and neighbours contradict them.
+
+    Parameters
+    ----------
+    points, given : (n, 3) ndarray
+        Normals may have any length, or be missing: zero or not finite.
+    surfels : Surfels
+        Of the points.
+    rows : (n, k) ndarray
+        Each point's neighbours, itself first.
+    orient : bool
+        Whether sides may be changed.
+    """
+    unit, missing = _completed(points, given, rows)
+    notes = (f"{missing} normals were missing and were found",) if missing else ()
+    if not orient:
+        return Orientation(unit, notes)
+    repaired, turned, conflict = repair_normals(points, unit, rows)
+    if conflict > CONTRADICTED:
+        unit, more = _settled(points, unit, surfels)
+    else:
+        unit, more = repaired, ((f"{turned} normals were turned, contradicted by their neighbours",) if turned else ())
+    if _point_inward(surfels, unit):
+        unit, more = -unit, (*more, "all normals pointed inward and were turned")
+    return Orientation(unit, notes + more)
+
+
+def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
+    """Say whether unit normals (n, 3) of the cloud's points enclose a volume from the wrong side."""
+    area, count = surfels.total(surfels.spacing**2), surfels.total(np.ones(len(unit)))
+    mean = np.column_stack([surfels.total(unit[:, a]) for a in range(3)]) / count[:, np.newaxis]
+    enclosure = enclosing_signs(surfels.points, mean, area, np.zeros(len(count), np.int64))
+    return bool(enclosure.sign[0] < 0 and enclosure.winding[0] > OPEN)
+
+
+def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:
+    """Return unit normals, the missing ones those of planes through neighbours, and how many were."""
+    finite = np.isfinite(given).all(axis=1)
+    length = np.linalg.norm(np.where(finite[:, np.newaxis], given, 0.0), axis=1)
+    known = np.asarray(length > 0)
+    unit = np.where(known[:, np.newaxis], given, 0.0) / np.where(known, length, 1.0)[:, np.newaxis]
+    missing = np.flatnonzero(~known)
+    if len(missing):
+        plane = fit_planes(points, rows[missing]).normal
+        votes = np.einsum("ia,ija->i", plane, unit[rows[missing]])  # missing ones are zero and have no vote
+        unit[missing] = np.where(votes < 0, -1.0, 1.0)[:, np.newaxis] * plane
+    return unit, len(missing)
+
+
+def _settled(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
+    """Return normals that contradict one another with sides found anew, unless they are of two sheets in the noise."""
+    try:
+        outward, notes = orient_surfels(points, surfels)
+    except OrientationError as problem:
+        return Orientation(unit, (f"normals contradict one another and were kept as they are ({problem})",))
+    agreement = np.einsum("ij,ij->i", unit, outward)
+    turned = np.asarray(agreement < 0)
+    height = np.einsum("ij,ij->i", points - surfels.points[surfels.owner], outward)
+    spread = float(np.std(height))
+    if len(surfels.points) < len(points) and 0 < turned.sum() < len(points):
+        apart = float(np.mean(height[~turned]) - np.mean(height[turned]))
+        if apart > SPLIT * spread:
+            return Orientation(unit, ("two sheets lie within the noise: normals were kept as they are",))
+    sign = np.where(turned, -1.0, 1.0)[:, np.newaxis]
+    return Orientation(
+        sign * unit, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were turned", *notes)
+    )
