@@ -199,7 +199,7 @@ SUPPORT_TWIN = 1e-8
 """Gradients of size 1 from differences at a step of 1e-6 put feet 1e-11 off, and bounds that end in other cells."""
 
 RESIDUAL_OF_NOISE = 0.02
-"""Of 40,000 deviations, each seen by many vertices: found 6e-3; weights by the points and not their feet make it 0.16."""
+"""Of 40,000 deviations, each seen by many vertices: found 6e-3; weights by the points instead of feet: 0.16."""
 
 FULL_WEIGHT = 0.02
 """A lattice of points sums Wendland's function as an integral does, at three spacings: found 4e-3."""

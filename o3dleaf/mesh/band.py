@@ -11,7 +11,6 @@ from o3dleaf.checks import FloatArray, as_mask, as_number, as_points, as_step, r
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, build_mesh
-from o3dleaf.mesh.clip import trim_to_manifold
 from o3dleaf.mesh.wavefront import Band
 from o3dleaf.parallel import Progress
 
@@ -96,9 +95,7 @@ def extract_band(
             f"seeds: none of {len(points)} leads to a cell that the surface {isovalue:g} crosses; give points near it, "
             "or a finer spacing"
         )
-    vertices, triangles = band.draw(sharpen=sharpen)
-    # Cells that were kept may touch along an edge alone.
-    return build_mesh(*(trim_to_manifold(vertices, triangles) if allowed else (vertices, triangles)))
+    return build_mesh(*band.draw(sharpen=sharpen, ends=allowed is not None))
 
 
 def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:

@@ -13,6 +13,7 @@ from o3dleaf.field import Field
 from o3dleaf.mesh import band_loops as loops
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.cells import COUNTS, CUBES
+from o3dleaf.mesh.clip import trim_to_manifold
 from o3dleaf.parallel import blocks, run_blocks
 
 BATCH = 1 << 20
@@ -116,8 +117,8 @@ class Band:
         self.table = np.full(2 * room, -1, dtype=np.int32)
         loops.fill_table(self.table, self.keys, self.count)
 
-    def draw(self, *, sharpen: bool) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles, in the order of the keys of their points and cells."""
+    def draw(self, *, sharpen: bool, ends: bool) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles by the keys of points and cells, mended where a band `ends`."""
         corners, codes = (np.concatenate(part) for part in zip(*self.found, strict=True))
         order = np.argsort(self.keys[corners[:, 0]])
         corners, codes = corners[order], codes[order]
@@ -141,7 +142,12 @@ class Band:
             loops.draw_cells(start, stop, corners, codes, numbering, edges.fraction, offsets, triangles)
 
         run_blocks(draw, len(codes), BLOCK)
-        return vertices, triangles
+        if not ends:
+            return vertices, triangles
+        # Two cells may touch along an edge alone, where the others were not allowed.
+        cells = np.zeros(len(vertices), dtype=np.uint8)
+        loops.count_cells(corners, codes, numbering, cells)
+        return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
 
     def _number(
         self, corners: npt.NDArray[np.int32], codes: npt.NDArray[np.uint8]
