@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from mesh_fields import CENTRE, Analytic, sphere, torus, wavy_sheets
+from mesh_fields import BLOCK_HALF, CENTRE, Analytic, block, sphere, torus, wavy_sheets
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.components import connected_components
+from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.isosurface import extract_isosurface
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.parallel import get_num_threads, set_num_threads
-from tolerances import ASKED_PER_CELL, BOX_INDEPENDENCE, ISOSURFACE_ORDER, LATTICE_EDGE, SHARPENED_ORDER
+from tolerances import ASKED_PER_CELL, BOX_INDEPENDENCE, EDGE_OF_BLOCK, ISOSURFACE_ORDER, LATTICE_EDGE, SHARPENED_ORDER
 
 
 def sponge():
@@ -76,6 +77,41 @@ def test_a_sharpened_crease_stays_closed_and_on_its_edges():
     vertices = mesh_arrays(band)[0]
     on_lines = np.abs(vertices / 0.11 - np.rint(vertices / 0.11)) < BOX_INDEPENDENCE
     assert (on_lines.sum(axis=1) >= 2).all()
+
+
+@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.025])
+def test_features_draw_the_edges_of_a_block_that_cubes_chamfer(spacing):
+    field, turn = block()
+    seed = CENTRE + turn[:, 0] * BLOCK_HALF[0]
+    share, signs = np.linspace(-1, 1, 200), np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    edges = [np.insert(np.repeat(signs, 200, axis=0), axis, np.tile(share, 4), axis=1) for axis in range(3)]
+    edges = CENTRE + (np.concatenate(edges) * BLOCK_HALF) @ turn.T
+    off, lost = [], []
+    for features in (False, True):
+        report = mesh_report(band := extract_band(field, spacing, seed[None], features=features))
+        assert (report.watertight, report.manifold, report.components, report.genus) == (True, True, 1, 0)
+        assert report.self_intersections == 0
+        off.append(distance_to_mesh(*mesh_arrays(band), edges).max() / spacing)
+        lost.append(abs(report.volume / (8 * BLOCK_HALF.prod()) - 1))
+    assert off[0] > 3 * EDGE_OF_BLOCK
+    assert off[1] < EDGE_OF_BLOCK
+    assert lost[1] < lost[0] / 4
+
+
+def test_features_leave_a_smooth_surface_as_it_is():
+    plain, with_features = (extract_band(torus(), 0.02, [[1.1, 0.0, 0.0]], features=each) for each in (False, True))
+    for one, other in zip(mesh_arrays(plain), mesh_arrays(with_features), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_creases_everywhere_leave_every_edge_two_triangles():
+    """Cells of nearly a wave's length: all normals disagree, fans meet twice, and the band ends in them."""
+    for within in (None, 0.7):
+        band = extract_band(sponge(), 0.11, [[0.1, 0.2, 0.0]], within=within, features=True)
+        report = mesh_report(band)
+        assert report.manifold
+        assert report.oriented
+        assert (report.boundary_edges == 0) == (within is None)
 
 
 def test_a_band_does_not_depend_on_seeds_or_threads():
