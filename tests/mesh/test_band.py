@@ -8,9 +8,11 @@ from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.components import connected_components
+from o3dleaf.mesh.creases import join_creases
 from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.isosurface import extract_isosurface
 from o3dleaf.mesh.quality import mesh_report
+from o3dleaf.mesh.topology import EdgeTable
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from tolerances import ASKED_PER_CELL, BOX_INDEPENDENCE, EDGE_OF_BLOCK, ISOSURFACE_ORDER, LATTICE_EDGE, SHARPENED_ORDER
 
@@ -105,13 +107,22 @@ def test_features_leave_a_smooth_surface_as_it_is():
 
 
 def test_creases_everywhere_leave_every_edge_two_triangles():
-    """Cells of nearly a wave's length: all normals disagree, fans meet twice, and the band ends in them."""
+    """Cells of nearly a wave's length, where the normals of most disagree; once the band ends in them."""
     for within in (None, 0.7):
-        band = extract_band(sponge(), 0.11, [[0.1, 0.2, 0.0]], within=within, features=True)
-        report = mesh_report(band)
+        report = mesh_report(extract_band(sponge(), 0.11, [[0.1, 0.2, 0.0]], within=within, features=True))
         assert report.manifold
         assert report.oriented
         assert (report.boundary_edges == 0) == (within is None)
+
+
+def test_fans_that_meet_twice_are_joined_once():
+    """About 6 the loop 0 1 2 3, about 7 the loop 1 0 4 3 2 5: the edges 0 1 and 2 3 separate both."""
+    loops = ((6, (0, 1, 2, 3)), (7, (1, 0, 4, 3, 2, 5)))
+    fans = np.array([(loop[n], loop[(n + 1) % len(loop)], hub) for hub, loop in loops for n in range(len(loop))])
+    before, after = EdgeTable.of(fans), EdgeTable.of(join_creases(fans, 6))
+    assert sorted(after.count) == sorted(before.count)
+    assert not after.against.any()
+    assert [6, 7] in after.ends.tolist()
 
 
 def test_a_band_does_not_depend_on_seeds_or_threads():
@@ -149,6 +160,17 @@ def test_a_band_ends_open_where_it_may_not_go(within):
     assert 0.5 - 0.04 * np.sqrt(3) < distance.max() < 0.5 + 0.04 * np.sqrt(3)
     whole = {tuple(row) for row in np.rint(mesh_arrays(extract_isosurface(sphere(), 0.04))[0] / 1e-8).astype(int)}
     assert {tuple(row) for row in np.rint(mesh_arrays(band)[0] / 1e-8).astype(int)} < whole
+
+
+def test_a_band_that_ends_in_single_cells_is_manifold():
+    """Of each five cells along any axis one is not allowed: others touch along an edge alone."""
+
+    def within(centres):
+        return np.rint(centres / 0.04 - 0.5).astype(int) @ [1, 2, 3] % 5 > 0
+
+    report = mesh_report(extract_band(sphere(), 0.04, [[1.0, 0.0, 0.0]], within=within))
+    assert report.manifold
+    assert report.boundary_loops > 100
 
 
 def test_a_band_that_cannot_be_says_why():
