@@ -38,6 +38,20 @@ def torus(ring=0.8, tube=0.3):
     return Analytic(lambda x, y, z: tube - np.hypot(np.hypot(x - a, y - b) - ring, z - c))
 
 
+BLOCK_HALF = np.array([0.7, 0.5, 0.4])
+BLOCK_TURN = np.array([[0.7686, -0.5406, 0.3420], [0.6337, 0.7353, -0.2403], [-0.1215, 0.4014, 0.9078]])
+
+
+def block():
+    """A turned block with sharp edges: the least distance to its six planes."""
+    turn = np.linalg.qr(BLOCK_TURN)[0]
+
+    def inside(x, y, z):
+        return (BLOCK_HALF - np.abs((np.stack([x, y, z], axis=1) - CENTRE) @ turn)).min(axis=1)
+
+    return Analytic(inside), turn
+
+
 def wavy_sheets(thickness=0.15):
     """A slab between two wavy sheets that leaves the bounds on four sides."""
     return Analytic(lambda x, y, z: thickness - np.abs(z - 0.2 * np.sin(3 * x + 0.1) * np.cos(2 * y)))

@@ -184,6 +184,9 @@ BOX_INDEPENDENCE = 1e-9
 SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
 
+EDGE_OF_BLOCK = 0.2
+"""Spacings from any place on a block's edges to its mesh: found 0.11, and 0.7 to 0.9 where cubes chamfer them."""
+
 ASKED_PER_CELL = 2.2
 """Points that a band asks for, a crossed cell: two layers of corners; found 2.0 on a sphere.
 Sampling the neighbours of every crossed cell makes 4."""
@@ -199,7 +202,7 @@ SUPPORT_TWIN = 1e-8
 """Gradients of size 1 from differences at a step of 1e-6 put feet 1e-11 off, and bounds that end in other cells."""
 
 RESIDUAL_OF_NOISE = 0.02
-"""Of 40,000 deviations, each seen by many vertices: found 6e-3; weights by the points and not their feet make it 0.16."""
+"""Of 40,000 deviations, each seen by many vertices: found 6e-3; weights by the points instead of feet: 0.16."""
 
 FULL_WEIGHT = 0.02
 """A lattice of points sums Wendland's function as an integral does, at three spacings: found 4e-3."""

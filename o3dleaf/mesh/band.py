@@ -11,7 +11,6 @@ from o3dleaf.checks import FloatArray, as_mask, as_number, as_points, as_step, r
 from o3dleaf.errors import ReconstructionError
 from o3dleaf.field import Field
 from o3dleaf.mesh.arrays import BoolArray, build_mesh
-from o3dleaf.mesh.clip import trim_to_manifold
 from o3dleaf.mesh.wavefront import Band
 from o3dleaf.parallel import Progress
 
@@ -33,6 +32,7 @@ def extract_band(
     within: Within | None = None,
     isovalue: float = 0.0,
     sharpen: bool = True,
+    features: bool = False,
     progress: Progress | None = None,
 ) -> o3d.geometry.TriangleMesh:
     r"""Return the parts of the surface {x : F(x) = isovalue} that seeds lie on as an Open3D triangle mesh.
@@ -59,6 +59,11 @@ def extract_band(
     sharpen : bool
         Ask the field once more at every vertex and move it along its edge to the zero of the parabola through the
         three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).
+    features : bool
+        Ask for the gradient at every vertex; where two in one cell are more than 26° apart, the cell gets one vertex
+        more, where the tangent planes of its vertices meet (half a cell beside it at most), and neighbours of the
+        kind are joined: creases of the field come out as edges, which marching cubes chamfers. Manifold all the
+        same; triangles may cross where the field turns within a cell.
     progress : callable, optional
         ``progress(done, total)`` in cells looked at; the total grows with the band.
 
@@ -78,6 +83,7 @@ def extract_band(
     References
     ----------
     Wyvill, McPheeters and Wyvill (1986), Data structure for soft objects: cells followed across crossed faces.
+    Kobbelt, Botsch, Schwanecke and Seidel (2001), Feature sensitive surface extraction from volume data.
     """
     points, step, level = as_points(seeds, "seeds", dim=3, least=1), as_step(spacing), as_number(isovalue, "isovalue")
     allowed = _as_test(within, points)
@@ -96,9 +102,7 @@ def extract_band(
             f"seeds: none of {len(points)} leads to a cell that the surface {isovalue:g} crosses; give points near it, "
             "or a finer spacing"
         )
-    vertices, triangles = band.draw(sharpen=sharpen)
-    # Cells that were kept may touch along an edge alone.
-    return build_mesh(*(trim_to_manifold(vertices, triangles) if allowed else (vertices, triangles)))
+    return build_mesh(*band.draw(sharpen=sharpen, ends=allowed is not None, features=features))
 
 
 def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:

@@ -201,6 +201,17 @@ def find_fractions(start, stop, corners, codes, values, numbering, vertices):
 
 
 @njit(nogil=True, cache=True)
+def count_cells(corners, codes, numbering, count):
+    """Add up the cells at each vertex: four, but where the band ends."""
+    first, marks = numbering
+    for cell in range(len(codes)):
+        for n in range(12):
+            low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+            if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
+                count[vertex_at(first, marks, corners[cell, low], direction)] += 1
+
+
+@njit(nogil=True, cache=True)
 def draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles):
     """Write the triangles of some cells into their rows, cell c's from offsets[c] on."""
     first, marks = numbering

@@ -178,13 +178,13 @@ def cell_triangles(method, code, fractions, places, triangles):
             low, direction = CUBE_EDGES[loop[n]] >> 3, CUBE_EDGES[loop[n]] & 7
             for axis in range(3):
                 places[n, axis] = (low >> axis & 1) + (direction >> axis & 1) * fractions[loop[n]]
-        written = _cut_loop(loop, places, length, triangles, written)
+        written = cut_loop(loop, places, length, triangles, written)
         at += 1 + length
     return count
 
 
 @njit(nogil=True, cache=True)
-def _cut_loop(loop, places, length, triangles, count):
+def cut_loop(loop, places, length, triangles, count):
     """Cut a loop of edges, which it uses up, into triangles by its shortest diagonals; return the new count."""
     while length > 3:
         best, ear = np.inf, 0

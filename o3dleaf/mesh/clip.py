@@ -34,7 +34,9 @@ def discard_triangles(vertices: FloatArray, triangles: IntArray, keep_vertex: Bo
     return drop_unused_vertices(vertices, triangles[keep[triangles].all(axis=1)])
 
 
-def trim_to_manifold(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+def trim_to_manifold(
+    vertices: FloatArray, triangles: IntArray, suspect: BoolArray | None = None
+) -> tuple[FloatArray, IntArray]:
     """Return the mesh without the triangles that keep it from being edge- and vertex-manifold.
 
     Discarding triangles can leave two parts that touch in a vertex (a bow-tie). There the fan with
@@ -46,13 +48,15 @@ def trim_to_manifold(vertices: FloatArray, triangles: IntArray) -> tuple[FloatAr
     ----------
     vertices : (n, 3) ndarray
     triangles : (m, 3) ndarray of int64
+    suspect : (n,) ndarray of bool, optional
+        The vertices that may have more than one fan; left out, all.
 
     Returns
     -------
     vertices, triangles : ndarrays
         What is left, without unused vertices; the order is kept.
     """
-    suspect = np.ones(len(vertices), dtype=bool)
+    suspect = np.ones(len(vertices), dtype=bool) if suspect is None else suspect
     while suspect.any():
         # Whether a vertex is manifold depends on its own triangles only: look again where some went.
         near = np.flatnonzero(suspect[triangles].any(axis=1))

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as attribute
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +12,17 @@ from o3dleaf.checks import FloatArray, require_finite
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
 from o3dleaf.mesh import band_loops as loops
+from o3dleaf.mesh import crease_loops as creased
 from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.cells import COUNTS, CUBES
+from o3dleaf.mesh.clip import trim_to_manifold
+from o3dleaf.mesh.creases import BESIDE, LEAST_COSINE, join_creases, meet_planes
 from o3dleaf.parallel import blocks, run_blocks
+
+CornerArray: TypeAlias = npt.NDArray[np.int32]
+CodeArray: TypeAlias = npt.NDArray[np.uint8]
+Numbering: TypeAlias = tuple[IntArray, CodeArray]
+"""Each point's first vertex, and the axes along which it has one."""
 
 BATCH = 1 << 20
 """Points that a field is asked for at once."""
@@ -41,7 +50,7 @@ class Band:
     values: FloatArray = attribute(default_factory=lambda: np.empty(1 << 12))
     known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
     count: int = 0
-    found: list[tuple[npt.NDArray[np.int32], npt.NDArray[np.uint8]]] = attribute(default_factory=list)
+    found: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
 
     @classmethod
     def around(cls, points: FloatArray, field: Field, level: float, step: FloatArray) -> "Band":
@@ -95,7 +104,7 @@ class Band:
         self.found.append((corners[crossed], codes[crossed]))
         return self._beyond(*self.found[-1])
 
-    def _beyond(self, corners: npt.NDArray[np.int32], codes: npt.NDArray[np.uint8]) -> IntArray:
+    def _beyond(self, corners: CornerArray, codes: CodeArray) -> IntArray:
         """Return the rising keys of the cells not looked at across the faces of some that the surface crosses."""
         beyond = np.empty((len(codes), 6), dtype=np.int64)
 
@@ -116,8 +125,8 @@ class Band:
         self.table = np.full(2 * room, -1, dtype=np.int32)
         loops.fill_table(self.table, self.keys, self.count)
 
-    def draw(self, *, sharpen: bool) -> tuple[FloatArray, IntArray]:
-        """Return vertices and triangles, in the order of the keys of their points and cells."""
+    def draw(self, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles by the keys of points and cells, mended where a band `ends`."""
         corners, codes = (np.concatenate(part) for part in zip(*self.found, strict=True))
         order = np.argsort(self.keys[corners[:, 0]])
         corners, codes = corners[order], codes[order]
@@ -134,18 +143,58 @@ class Band:
                 between = self._ask(vertices[i:j])
                 loops.sharpen_fractions(i, j, edges.here, edges.there, between, edges.fraction)
             vertices = self._place(edges)
-        drawn = COUNTS[CUBES, codes]
-        offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
+        if features:
+            vertices, triangles = self._crease(corners, codes, numbering, edges, vertices)
+        else:
+            triangles = _draw_smooth(corners, codes, numbering, edges.fraction)
+        if not ends:
+            return vertices, triangles
+        # Two cells may touch along an edge alone, where the others were not allowed.
+        cells = np.full(len(vertices), 4, dtype=np.uint8)
+        cells[:many] = 0
+        loops.count_cells(corners, codes, numbering, cells)
+        return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
+
+    def _crease(
+        self, corners: CornerArray, codes: CodeArray, numbering: Numbering, edges: "_Edges", vertices: FloatArray
+    ) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
+        slope = require_finite(np.asarray(self.field.gradient(vertices), dtype=np.float64), "field gradients")
+        normals = slope / np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)[:, np.newaxis]
+        creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
+
+        def count(start: int, stop: int) -> None:
+            creased.count_creases(start, stop, corners, codes, numbering, normals, LEAST_COSINE, creases, drawn)
+
+        run_blocks(count, len(codes), BLOCK)
+        offsets = np.cumsum(creases) - creases, np.cumsum(drawn) - drawn
+        many, triangles = int(creases.sum()), np.empty((drawn.sum(), 3), dtype=np.int64)
+        planes = np.empty((many, 3, 3)), np.empty((many, 3)), np.empty((many, 3)), np.empty(many, dtype=np.int64)
+        surface = vertices, normals
 
         def draw(start: int, stop: int) -> None:
-            loops.draw_cells(start, stop, corners, codes, numbering, edges.fraction, offsets, triangles)
+            creased.draw_creases(
+                start,
+                stop,
+                corners,
+                codes,
+                numbering,
+                edges.fraction,
+                surface,
+                LEAST_COSINE,
+                offsets,
+                planes,
+                triangles,
+            )
 
         run_blocks(draw, len(codes), BLOCK)
-        return vertices, triangles
+        if not many:
+            return vertices, triangles
+        lower = self.positions(self.keys[corners[planes[3], 0]])
+        added = np.clip(meet_planes(*planes[:3]), lower - BESIDE * self.step, lower + (1 + BESIDE) * self.step)
+        return np.concatenate([vertices, added]), join_creases(triangles, len(vertices))
 
-    def _number(
-        self, corners: npt.NDArray[np.int32], codes: npt.NDArray[np.uint8]
-    ) -> tuple[tuple[IntArray, npt.NDArray[np.uint8]], int]:
+    def _number(self, corners: CornerArray, codes: CodeArray) -> tuple[Numbering, int]:
         """Return each point's first vertex and the axes along which it has one, and how many vertices there are."""
         marks, first = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count, dtype=np.int64)
         loops.mark_edges(corners, codes, marks)
@@ -168,6 +217,18 @@ class Band:
 
         run_blocks(task, len(keys), BLOCK)
         return vertices
+
+
+def _draw_smooth(corners: CornerArray, codes: CodeArray, numbering: Numbering, fraction: FloatArray) -> IntArray:
+    """Return the triangles of cells by marching cubes."""
+    drawn = COUNTS[CUBES, codes]
+    offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
+
+    def draw(start: int, stop: int) -> None:
+        loops.draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles)
+
+    run_blocks(draw, len(codes), BLOCK)
+    return triangles
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,18 @@
 import numpy as np
 import pytest
 
-from mesh_fields import CENTRE, Analytic, sphere, torus, wavy_sheets
+from mesh_fields import BLOCK_HALF, CENTRE, Analytic, block, sphere, torus, wavy_sheets
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.components import connected_components
+from o3dleaf.mesh.creases import join_creases
+from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.isosurface import extract_isosurface
 from o3dleaf.mesh.quality import mesh_report
+from o3dleaf.mesh.topology import EdgeTable
 from o3dleaf.parallel import get_num_threads, set_num_threads
-from tolerances import ASKED_PER_CELL, BOX_INDEPENDENCE, ISOSURFACE_ORDER, LATTICE_EDGE, SHARPENED_ORDER
+from tolerances import ASKED_PER_CELL, BOX_INDEPENDENCE, EDGE_OF_BLOCK, ISOSURFACE_ORDER, LATTICE_EDGE, SHARPENED_ORDER
 
 
 def sponge():
@@ -78,6 +81,50 @@ def test_a_sharpened_crease_stays_closed_and_on_its_edges():
     assert (on_lines.sum(axis=1) >= 2).all()
 
 
+@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.025])
+def test_features_draw_the_edges_of_a_block_that_cubes_chamfer(spacing):
+    field, turn = block()
+    seed = CENTRE + turn[:, 0] * BLOCK_HALF[0]
+    share, signs = np.linspace(-1, 1, 200), np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    edges = [np.insert(np.repeat(signs, 200, axis=0), axis, np.tile(share, 4), axis=1) for axis in range(3)]
+    edges = CENTRE + (np.concatenate(edges) * BLOCK_HALF) @ turn.T
+    off, lost = [], []
+    for features in (False, True):
+        report = mesh_report(band := extract_band(field, spacing, seed[None], features=features))
+        assert (report.watertight, report.manifold, report.components, report.genus) == (True, True, 1, 0)
+        assert report.self_intersections == 0
+        off.append(distance_to_mesh(*mesh_arrays(band), edges).max() / spacing)
+        lost.append(abs(report.volume / (8 * BLOCK_HALF.prod()) - 1))
+    assert off[0] > 3 * EDGE_OF_BLOCK
+    assert off[1] < EDGE_OF_BLOCK
+    assert lost[1] < lost[0] / 4
+
+
+def test_features_leave_a_smooth_surface_as_it_is():
+    plain, with_features = (extract_band(torus(), 0.02, [[1.1, 0.0, 0.0]], features=each) for each in (False, True))
+    for one, other in zip(mesh_arrays(plain), mesh_arrays(with_features), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_creases_everywhere_leave_every_edge_two_triangles():
+    """Cells of nearly a wave's length, where the normals of most disagree; once the band ends in them."""
+    for within in (None, 0.7):
+        report = mesh_report(extract_band(sponge(), 0.11, [[0.1, 0.2, 0.0]], within=within, features=True))
+        assert report.manifold
+        assert report.oriented
+        assert (report.boundary_edges == 0) == (within is None)
+
+
+def test_fans_that_meet_twice_are_joined_once():
+    """About 6 the loop 0 1 2 3, about 7 the loop 1 0 4 3 2 5: the edges 0 1 and 2 3 separate both."""
+    loops = ((6, (0, 1, 2, 3)), (7, (1, 0, 4, 3, 2, 5)))
+    fans = np.array([(loop[n], loop[(n + 1) % len(loop)], hub) for hub, loop in loops for n in range(len(loop))])
+    before, after = EdgeTable.of(fans), EdgeTable.of(join_creases(fans, 6))
+    assert sorted(after.count) == sorted(before.count)
+    assert not after.against.any()
+    assert [6, 7] in after.ends.tolist()
+
+
 def test_a_band_does_not_depend_on_seeds_or_threads():
     rng, threads = np.random.default_rng(3), get_num_threads()
     cloud = rng.normal(size=(2000, 3))
@@ -113,6 +160,17 @@ def test_a_band_ends_open_where_it_may_not_go(within):
     assert 0.5 - 0.04 * np.sqrt(3) < distance.max() < 0.5 + 0.04 * np.sqrt(3)
     whole = {tuple(row) for row in np.rint(mesh_arrays(extract_isosurface(sphere(), 0.04))[0] / 1e-8).astype(int)}
     assert {tuple(row) for row in np.rint(mesh_arrays(band)[0] / 1e-8).astype(int)} < whole
+
+
+def test_a_band_that_ends_in_single_cells_is_manifold():
+    """Of each five cells along any axis one is not allowed: others touch along an edge alone."""
+
+    def within(centres):
+        return np.rint(centres / 0.04 - 0.5).astype(int) @ [1, 2, 3] % 5 > 0
+
+    report = mesh_report(extract_band(sphere(), 0.04, [[1.0, 0.0, 0.0]], within=within))
+    assert report.manifold
+    assert report.boundary_loops > 100
 
 
 def test_a_band_that_cannot_be_says_why():
