@@ -10,13 +10,12 @@ import open3d as o3d
 from o3dleaf.checks import require_positive
 from o3dleaf.cloud.noise import Merged
 from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
-from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.errors import CloudWarning
 from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.support import Support, attach_support, support
-from o3dleaf.mesh.trim import near_data, trim_to_support
+from o3dleaf.mesh.trim import local_spacing, near_data, trim_to_support
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
@@ -75,7 +74,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     trim : callable or None
-        ``trim(mesh, points) -> mesh``: what no data support goes. None: the surface ends four spacings past them.
+        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four spacings past them.
     clean : callable or None
         ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
         as it comes.
@@ -106,7 +105,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
     with log.stage("merge points"):
         merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-        apart = cloud_spacing(merged.points).median
+        each = local_spacing(merged.points)
+        apart = float(np.median(each))
     with log.stage("fit balls") as progress:
         field = fit_surface(
             merged,
@@ -115,21 +115,21 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             local=local,
             constraints=constraints,
             points_per_ball=points_per_ball,
-            margin=MARGIN * apart,
+            margin=MARGIN * float(each.max()),
             unit=unit,
             progress=progress,
         )
     with log.stage("follow surface") as progress:
         step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
-        mesh = extract_band(field, step, merged.points, within=near_data(merged.points, apart), progress=progress)
+        mesh = extract_band(field, step, merged.points, within=near_data(merged.points, each), progress=progress)
     with log.stage("trim to data"):
-        mesh = trim(mesh, merged.points) if trim else mesh
+        mesh = trim(mesh, merged.points, each) if trim else mesh
     with log.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     if measure is None:
         return mesh, field
     with log.stage("measure support"):
-        return coloured(mesh, support(mesh, merged.points, field), measure, tensor=hasattr(pcd, "point")), field
+        return coloured(mesh, support(mesh, merged.points, field, spacing=apart), measure, tensor=hasattr(pcd, "point")), field
 
 
 def mesh_step(spacing: float, count: int) -> float:
