@@ -24,8 +24,8 @@ TRIMMED = 0.01
 WARM_UP = 2000
 
 
-def rbfpu(points, normals, spacing, _is_open):
-    mesh, _ = o3l.create_from_point_cloud_rbfpu(cloud_of(points, normals), spacing=spacing)
+def rbfpu(points, normals, _spacing, _is_open):
+    mesh, _ = o3l.create_from_point_cloud_rbfpu(cloud_of(points, normals))
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
 
 
