@@ -19,7 +19,7 @@ The road through the chapter, one module a step:
 the others count with (`adjacency` its compiled code), `anatomy` all that is found out about a mesh in
 one pass, `crossings` the triangles that meet (`forest` which could, `contact` which do, `predicates` the
 exact signs that decide), `measures` angles and sizes, `deviation` distances to a field and a scan, `draft`
-a mesh under repair, `apart` a call in a process of its own, `loops` the compiled code of polygonisation, `band_loops`, `crease_loops` and
-`support_loops` those of bands, creases and support.
+a mesh under repair, `apart` a call in a process of its own, `loops` the compiled code of polygonisation, and
+`band_loops`, `crease_loops` and `support_loops` that of bands, creases and support.
 Nothing here knows where a field comes from.
 """
