@@ -30,6 +30,7 @@ ABREAST = 8
 STRIP = 256
 """Points of one leaf that are blended at once: what is known of them stays in the nearest cache."""
 
+
 class SplineBalls(NamedTuple):
     """What the blend reads of splines of values, all balls end to end; see `o3dleaf.pu.local.LocalSplines`."""
 

@@ -315,10 +315,3 @@ LOCAL_FITTERS: dict[str, type[Hermite | CurlFree | MovingLeastSquares]] = {
     "curl-free": CurlFree,
     "mls": MovingLeastSquares,
 }
-
-
-def as_fitter(local: str | OrientedFitter) -> OrientedFitter:
-    """Return the fitter of a name, "hermite", "curl-free" or "mls", or of itself."""
-    if isinstance(local, str):
-        return LOCAL_FITTERS[require_choice(local, LOCAL_FITTERS, "local")]()
-    return local
