@@ -47,7 +47,7 @@ def norms(points):
 
 @njit(nogil=True, cache=True)
 def sheet_spacing(points):
-    """Return the spacing of points (d, n) that lie on one sheet through the unit ball, or the larger one that they need.
+    """Return the spacing of points (d, n) on one sheet through the unit ball, or the larger one that they need.
 
     A sheet of n points in a ball of radius r has the spacing r √(π/n), a curve 2 r/n.
     """
