@@ -97,10 +97,10 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     array = as_points(normals, "normals", dim=points.shape[1])
     if len(array) != len(points):
         raise InputError(f"normals: are {len(array)}, for {len(points)} points; give one for each point")
-    lengths = np.linalg.norm(array, axis=1)
+    lengths: FloatArray = np.linalg.norm(array, axis=1, keepdims=True)
     if not np.all(lengths > 0):
         raise InputError(f"normals: {np.sum(lengths == 0)} are zero; leave out their points, or estimate_normals")
-    return array / lengths[:, np.newaxis]
+    return np.divide(array, lengths)
 
 
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:

@@ -374,3 +374,49 @@ def score(corners, normals):
     u, v = np.moveaxis(np.reshape(normals, (-1, 2, 3)), 1, 0)
     turns = (1 + np.sum(u * v, axis=1) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))) / 2
     return min(np.min(sines), *turns, 1.0)
+
+
+def hermite_functions(points, normals, power, degree, ridge, origin, length):
+    """Return F and the matrix of the saddle point: λ_i F = 0 and ∂_a F = −n at the points, one unknown each.
+
+    The functionals are L = δ_x and ∂_a δ_x in turn; entry (i, j) is L_i L_j φ(x − y), each derivative by y turning the
+    sign. `ridge` (2,) stands on the diagonal of values and of slopes.
+    """
+    n, d = points.shape
+
+    def columns(x):
+        """φ(x − x_j), then −∂_a φ(x − x_j), at one x; and the same differentiated by x."""
+        offsets = x - points
+        slope, bend = (lambda r: radial_derivatives(power, r)[0]), (lambda r: radial_derivatives(power, r)[1])
+        gradients, hessians = radial_jet(offsets, slope, lambda r: bend(r) if r > 0 else 0.0)
+        values = np.r_[PHI[power](np.linalg.norm(offsets, axis=1)), -gradients.T.ravel()]
+        slopes = [np.r_[gradients[:, a], -hessians[:, a].T.ravel()] for a in range(d)]
+        return values, np.array(slopes)
+
+    def tail(x):
+        z = (x - origin) / length
+        down = [
+            [p[a] * np.prod(z ** np.maximum(np.array(p) - np.eye(d, dtype=int)[a], 0)) / length for a in range(d)]
+            for p in powers(d, degree)
+        ]
+        return polynomials(z[None], degree)[0], np.array(down).T
+
+    at = [columns(x) for x in points]
+    A = np.concatenate([[a[0] for a in at], *[[a[1][axis] for a in at] for axis in range(d)]])
+    tails = [tail(x) for x in points]
+    P = np.concatenate([[t[0] for t in tails], *[[t[1][axis] for t in tails] for axis in range(d)]])
+    A = A + np.diag(np.r_[np.full(n, ridge[0]), np.full(d * n, ridge[1])])
+    q = P.shape[1]
+    right = np.r_[np.zeros(n), -normals.T.ravel(), np.zeros(q)]
+    solution = np.linalg.solve(np.block([[A, P], [P.T, np.zeros((q, q))]]), right)
+    return lambda x: columns(x)[0] @ solution[: (1 + d) * n] + tail(x)[0] @ solution[(1 + d) * n :]
+
+
+def blended_functions(queries, centres, radii, functions):
+    """Return Σ w_i F_i / Σ w_i at the queries, for any functions of one point."""
+    found = []
+    for x in queries:
+        weights = [wendland(math.dist(x, c) / r) for c, r in zip(centres, radii, strict=True)]
+        held = [(w, f(x)) for w, f in zip(weights, functions, strict=True) if w > 0]
+        found.append(sum(w * value for w, value in held) / sum(w for w, _ in held))
+    return np.array(found)

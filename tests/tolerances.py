@@ -76,6 +76,24 @@ TURNED = 1e-12
 LOCAL_METHOD = 1e-3
 """Error of 4,000 points on waves of size 1, in balls of 50: 2e-4 for splines and 5e-4 for parabolas."""
 
+ORIENTED_TWIN = 1e-8
+"""Share of the largest value, in balls of 40 points with slopes: dense saddle points of r⁵ leave 2e-9."""
+
+ORIENTED_DATA = 1e-9
+"""Slopes −n at the points, of size 1, where nothing is smoothed, by r⁵; found 2e-12."""
+
+QUADRIC = 1e-9
+"""(1 − |x|²)/2 of oriented points on the sphere, in the box around it; found 1e-11 where r⁵ extrapolates to corners."""
+
+ORIENTED_PLANE = 1e-11
+"""Height over 300 coplanar points, at a distance of their extent; found 1e-13."""
+
+ORIENTED_TURN = 1e-9
+"""A turn changes rounding alone: found 1e-11 in one ball of 60 points."""
+
+HERMITE_ORDER = 3.5
+"""Least order of the median error of r⁵ in the spacing, from 700 to 5600 points of a torus; found FOUND."""
+
 BANDWIDTH = 2e-3
 """Waves six or more bandwidths from the rim of data three to ten times as dense; without θ they are off by 1e-1."""
 

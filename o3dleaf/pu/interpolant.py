@@ -32,7 +32,8 @@ from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
-from o3dleaf.pu.oriented import OrientedFitter, as_fitter
+from o3dleaf.pu.oriented import OrientedFitter
+from o3dleaf.pu.trial import as_fitter
 from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
 from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
@@ -63,7 +64,7 @@ class PUInterpolant(Blended):
     ----------
     cover : Cover
     index : BallIndex
-    local : LocalSplines or LocalFields
+    local : LocalSplines, LocalPotentials, LocalPolynomials or LocalFields
     unit : str or None
     data_hash : str
         SHA-256 of the points, values and weights that it was fitted to.
@@ -167,23 +168,40 @@ class PUInterpolant(Blended):
         points: npt.ArrayLike,
         normals: npt.ArrayLike,
         *,
-        local: str | OrientedFitter = "curl-free",
+        local: str | OrientedFitter = "auto",
         points_per_ball: int | tuple[int, int] | None = None,
         overlap: float = OVERLAP,
         unit: str | None = None,
         bounds: npt.ArrayLike | None = None,
         progress: Progress | None = None,
     ) -> "PUInterpolant":
-        """Fit points on a surface and the outward normals there: F = 0 and ∇F = −n, a signed distance to first order.
+        r"""Fit points on a surface and the outward normals there, without points beside it: F = 0, ∇F = −n.
+
+        Near the surface F is a signed distance to first order, larger inside. Cover and blend are those of `fit`.
 
         Parameters
         ----------
         points : (n, d) array_like
+            Points of the surface, in `unit`; of a plane curve where d is 2.
         normals : (n, d) array_like
+            Outward normals, of any length above 0.
+        local : {"auto", "hermite", "curl-free", "mls"} or OrientedFitter
+            What is fitted in a ball; see `o3dleaf.pu.oriented` for the objects behind the names and their options.
+            "auto" takes polynomials in large balls where noise hides the shape from small ones, else `Hermite` with
+            smoothing by GCV; see `o3dleaf.pu.trial.choose_fitter`.
+        points_per_ball : int or (least, most), optional
+            As in `fit`; by default what suits the local fit.
+        overlap, unit, bounds, progress
+            As in `fit`.
+
+        Raises
+        ------
+        InputError
+            If the input has a wrong shape or is not finite, a normal is zero, or an option makes no sense.
         """
         sites = as_points(points, least=1)
         outward = as_normals(normals, sites)
-        fitter = as_fitter(local)
+        fitter = as_fitter(local, sites, outward)
         box = _box(sites, bounds)
         size = as_ball_size(fitter.points_per_ball if points_per_ball is None else points_per_ball, overlap)
         cover = Cover.fit(sites, box, size, overlap)

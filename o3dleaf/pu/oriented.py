@@ -49,8 +49,8 @@ class Hermite:
 
     .. math:: \sum_j \left(F(x_j)^2 + h^2\,|\nabla F(x_j) + n_j|^2\right) + s\,E(F) \to \min
 
-    With s = 0 both hold to rounding, also for the blend. On a smooth surface the error falls about like
-    spacing⁵ with r⁵ (Wendland 2005, chapter 16).
+    With s = 0 both hold to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error falls
+    like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give.
 
     Attributes
     ----------
@@ -194,7 +194,8 @@ class _Balls:
         def spectrum(ball: int) -> Spectrum:
             rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
             place = (self.points, self.normals, rows, cover.centres[ball], cover.radii[ball])
-            return Spectrum(*oriented_loops.ball_spectrum(*place, *kind), len(rows))
+            eigenvalues, coefficients = oriented_loops.ball_spectrum(*place, *kind)
+            return Spectrum(eigenvalues, coefficients, len(rows))
 
         own = balls_with_points(cover, self.points)
         sample = own[np.unique(np.linspace(0, len(own) - 1, GCV_BALLS).round().astype(np.int64))]
@@ -205,21 +206,23 @@ class _Balls:
         """Fit all balls."""
         cover, dimension, amount = self.cover, self.points.shape[1], self.chosen(smoothing)
         count, total = len(cover.radii), int(cover.offsets[-1])
-        flat = tuple(np.empty(size) for size in (dimension * total, total, dimension * total))
-        model, dropped = (*flat, np.empty((count, len(self.exponents)))), np.empty(count, dtype=np.int64)
+        sites, moments, weights = np.empty(dimension * total), np.empty(dimension * total), np.empty(total)
+        tails, dropped = np.empty((count, len(self.exponents))), np.empty(count, dtype=np.int64)
         balls = (cover.centres, cover.radii, cover.offsets, cover.members)
         kind = (self.exponents, self.kernel.power, self.method, amount, self.step)
+        model = (sites, weights, moments, tails)
 
         def task(start: int, stop: int) -> None:
             oriented_loops.fit_potentials(start, stop, self.points, self.normals, balls, *kind, model, dropped)
 
         with single_threaded_blas():
             run_blocks(task, count, FIT_BLOCK, progress)
-        return LocalPotentials(self.kernel, amount, cover.offsets, *model, self.exponents, dropped)
+        kept = (cover.offsets, sites, weights, moments, tails, self.exponents, dropped)
+        return LocalPotentials(self.kernel, amount, *kept)
 
 
 def balls_with_points(cover: Cover, points: FloatArray) -> IntArray:
-    """Return the balls that hold their points themselves; those far from the surface, which borrow them, if none does."""
+    """Return the balls that hold all their points, or all balls where each is far from them and borrows them."""
     owner = np.repeat(np.arange(len(cover.radii)), cover.counts)
     distances = np.linalg.norm(points[cover.members] - cover.centres[owner], axis=1)
     own = np.maximum.reduceat(distances, cover.offsets[:-1]) <= cover.radii
@@ -315,10 +318,3 @@ LOCAL_FITTERS: dict[str, type[Hermite | CurlFree | MovingLeastSquares]] = {
     "curl-free": CurlFree,
     "mls": MovingLeastSquares,
 }
-
-
-def as_fitter(local: str | OrientedFitter) -> OrientedFitter:
-    """Return the fitter of a name, "hermite", "curl-free" or "mls", or of itself."""
-    if isinstance(local, str):
-        return LOCAL_FITTERS[require_choice(local, LOCAL_FITTERS, "local")]()
-    return local

@@ -12,6 +12,7 @@ from o3dleaf.rbf.potential import (
     hermite,
     hermite_spectrum,
     moving_polynomial,
+    oriented_tail,
 )
 
 FARTHER = 1.1
@@ -46,7 +47,7 @@ def norms(points):
 
 @njit(nogil=True, cache=True)
 def sheet_spacing(points):
-    """Return the spacing of points (d, n) that lie on one sheet through the unit ball, or the larger one that they need.
+    """Return the spacing of points (d, n) on one sheet through the unit ball, or the larger one that they need.
 
     A sheet of n points in a ball of radius r has the spacing r √(π/n), a curve 2 r/n.
     """
@@ -102,13 +103,14 @@ def ball_spectrum(points, normals, rows, centre, radius, exponents, power, metho
 
 @njit(nogil=True, cache=True)
 def fit_polynomial(local, gradients, exponents, step):
-    """Fit one ball by `moving_polynomial` with Wendland's weight of the ball that its points need."""
+    """Fit one ball by `moving_polynomial` with Wendland's weight of the ball that its points need; return all three."""
     distance = norms(local)
     reach = max(1.0, FARTHER * np.max(distance))
     trust = np.empty(distance.size)
     for j in range(distance.size):
         trust[j] = wendland(distance[j] / reach)
-    return moving_polynomial(local, gradients, trust, step * sheet_spacing(local), exponents)
+    tail, rank = moving_polynomial(local, gradients, trust, step * sheet_spacing(local), exponents)
+    return tail, rank, trust
 
 
 @njit(nogil=True, cache=True)
@@ -118,5 +120,19 @@ def fit_polynomials(start, stop, points, normals, cover, exponents, step, tails,
     for ball in range(start, stop):
         rows, radius = members[offsets[ball] : offsets[ball + 1]], radii[ball]
         local, gradients = gather_oriented(points, normals, rows, centres[ball], radius)
-        tail, ranks[ball] = fit_polynomial(local, gradients, exponents, step)
+        tail, ranks[ball], _ = fit_polynomial(local, gradients, exponents, step)
         tails[ball] = radius * tail
+
+
+@njit(nogil=True, cache=True)
+def polynomial_residual(points, normals, rows, centre, radius, exponents, step):
+    """Return the weighted mean square of p/|∇p|, a distance, over the points of one ball that `fit_polynomial` fits."""
+    local, gradients = gather_oriented(points, normals, rows, centre, radius)
+    tail, _, trust = fit_polynomial(local, gradients, exponents, step)
+    count, jets = rows.size, oriented_tail(local, exponents) @ tail
+    values = slopes = 0.0
+    for j in range(count):
+        values += trust[j] * jets[j] ** 2
+        for a in range(centre.size):
+            slopes += trust[j] * jets[(1 + a) * count + j] ** 2
+    return radius**2 * values / slopes if slopes > 0.0 else np.inf

@@ -1,6 +1,6 @@
-"""Potentials of one ball: splines of values and gradients at points, and the systems that they follow from.
+r"""Potentials of one ball: splines of values and gradients at points, and the systems that they follow from.
 
-.. math:: F(x) = \\sum_j λ_j φ(x - x_j) - \\sum_j c_j \\cdot \\nabla φ(x - x_j) + p(x)
+.. math:: F(x) = \sum_j λ_j φ(x - x_j) - \sum_j c_j \cdot \nabla φ(x - x_j) + p(x)
 
 The part of c is the potential of a curl-free field, Σ −∇∇ᵀφ(x − x_j) c_j. Its matrix is positive where that of φ is:
 a functional Σ c_j · ∇δ_{x_j} annihilates constants, so a tail of gradients takes the place of the tail (Narcowich and

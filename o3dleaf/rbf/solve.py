@@ -15,6 +15,9 @@ RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
 (or a quadric) to within rounding at coordinates 10⁶ times the ball's size."""
 
+ROWS = 64
+"""Rows of a tall system that are reduced at once: with the triangle they stay in the nearest cache."""
+
 SINGULAR = 3e-14
 """Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
 points 10⁻⁶ of the ball apart leave five times as much."""
@@ -301,8 +304,24 @@ def solve_triangle(triangle, right):
 
 
 @njit(nogil=True, cache=True)
+def reduce_rows(rows, right):
+    """Return (q, q) rows and their right-hand side of the same least-squares problem, from a few rows at a time."""
+    count, columns = rows.shape
+    stack, side = np.zeros((columns + ROWS, columns)), np.zeros(columns + ROWS)
+    for start in range(0, count, ROWS):
+        filled = columns + min(ROWS, count - start)
+        stack[columns:filled] = rows[start : start + ROWS]
+        side[columns:filled] = right[start : start + ROWS]
+        vectors, betas = householder(stack[:filled])
+        reflect(side[:filled], vectors, betas, True)
+        stack[:columns] = np.triu(stack[:columns])
+    return stack[:columns].copy(), side[:columns].copy()
+
+
+@njit(nogil=True, cache=True)
 def least_squares(rows, frame, right):
     """Return the coefficients with least |P a − b|, of them the least in the norm of `frame`, and the rank of P."""
+    rows, right = reduce_rows(rows, right)
     vectors, betas, triangle, basis = restrict_tail(rows, frame)
     reflect(right, vectors, betas, True)
     reduced = right[: len(triangle)].copy()
