@@ -13,7 +13,7 @@ SAMPLE = 400
 """Places at which the noise is measured; their median is off by about a twentieth."""
 PATCHES = (16, 32, 64, 128, 256, 512, 1024)
 """Points of a patch: the smallest patch that is wide enough for its noise is believed."""
-WIDE = 2.5
+WIDE = 4.5
 """Standard deviations of the noise that the radius of a patch must have: in narrower ones the plane follows noise."""
 
 
@@ -30,7 +30,7 @@ def estimate_noise(cloud: CloudLike) -> float:
 
     At each of some hundred places a quadric :math:`z(u, v)` over the plane of the nearest k points leaves residuals
     of standard deviation :math:`σ_k`, six degrees of freedom taken off; the smallest k whose patch has a radius of
-    at least 2.5 σ_k says σ there, and the median over the places is returned: creases and rims do not count.
+    at least 4.5 σ_k says σ there, and the median over the places is returned: creases and rims do not count.
 
     Parameters
     ----------

@@ -129,7 +129,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     if measure is None:
         return mesh, field
     with log.stage("measure support"):
-        return coloured(mesh, support(mesh, merged.points, field, spacing=apart), measure, tensor=hasattr(pcd, "point")), field
+        return coloured(
+            mesh, support(mesh, merged.points, field, spacing=apart), measure, tensor=hasattr(pcd, "point")
+        ), field
 
 
 def mesh_step(spacing: float, count: int) -> float:
