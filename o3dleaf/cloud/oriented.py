@@ -165,7 +165,7 @@ def _require_enough(count: int, whole: int) -> None:
 def _found(points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None) -> Orientation:
     """Return normals of a cloud that has none."""
     ours = estimate is estimate_normals
-    normals = surfels.blend(points, surfels.planes.normal) if ours else as_points(estimate(points), "normals", dim=3)
+    normals = surfels.blend(points, surfels.planes.normal)[0] if ours else as_points(estimate(points), "normals", dim=3)
     if orient is None:
         return Orientation(normals, ())
     return turn_outward(points, normals, surfels) if orient is orient_normals else orient(points, normals)

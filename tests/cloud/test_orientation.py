@@ -79,8 +79,31 @@ def test_a_one_sided_sheet_is_refused(half_width, share):
 
 
 def test_points_that_fill_a_volume_are_refused():
-    with pytest.raises(OrientationError, match="fill a volume"):
+    with pytest.raises(OrientationError, match="no surface at any scale"):
         prepare_cloud(np.random.default_rng(6).normal(size=(5000, 3)))
+
+
+@pytest.mark.parametrize("spacings", [0.5, 1.0, 2.0])
+def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spacings):
+    points, normals = slab(10000, spacings)
+    faces = np.abs(normals[:, 2]) > 0.5
+    cloud = prepare_cloud(points[faces])
+    assert right(cloud.normals, normals[faces]) >= ALMOST_ALL
+    assert any("close together" in note for note in cloud.notes)
+
+
+def test_lines_of_a_scanner_are_a_surface_and_a_curve_is_none():
+    x, y = np.meshgrid(np.linspace(0, 1, 2000), np.linspace(0, 1, 20))
+    lines = np.column_stack([x.ravel(), y.ravel(), 0.3 * (x * y).ravel()])
+    lines[:, 0] += np.random.default_rng(9).uniform(0, 1e-3, len(lines))
+    true = np.column_stack([-0.3 * y.ravel(), -0.3 * x.ravel(), np.ones(x.size)])
+    true /= np.linalg.norm(true, axis=1, keepdims=True)
+    assert np.median(np.abs(np.einsum("ij,ij->i", prepare_cloud(lines).normals, true))) > np.cos(
+        np.radians(GROUPS_ANGLE)
+    )
+    t = np.linspace(0, 6, 3000)
+    with pytest.raises(OrientationError, match="along lines"):
+        prepare_cloud(np.column_stack([np.cos(t), np.sin(t), t]))
 
 
 def test_two_sheets_within_the_noise_are_not_taken_for_one_without_a_word():
