@@ -11,7 +11,7 @@ from o3dleaf.checks import FloatArray, as_points, require_positive
 from o3dleaf.cloud.given import check_normals
 from o3dleaf.cloud.merging import merge_points
 from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
-from o3dleaf.cloud.orientation import Orientation, estimate_normals, orient_normals, turn_outward
+from o3dleaf.cloud.orientation import Orientation, estimate_normals, orient_normals, orient_surfels, turn_outward
 from o3dleaf.cloud.spacing import median_spacing
 from o3dleaf.cloud.stray import find_stray_points, stray_among
 from o3dleaf.cloud.surfels import Surfels
@@ -163,8 +163,10 @@ def _require_enough(count: int, whole: int) -> None:
 
 
 def _found(points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None) -> Orientation:
-    """Return normals of a cloud that has none."""
+    """Return normals of a cloud that has none; our own steps share the surfels."""
     ours = estimate is estimate_normals
+    if ours and orient is orient_normals:
+        return orient_surfels(points, surfels)
     normals = surfels.blend(points, surfels.planes.normal)[0] if ours else as_points(estimate(points), "normals", dim=3)
     if orient is None:
         return Orientation(normals, ())

@@ -82,7 +82,7 @@ class Surfels:
     def coarser(self, points: FloatArray) -> "Surfels | None":
         """Return surfels of twice as many of the `points` (n, 3), or None where few would be left."""
         thinning = 2 * round(len(points) / len(self.points))
-        return Surfels.of(points, thinning=thinning) if len(points) >= LEAST * thinning else None
+        return Surfels.of(points, thinning=thinning) if 2 * len(points) >= LEAST * thinning else None
 
     def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
