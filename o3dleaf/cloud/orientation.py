@@ -29,6 +29,7 @@ FULL = 0.6
 """Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
+OPEN_NOTE = "the cloud encloses no volume and is taken for an open sheet: either side may be outside"
 TELLING = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbours, decides on a piece."""
 TWO_SHEETS = -0.25
@@ -182,7 +183,7 @@ def _ask_neighbours(pieces: Pieces, sign: FloatArray, gain: FloatArray) -> None:
 def _notes(surfels: Surfels, enclosed: float, seam: float) -> tuple[str, ...]:
     notes = []
     if enclosed < OPEN:
-        notes.append("the cloud encloses no volume and is taken for an open sheet: either side may be outside")
+        notes.append(OPEN_NOTE)
     elif seam > SEAM:
         notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
     groups = len(surfels.owner) / len(surfels.points)
@@ -204,7 +205,8 @@ def _parted(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tup
     excess = float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0
     if excess < APART:
         side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
-        return Orientation(side * outward, (*notes[1:], "two sheets lie close together and face away from one another"))
+        kept = tuple(note for note in notes if note != OPEN_NOTE)
+        return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))
     if excess < TWO_SHEETS:
         notes += ("two sheets lie within the noise, whose sides cannot be told, and are taken for one; give normals",)
     return Orientation(outward, notes)

@@ -1,7 +1,7 @@
 """Any point cloud, made ready for a surface: what is wrong with it goes, and every point has an outward normal."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +50,7 @@ class OrientedCloud:
     repeated: int = 0
     stray: int = 0
     merged: int = 0
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
 def prepare_cloud(

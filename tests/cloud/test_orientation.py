@@ -184,3 +184,12 @@ def test_real_leaves_are_open_sheets(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"{name}.ply"))
     cloud.normals = o3d.utility.Vector3dVector()
     assert "open sheet" in prepare_cloud(cloud).notes[0]
+
+
+def test_the_two_walls_of_a_thin_shell_face_out_of_it_and_into_its_cavity():
+    (outer, out), (inner, _) = sphere(8000), sphere(8000, seed=1)
+    wall = np.sqrt(4 * np.pi / 8000)
+    points = np.concatenate([outer, (1 - wall) * inner])
+    cloud = prepare_cloud(points)
+    assert right(cloud.normals, np.concatenate([out, -inner])) >= ALMOST_ALL
+    assert any("close together" in note for note in cloud.notes)
