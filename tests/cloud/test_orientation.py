@@ -193,3 +193,11 @@ def test_the_two_walls_of_a_thin_shell_face_out_of_it_and_into_its_cavity():
     cloud = prepare_cloud(points)
     assert right(cloud.normals, np.concatenate([out, -inner])) >= ALMOST_ALL
     assert any("close together" in note for note in cloud.notes)
+
+
+def test_noise_on_a_thin_sheet_is_averaged_on_each_of_its_sides():
+    points, normals = slab(5000)
+    cloud = prepare_cloud(noisy(points, 0.005))
+    assert right(cloud.normals, normals) > 0.99
+    angle = np.degrees(np.arccos(np.median(np.einsum("ij,ij->i", cloud.normals, normals))))
+    assert angle < GROUPS_ANGLE
