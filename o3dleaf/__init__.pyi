@@ -53,7 +53,6 @@ from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .cloud.noise import estimate_noise as estimate_noise
-from .cloud.noise import merge_points as merge_points
 from .reconstruction.fit import merge_noise as merge_noise
 from .reconstruction.fit import constrain as constrain
 from .reconstruction.fit import fit_surface as fit_surface

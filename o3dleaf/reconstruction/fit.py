@@ -7,7 +7,8 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud.constraints import OffSurface, off_surface_constraints
-from o3dleaf.cloud.noise import Merged, estimate_noise, merge_points
+from o3dleaf.cloud.merging import Merged, merge_points
+from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import OrientedCloud
 from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.parallel import Progress

@@ -8,7 +8,7 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.checks import require_positive
-from o3dleaf.cloud.noise import Merged
+from o3dleaf.cloud.merging import Merged
 from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
 from o3dleaf.errors import CloudWarning
 from o3dleaf.geometry import CloudLike

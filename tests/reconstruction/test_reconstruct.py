@@ -5,13 +5,13 @@ import warnings
 import numpy as np
 import open3d as o3d
 import pytest
-from tolerances import CLEAN_SURFACE, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
 
 import o3dleaf as o3l
 from o3dleaf import CloudWarning, InputError, create_from_point_cloud_rbfpu, fit_surface, samples
-from o3dleaf.cloud.noise import Merged
+from o3dleaf.cloud.merging import Merged
 from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.reconstruction.reconstruct import mesh_step
+from tolerances import CLEAN_SURFACE, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
 
 
 def legacy(points, normals=None):
