@@ -9,7 +9,7 @@ from o3dleaf.cloud.cells import Cells
 
 
 class Merged(NamedTuple):
-    """Means of a cloud's points: points (m, 3), unit mean normals (m, 3), and how many each stands for, weights (m,)."""
+    """Means of a cloud's points: points (m, 3), unit mean normals (m, 3), weights (m,): how many each stands for."""
 
     points: FloatArray
     normals: FloatArray
@@ -32,7 +32,7 @@ def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged
     Raises
     ------
     InputError
-        If the size is not above zero, or so small that voxels cannot be numbered.
+        If the size is not above zero.
     """
     points, normals = as_points(points, "points", dim=3), as_points(normals, "normals", dim=3)
     require_positive(size, "size")

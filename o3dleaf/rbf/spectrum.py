@@ -82,7 +82,7 @@ def coefficients_of(values, roots, decomposed):
 
 @njit(nogil=True, cache=True)
 def held_out_squares(points, values, roots, exponents, power, owners, amounts):
-    r"""Return, for each amount of smoothing, Σ e_j² over the points left out with all their constraints; and their number.
+    r"""Return Σ e_j² over points left out with all their constraints, for each amount of smoothing, and their number.
 
     Row j belongs to row owners[j] of the ball (−1: to a point that is not in it) and only rows that own
     themselves are judged. With B as in `appraise`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for a group I of rows.

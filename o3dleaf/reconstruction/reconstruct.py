@@ -74,7 +74,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     trim : callable or None
-        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four spacings past them.
+        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four
+        spacings past the data.
     clean : callable or None
         ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
         as it comes.

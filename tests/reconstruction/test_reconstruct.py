@@ -1,4 +1,4 @@
-"""A surface of any cloud: true to it, closed or open as it is, with every step replaceable, and never without a word."""
+"""A surface of any cloud: true to it, open or closed as it is, every step replaceable, nothing without a word."""
 
 import warnings
 
