@@ -92,7 +92,7 @@ ORIENTED_TURN = 1e-9
 """A turn changes rounding alone: found 1e-11 in one ball of 60 points."""
 
 HERMITE_ORDER = 3.5
-"""Least order of the median error of r⁵ in the spacing, from 700 to 5600 points of a torus; found FOUND."""
+"""Least order of the median error of r⁵, from 700 to 5600 points of a torus; found 3.9, and 3.1 for r³."""
 
 BANDWIDTH = 2e-3
 """Waves six or more bandwidths from the rim of data three to ten times as dense; without θ they are off by 1e-1."""
