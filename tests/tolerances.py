@@ -424,3 +424,7 @@ NEAREST = 1e-9
 
 SPACING = 0.1
 """16 neighbours: 4 % too close at random, 6 % too wide on a lattice, found; one neighbour miscounted is 3 % more."""
+
+OWNERS_REFIT = 1e-9
+"""Sums of squared errors from one eigen-decomposition against refits, relative: 1e-12 seen; a group taken for points
+left out one by one is off by a tenth or more."""
