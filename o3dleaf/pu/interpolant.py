@@ -125,6 +125,7 @@ class PUInterpolant(Blended):
             The row that each constraint was made from, its own for measured points. Constraints made from
             one point share its error, which "gcv" would take for the surface's shape: given the owners, it
             leaves each point out with all that was made from it, and takes the least mean square error there.
+            "gcv-per-ball" then costs no more than the fit, and chooses around what "gcv" takes.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.

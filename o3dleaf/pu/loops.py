@@ -16,6 +16,7 @@ from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
 from o3dleaf.rbf.potential import potential_jets
+from o3dleaf.rbf.shared import shared_squares
 from o3dleaf.rbf.solve import solve_local
 from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
@@ -233,16 +234,36 @@ def ball_spectrum(ball, points, values, trust, cover, exponents, power):
 
 
 @njit(nogil=True, cache=True)
-def ball_held_out_squares(ball, points, values, trust, cover, exponents, power, owners, amounts):
-    """Return one ball's Σ e² at the points left out with all their constraints, for each amount, and their number."""
-    centres, radii, offsets, members = cover
-    rows = members[offsets[ball] : offsets[ball + 1]]
-    local, data = gather(points, values, rows, centres[ball], radii[ball])
+def own_rows(rows, owners):
+    """Return the place in `rows`, rising, of each row's owner; −1 where it is not among them."""
     own = np.searchsorted(rows, owners[rows])
     for j in range(own.size):
         if own[j] == rows.size or rows[own[j]] != owners[rows[j]]:
             own[j] = -1
-    return held_out_squares(local, data, np.sqrt(trust[rows]), exponents, power, own, amounts)
+    return own
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out_squares(ball, points, values, trust, cover, exponents, power, owners, amounts, most):
+    """Return one ball's `held_out_squares`, and its sums of blocks of up to `most` rows and their numbers."""
+    centres, radii, offsets, members = cover
+    rows = members[offsets[ball] : offsets[ball + 1]]
+    local, data = gather(points, values, rows, centres[ball], radii[ball])
+    blocks, groups = np.zeros((most, amounts.size, most, most)), np.zeros(most)
+    squares, judged = held_out_squares(
+        local, data, np.sqrt(trust[rows]), exponents, power, own_rows(rows, owners), amounts, blocks, groups
+    )
+    return squares, judged, blocks, groups
+
+
+@njit(nogil=True, cache=True)
+def ball_shared_squares(ball, points, values, trust, cover, exponents, power, owners, amounts, inverses):
+    """Return one ball's `shared_squares`."""
+    centres, radii, offsets, members = cover
+    rows = members[offsets[ball] : offsets[ball + 1]]
+    local, data = gather(points, values, rows, centres[ball], radii[ball])
+    own = own_rows(rows, owners)
+    return shared_squares(local, data, np.sqrt(trust[rows]), exponents, power, own, amounts, inverses)
 
 
 @njit(nogil=True, cache=True)

@@ -1,4 +1,4 @@
-"""``o3dleaf reconstruct``: a cloud's file in, a mesh with its support, a model and a picture out; bad input in one line."""
+"""``o3dleaf reconstruct``: a cloud in; a mesh with its support, a model and a picture out; bad input in one line."""
 
 import numpy as np
 import open3d as o3d
