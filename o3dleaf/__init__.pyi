@@ -17,6 +17,9 @@ from .ct.tiff import write_volume as write_volume
 from .rbf.kernels import polyharmonic as polyharmonic
 from .rbf.interpolant import RBFInterpolant as RBFInterpolant
 from .pu.interpolant import PUInterpolant as PUInterpolant
+from .pu.oriented import Hermite as Hermite
+from .pu.oriented import CurlFree as CurlFree
+from .pu.oriented import MovingLeastSquares as MovingLeastSquares
 from .leaf.midrib import find_midrib as find_midrib
 from .leaf.frame import LeafFrame as LeafFrame
 from .leaf.quality import FrameQuality as FrameQuality

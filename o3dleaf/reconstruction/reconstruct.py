@@ -62,7 +62,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
-    local : {"rbf", "hermite", "curl-free", "mls"} or OrientedFitter
+    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls, see `fit_surface`.
     points_per_ball : int or (least, most), optional
     unit : str, optional
