@@ -171,20 +171,41 @@ def holds(centre, radius, point):
 
 
 @njit(nogil=True, cache=True)
-def count_members(points, leaves, tree, centres, radii, counts):
-    """Count the points in image k into counts[k + 1]."""
-    starts, stops, items = tree[3], tree[4], tree[5]
-    for i in range(len(points)):
-        for at in range(starts[leaves[i]], stops[leaves[i]]):
-            if holds(centres[items[at]], radii[items[at]], points[i]):
-                counts[items[at] + 1] += 1
+def count_cells(cells, count):
+    """Return how many of the points lie in each cell; those in cell −1 do not matter."""
+    counts = np.zeros(count, dtype=np.int64)
+    for cell in cells:
+        if cell >= 0:
+            counts[cell] += 1
+    return counts
 
 
 @njit(nogil=True, cache=True)
-def fill_members(points, leaves, tree, centres, radii, heads, rows):
-    """Write the points in image k from rows[heads[k]] on."""
+def move_to_halves(cells, points, rows, axis, middle):
+    """Replace the cell of each point by rows[cell], its number among the cells that are halved, plus theirs if above."""
+    for i in range(cells.size):
+        if cells[i] >= 0:
+            row = rows[cells[i]]
+            cells[i] = row
+            if row >= 0 and points[i, axis[row]] >= middle[row]:
+                cells[i] = row + middle.size
+
+
+@njit(nogil=True, cache=True)
+def count_members(start, stop, points, leaves, tree, centres, radii, counts):
+    """Count those of the points start:stop in image k into counts[k]."""
     starts, stops, items = tree[3], tree[4], tree[5]
-    for i in range(len(points)):
+    for i in range(start, stop):
+        for at in range(starts[leaves[i]], stops[leaves[i]]):
+            if holds(centres[items[at]], radii[items[at]], points[i]):
+                counts[items[at]] += 1
+
+
+@njit(nogil=True, cache=True)
+def fill_members(start, stop, points, leaves, tree, centres, radii, heads, rows):
+    """Write those of the points start:stop in image k from rows[heads[k]] on."""
+    starts, stops, items = tree[3], tree[4], tree[5]
+    for i in range(start, stop):
         for at in range(starts[leaves[i]], stops[leaves[i]]):
             item = items[at]
             if holds(centres[item], radii[item], points[i]):
