@@ -135,13 +135,16 @@ class LocalSplines:
         InputError
             If second derivatives are asked for of a kernel that has none.
         """
+        return blend_balls(self.balls(level, dtype), index, queries, level)
+
+    def balls(self, level: int, dtype: np.dtype[Any]) -> loops.SplineBalls:
+        """Return what the compiled blend reads, or raise `InputError` where the kernel lacks the derivatives."""
         if level == 2:
             require_twice_differentiable(self.kernel)
         sites, weights = self._as_type(dtype)
         widest = int(np.diff(self.offsets).max())
         power, exponents = self.kernel.power, self.exponents
-        balls = loops.SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
-        return blend_balls(balls, index, queries, level)
+        return loops.SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
 
     def _as_type(self, dtype: np.dtype[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return sites and weights in float64, or in a float32 copy that is kept."""
@@ -153,7 +156,7 @@ class LocalSplines:
 
 
 def blend_balls(
-    balls: loops.SplineBalls | loops.PotentialBalls, index: BallIndex, queries: FloatArray, level: int
+    balls: loops.SplineBalls | loops.PotentialBalls | loops.CreasedBalls, index: BallIndex, queries: FloatArray, level: int
 ) -> FloatArray:
     """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box."""
     folded, leaves = index.fold(queries)

@@ -1,0 +1,304 @@
+"""Sharp creases: balls whose points fall into smooth sheets get a spline for each, combined by minima and maxima."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from o3dleaf.checks import FloatArray
+from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
+from o3dleaf.pu import crease_loops
+from o3dleaf.pu.choice import choose_amounts
+from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.index import BallIndex
+from o3dleaf.pu.local import LocalSplines, blend_balls
+from o3dleaf.pu.loops import CreasedBalls
+from o3dleaf.rbf.kernels import Polyharmonic
+from o3dleaf.rbf.smoothing import Smoothing
+from o3dleaf.rbf.tail import IntArray, tail_exponents
+
+ANGLE = 30.0
+"""Degrees by which normals turn across what "auto" calls a crease."""
+
+NEIGHBOURS = 12
+"""Neighbours that a calm point agrees with; as many join it to its sheet."""
+
+BEYOND = 1.3
+"""Radius, in that of a ball's farthest point, of what its sheets are looked for in: they come in from outside."""
+
+LEAST_POINTS = 40
+"""Points that a sheet is fitted to, from beyond the ball where it holds fewer."""
+
+LEAST_SITES = 4
+"""Constraints off the surface that a sheet needs: with fewer, its inside is not told from its outside."""
+
+CLOSED = 0.5
+"""Length of the mean normal below which a ball may hold two sides of something, without any crease."""
+
+
+class Surface(NamedTuple):
+    """What creases are found from.
+
+    Attributes
+    ----------
+    rows : (m,) int64 ndarray
+        Rows of the constraints that are measured points.
+    normals : (m, 3) ndarray
+        Outward unit normals there.
+    angle : float
+        Degrees.
+    """
+
+    rows: IntArray
+    normals: FloatArray
+    angle: float
+
+
+class Pieces(NamedTuple):
+    """The sheets of balls, end to end.
+
+    Attributes
+    ----------
+    cover : Cover
+        A ball for each sheet, where that of the sheet is.
+    first : (M + 1,) int64 ndarray
+        Ball i has the sheets ``first[i]:first[i + 1]``.
+    joins : (P,) int64 ndarray
+        How a sheet is joined to those before it: −1, minimum (convex); 1, maximum (concave); 0, the first of a ball.
+    """
+
+    cover: Cover
+    first: IntArray
+    joins: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class CreasedSplines:
+    r"""One spline for each smooth sheet of a ball; the ball's function is their minimum or maximum, sheet by sheet.
+
+    .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, 3, \ldots
+
+    Larger inside: two sheets meet in a minimum where the solid is convex, in a maximum where it is concave.
+    Derivatives are those of the sheet that is active.
+
+    Attributes
+    ----------
+    splines : LocalSplines
+        A spline for each sheet of each ball, end to end.
+    first : (M + 1,) int64 ndarray
+        Ball i has the sheets ``first[i]:first[i + 1]``.
+    joins : (P,) int64 ndarray
+        −1: minimum with the sheets before; 1: maximum; 0: the first of its ball.
+
+    References
+    ----------
+    Ohtake, Belyaev, Alexa, Turk and Seidel (2003), Multi-level partition of unity implicits: sharp features as
+    Boolean combinations of local fits (Ricci 1973).
+    """
+
+    splines: LocalSplines
+    first: IntArray
+    joins: IntArray
+
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
+        return blend_balls(CreasedBalls(self.splines.balls(level, dtype), self.first, self.joins), index, queries, level)
+
+
+def fit_creased(
+    cover: Cover,
+    points: FloatArray,
+    values: FloatArray,
+    surface: Surface,
+    kernel: Polyharmonic,
+    degree: int,
+    smoothing: Smoothing,
+    *,
+    trust: FloatArray | None,
+    owners: IntArray,
+    progress: Progress | None = None,
+) -> LocalSplines | CreasedSplines:
+    """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
+    pieces = _find_pieces(cover, points, values, surface, owners)
+    if pieces is not None:
+        weights = np.ones(len(points)) if trust is None else trust
+        pieces, smoothing = _keep_better(cover, points, values, weights, pieces, kernel, degree, smoothing, owners)
+    over = cover if pieces is None else pieces.cover
+    splines = LocalSplines.fit(
+        over, points, values, kernel, degree, smoothing, trust=trust, owners=owners, progress=progress
+    )
+    return splines if pieces is None else CreasedSplines(splines, pieces.first, pieces.joins)
+
+
+def _find_pieces(
+    cover: Cover, points: FloatArray, values: FloatArray, surface: Surface, owners: IntArray
+) -> Pieces | None:
+    """Return the cover with each ball split that holds several sheets, or None if none does."""
+    x, n = points[surface.rows], surface.normals
+    tree = cKDTree(x)
+    near = tree.query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
+    cosine = float(np.cos(np.radians(surface.angle / 2)))
+    calm = np.empty(len(x), dtype=bool)
+    run_blocks(lambda i, j: crease_loops.find_calm(i, j, n, near, cosine, calm), len(x), 1 << 12)
+    asked = _suspects(cover, surface, n, calm)
+    if not len(asked):
+        return None
+    belonging = _Belonging.of(surface.rows, owners, values)
+    found: dict[int, tuple[list[IntArray], IntArray]] = {}
+
+    def task(start: int, stop: int) -> None:
+        for ball in asked[start:stop]:
+            members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
+            inside = belonging.surface_of[members]
+            inside = inside[inside >= 0]
+            far = np.linalg.norm(x[inside] - cover.centres[ball], axis=1)
+            reach = BEYOND * max(cover.radii[ball], far.max())
+            rows = np.sort(np.array(tree.query_ball_point(cover.centres[ball], reach), dtype=np.int64))
+            split = _split(rows, np.isin(rows, inside), x, n, near, calm, cosine, cover.centres[ball], belonging)
+            if split is not None:
+                found[int(ball)] = split
+
+    run_blocks(task, len(asked), 4)
+    return _replace(cover, found) if found else None
+
+
+def _suspects(cover: Cover, surface: Surface, normals: FloatArray, calm: npt.NDArray[np.bool_]) -> IntArray:
+    """Return the balls that hold points which are not calm, or points that face all ways."""
+    count = int(cover.members.max()) + 1
+    facing, number, rough = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
+    used = surface.rows < count
+    facing[surface.rows[used]] = normals[used]
+    number[surface.rows[used]] = 1
+    rough[surface.rows[used]] = ~calm[used]
+    starts = cover.offsets[:-1]
+    mean = np.add.reduceat(facing[cover.members], starts) / np.maximum(
+        np.add.reduceat(number[cover.members], starts), 1
+    )[:, np.newaxis]
+    several = np.linalg.norm(mean, axis=1) < CLOSED
+    return np.flatnonzero((np.add.reduceat(rough[cover.members], starts) > 0) | several)
+
+
+class _Belonging(NamedTuple):
+    """Which constraints belong to which measured point: `rows[first[p]:first[p + 1]]` to point p."""
+
+    surface_of: IntArray
+    first: IntArray
+    rows: IntArray
+    off: npt.NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, surface: IntArray, owners: IntArray, values: FloatArray) -> "_Belonging":
+        surface_of = np.full(len(owners), -1, dtype=np.int64)
+        surface_of[surface] = np.arange(len(surface))
+        number = surface_of[owners]
+        rows = np.argsort(number, kind="stable")
+        first = np.searchsorted(number[rows], np.arange(len(surface) + 1))
+        return cls(surface_of, first, rows, values != 0)
+
+    def constraints(self, chosen: IntArray, trusted: npt.NDArray[np.bool_]) -> IntArray:
+        """Return the rising rows of all constraints of measured points, those off the surface of trusted ones alone."""
+        counts = self.first[chosen + 1] - self.first[chosen]
+        at = np.repeat(self.first[chosen] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+        rows = self.rows[at]
+        return np.sort(rows[~self.off[rows] | np.repeat(trusted, counts)])
+
+
+def _split(
+    rows: IntArray,
+    inside: npt.NDArray[np.bool_],
+    points: FloatArray,
+    normals: FloatArray,
+    near: IntArray,
+    calm: npt.NDArray[np.bool_],
+    cosine: float,
+    centre: FloatArray,
+    belonging: _Belonging,
+) -> tuple[list[IntArray], IntArray] | None:
+    """Return the rows of the constraints of each sheet of a ball, and how they are joined; None for one sheet."""
+    labels, away, agreeing = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
+    sheets = np.unique(labels[inside])
+    if len(sheets) < 2 or sheets[0] < 0:
+        return None
+    joins = np.empty(len(sheets), dtype=np.int64)
+    if crease_loops.order_sheets(labels, away, sheets, joins) > crease_loops.MIXED:
+        return None
+    far = np.linalg.norm(points[rows] - centre, axis=1)
+    parts = []
+    for sheet in sheets:
+        own = np.flatnonzero(labels == sheet)
+        order = own[np.lexsort((far[own], ~inside[own]))]
+        chosen = order[: max(LEAST_POINTS, np.count_nonzero(inside[own]))]
+        part = belonging.constraints(rows[chosen], agreeing[chosen] >= cosine)
+        if np.count_nonzero(belonging.off[part]) < LEAST_SITES:
+            return None
+        parts.append(part)
+    return parts, joins
+
+
+def _replace(cover: Cover, found: dict[int, tuple[list[IntArray], IntArray]]) -> Pieces:
+    """Return the cover with some of its balls replaced by their sheets."""
+    counts = np.ones(len(cover.radii), dtype=np.int64)
+    for ball, (parts, _) in found.items():
+        counts[ball] = len(parts)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    ball_of = np.repeat(np.arange(len(counts)), counts)
+    members, joins = [], np.zeros(first[-1], dtype=np.int64)
+    for ball in range(len(counts)):
+        if ball in found:
+            members += found[ball][0]
+            joins[first[ball] : first[ball + 1]] = found[ball][1]
+        else:
+            members.append(cover.members[cover.offsets[ball] : cover.offsets[ball + 1]])
+    offsets = np.concatenate([[0], np.cumsum([len(part) for part in members])])
+    over = Cover(cover.centres[ball_of], cover.radii[ball_of], cover.bounds, offsets, np.concatenate(members))
+    return Pieces(over, first, joins)
+
+
+def _keep_better(
+    cover: Cover,
+    points: FloatArray,
+    values: FloatArray,
+    trust: FloatArray,
+    pieces: Pieces,
+    kernel: Polyharmonic,
+    degree: int,
+    rule: Smoothing,
+    owners: IntArray,
+) -> tuple[Pieces | None, Smoothing]:
+    """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
+    exponents = tail_exponents(points.shape[1], degree)
+    balls = np.flatnonzero(np.diff(pieces.first) > 1)
+    better = np.zeros(len(balls), dtype=bool)
+    with single_threaded_blas():
+        chosen, amounts = choose_amounts(
+            pieces.cover, points, values, trust, kernel=kernel, exponents=exponents, rule=rule, owners=owners
+        )
+        own = None if amounts is None else amounts[pieces.first[:-1]]
+        diagonals = (chosen.diagonals(cover.counts, own), chosen.diagonals(pieces.cover.counts, amounts))
+        data = (points, values, trust, owners)
+        whole, split = (_arrays(over) for over in (cover, pieces.cover))
+
+        def task(start: int, stop: int) -> None:
+            for at in range(start, stop):
+                ball = balls[at]
+                parts = ((pieces.first[ball], pieces.first[ball + 1]), split, pieces.joins)
+                one, many = crease_loops.judge(ball, data, whole, parts, exponents, kernel.power, diagonals)
+                better[at] = many < one
+
+        run_blocks(task, len(balls), 1)
+    if not better.any():
+        return None, rule
+    kept = {
+        int(ball): (
+            [pieces.cover.members[pieces.cover.offsets[p] : pieces.cover.offsets[p + 1]] for p in range(*pieces.first[ball : ball + 2])],
+            pieces.joins[pieces.first[ball] : pieces.first[ball + 1]],
+        )
+        for ball in balls[better]
+    }
+    return _replace(cover, kept), chosen
+
+
+def _arrays(cover: Cover) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+    return cover.centres, cover.radii, cover.offsets, cover.members
