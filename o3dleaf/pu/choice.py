@@ -27,6 +27,7 @@ def choose_amounts(
     *,
     kernel: Polyharmonic,
     exponents: IntArray,
+    terms: IntArray,
     rule: Smoothing,
     owners: IntArray | None = None,
     progress: Progress | None = None,
@@ -42,6 +43,8 @@ def choose_amounts(
     points, values, trust : (n, d), (n,), (n,) ndarrays
     kernel, exponents, rule
         Of the fit.
+    terms : (M,) int64 ndarray
+        How many of the monomials the tail of each ball has.
     owners : (n,) int64 ndarray, optional
         The row that each constraint belongs to, its own for those that stand for a measured point. "gcv" then
         leaves a point out with all its constraints and judges it by its own.
@@ -54,13 +57,14 @@ def choose_amounts(
     balls = (cover.centres, cover.radii, cover.offsets, cover.members)
 
     def spectrum(ball: int) -> Spectrum:
-        found, coefficients = loops.ball_spectrum(ball, points, values, trust, balls, exponents, kernel.power)
+        found, coefficients = loops.ball_spectrum(ball, points, values, trust, balls, exponents[: terms[ball]], kernel.power)
         scale = rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
         return Spectrum(found / scale, coefficients, int(cover.counts[ball]))
 
     def squares(ball: int) -> tuple[FloatArray, int]:
         scales = amounts * rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
-        return loops.ball_held_out_squares(ball, points, values, trust, balls, exponents, kernel.power, owners, scales)
+        tail = exponents[: terms[ball]]
+        return loops.ball_held_out_squares(ball, points, values, trust, balls, tail, kernel.power, owners, scales)
 
     sample = np.unique(np.linspace(0, count - 1, GCV_BALLS).round().astype(np.int64))
     if rule.amount == "gcv" and owners is not None:

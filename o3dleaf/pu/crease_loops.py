@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.pu.loops import ball_held_out, gather
+from o3dleaf.pu.loops import gather
 from o3dleaf.rbf.loops import radial_values, squared_distances
 from o3dleaf.rbf.solve import solve_local, tail_matrix
 
@@ -23,6 +23,17 @@ OPPOSITE = -0.5
 
 MIXED = 0.2
 """Share of a sheet's points, weighed by distance, that may lie on the wrong side of another that they meet."""
+
+
+HELD_OUT = 4
+"""One in so many points of a ball is left out to judge by."""
+
+
+MUCH = 0.3
+"""Share of the squared errors of one spline below which sheets are better beyond doubt."""
+
+ALIKE = 2.0
+"""Squared errors near creases over those elsewhere which chance may make of nothing but noise."""
 
 
 @njit(nogil=True, cache=True)
@@ -183,41 +194,51 @@ def spline_values(points, weights, tail, exponents, power, queries):
 
 
 @njit(nogil=True, cache=True)
-def judge(whole, data, cover, split, exponents, power, diagonals):
-    """Return the sums of squared held-out errors of a ball's one spline, and of the sheets that it is split into.
+def judge(whole, data, cover, split, tail, power, diagonals):
+    """Return whether the sheets of a ball foretell every fourth of its points better than its one spline does.
 
-    Points are left out with all their constraints and judged by their own; of the sheets it is the error of
-    their combination, of which each point belongs to one.
+    Those are left out with all their constraints. The sheets must be much better, or as good near creases as
+    elsewhere, up to chance: noise can be all that is left.
     """
-    points, values, trust, owners = data
+    points, values, trust, owners, calm = data
     pieces, piece_cover, joins = split
-    of_whole = ball_held_out(whole, points, values, trust, cover, exponents, power, diagonals[0], owners)
-    rows = cover[3][cover[2][whole] : cover[2][whole + 1]]
-    centre, radius = cover[0][whole], cover[1][whole]
-    own = owners[rows] == rows
-    rows, of_whole = rows[own], of_whole[own]
-    local, _ = gather(points, values, rows, centre, radius)
-    combined = np.zeros(rows.size)
+    exponents, least = tail
+    members = cover[3][cover[2][whole] : cover[2][whole + 1]]
+    rows = members[owners[members] == members][::HELD_OUT]
+    queries, _ = gather(points, values, rows, cover[0][whole], cover[1][whole])
+    one = predict(whole, rows, queries, data, cover, exponents, power, diagonals[0])
+    many = np.zeros(rows.size)
     for piece in range(pieces[0], pieces[1]):
-        members = piece_cover[3][piece_cover[2][piece] : piece_cover[2][piece + 1]]
-        sites, data_there = gather(points, values, members, centre, radius)
-        diagonal = diagonals[1][piece] / radius**power / trust[members]
-        lam, tail, _, _ = solve_local(sites, data_there, exponents, power, diagonal)
-        found = spline_values(sites, lam, tail, exponents, power, local)
-        errors = ball_held_out(piece, points, values, trust, piece_cover, exponents, power, diagonals[1], owners)
-        for j in range(members.size):
-            at = np.searchsorted(rows, members[j])
-            if at < rows.size and rows[at] == members[j]:
-                found[at] = values[members[j]] - errors[j]
-        if joins[piece] == 0:
-            combined[:] = found
-        elif joins[piece] < 0:
-            combined = np.minimum(combined, found)
-        else:
-            combined = np.maximum(combined, found)
-    one, many = 0.0, 0.0
+        found = predict(piece, rows, queries, data, piece_cover, exponents[:least], power, diagonals[1])
+        for i in range(rows.size):
+            if joins[piece] == 0 or joins[piece] * (found[i] - many[i]) > 0.0:
+                many[i] = found[i]
+    squares, counts = np.zeros(2), np.zeros(2)
+    before, after = 0.0, 0.0
     for i in range(rows.size):
-        if not (math.isnan(of_whole[i]) or math.isnan(combined[i])):
-            one += of_whole[i] ** 2
-            many += (values[rows[i]] - combined[i]) ** 2
-    return one, many
+        before += (one[i] - values[rows[i]]) ** 2
+        error = (many[i] - values[rows[i]]) ** 2
+        after += error
+        squares[int(calm[rows[i]])] += error
+        counts[int(calm[rows[i]])] += 1.0
+    alike = squares[0] * counts[1] <= ALIKE * squares[1] * counts[0]
+    return after < MUCH * before or (after < before and alike)
+
+
+@njit(nogil=True, cache=True)
+def predict(ball, rows, queries, data, cover, exponents, power, diagonals):
+    """Return the values at `queries` (d, ·) of the spline of a ball without all constraints of the points `rows`."""
+    points, values, trust, owners, _ = data
+    members = cover[3][cover[2][ball] : cover[2][ball + 1]]
+    kept = np.empty(members.size, dtype=np.int64)
+    count = 0
+    for row in members:
+        at = np.searchsorted(rows, owners[row])
+        if at == rows.size or rows[at] != owners[row]:
+            kept[count] = row
+            count += 1
+    kept = kept[:count]
+    sites, there = gather(points, values, kept, cover[0][ball], cover[1][ball])
+    diagonal = diagonals[ball] / cover[1][ball] ** power / trust[kept]
+    weights, tail, _, _ = solve_local(sites, there, exponents, power, diagonal)
+    return spline_values(sites, weights, tail, exponents, power, queries)

@@ -1,6 +1,7 @@
 """Sharp creases: balls whose points fall into smooth sheets get a spline for each, combined by minima and maxima."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,6 +55,11 @@ class Surface(NamedTuple):
     rows: IntArray
     normals: FloatArray
     angle: float
+
+    @property
+    def half(self) -> float:
+        """The cosine of half the angle."""
+        return float(np.cos(np.radians(self.angle / 2)))
 
 
 class Pieces(NamedTuple):
@@ -121,27 +127,48 @@ def fit_creased(
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
-    pieces = _find_pieces(cover, points, values, surface, owners)
+    calm, near = _neighbourhoods(surface, points)
+    pieces = _find_pieces(cover, points, values, surface, owners, calm, near)
     if pieces is not None:
         weights = np.ones(len(points)) if trust is None else trust
-        pieces, smoothing = _keep_better(cover, points, values, weights, pieces, kernel, degree, smoothing, owners)
-    over = cover if pieces is None else pieces.cover
-    splines = LocalSplines.fit(
-        over, points, values, kernel, degree, smoothing, trust=trust, owners=owners, progress=progress
-    )
-    return splines if pieces is None else CreasedSplines(splines, pieces.first, pieces.joins)
+        quiet = np.zeros(len(points), dtype=bool)
+        quiet[surface.rows] = calm
+        data = (points, values, weights, owners, quiet)
+        pieces, smoothing = _keep_better(cover, data, pieces, kernel, degree, smoothing)
+    fit = partial(LocalSplines.fit, points=points, values=values, kernel=kernel, degree=degree, smoothing=smoothing)
+    if pieces is None:
+        return fit(cover, trust=trust, owners=owners, progress=progress)
+    terms = _terms(pieces, kernel, degree)
+    splines = fit(pieces.cover, trust=trust, owners=owners, terms=terms, progress=progress)
+    return CreasedSplines(splines, pieces.first, pieces.joins)
+
+
+def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
+    """Return how many monomials the tail of each sheet has: of split balls the fewest, which extend most tamely."""
+    least, most = (len(tail_exponents(3, each)) for each in (kernel.least_degree, degree))
+    counts = np.diff(pieces.first)
+    return np.repeat(np.where(counts > 1, least, most), counts)
+
+
+def _neighbourhoods(surface: Surface, points: FloatArray) -> tuple[npt.NDArray[np.bool_], IntArray]:
+    """Return which measured points agree with their neighbours, and the neighbours."""
+    x = points[surface.rows]
+    near = cKDTree(x).query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
+    calm = np.empty(len(x), dtype=bool)
+
+    def task(start: int, stop: int) -> None:
+        crease_loops.find_calm(start, stop, surface.normals, near, surface.half, calm)
+
+    run_blocks(task, len(x), 1 << 12)
+    return calm, near
 
 
 def _find_pieces(
-    cover: Cover, points: FloatArray, values: FloatArray, surface: Surface, owners: IntArray
+    cover: Cover, points: FloatArray, values: FloatArray, surface: Surface, owners: IntArray, calm, near
 ) -> Pieces | None:
     """Return the cover with each ball split that holds several sheets, or None if none does."""
     x, n = points[surface.rows], surface.normals
     tree = cKDTree(x)
-    near = tree.query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
-    cosine = float(np.cos(np.radians(surface.angle / 2)))
-    calm = np.empty(len(x), dtype=bool)
-    run_blocks(lambda i, j: crease_loops.find_calm(i, j, n, near, cosine, calm), len(x), 1 << 12)
     asked = _suspects(cover, surface, n, calm)
     if not len(asked):
         return None
@@ -156,7 +183,7 @@ def _find_pieces(
             far = np.linalg.norm(x[inside] - cover.centres[ball], axis=1)
             reach = BEYOND * max(cover.radii[ball], far.max())
             rows = np.sort(np.array(tree.query_ball_point(cover.centres[ball], reach), dtype=np.int64))
-            split = _split(rows, np.isin(rows, inside), x, n, near, calm, cosine, cover.centres[ball], belonging)
+            split = _split(rows, np.isin(rows, inside), x, n, near, calm, surface.half, cover.centres[ball], belonging)
             if split is not None:
                 found[int(ball)] = split
 
@@ -257,35 +284,27 @@ def _replace(cover: Cover, found: dict[int, tuple[list[IntArray], IntArray]]) ->
 
 
 def _keep_better(
-    cover: Cover,
-    points: FloatArray,
-    values: FloatArray,
-    trust: FloatArray,
-    pieces: Pieces,
-    kernel: Polyharmonic,
-    degree: int,
-    rule: Smoothing,
-    owners: IntArray,
+    cover: Cover, data, pieces: Pieces, kernel: Polyharmonic, degree: int, rule: Smoothing
 ) -> tuple[Pieces | None, Smoothing]:
     """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
-    exponents = tail_exponents(points.shape[1], degree)
+    points, values, trust, owners, _ = data
+    exponents, terms = tail_exponents(3, degree), _terms(pieces, kernel, degree)
+    tail = (exponents, int(terms.min()))
     balls = np.flatnonzero(np.diff(pieces.first) > 1)
     better = np.zeros(len(balls), dtype=bool)
     with single_threaded_blas():
         chosen, amounts = choose_amounts(
-            pieces.cover, points, values, trust, kernel=kernel, exponents=exponents, rule=rule, owners=owners
+            pieces.cover, points, values, trust, kernel=kernel, exponents=exponents, terms=terms, rule=rule, owners=owners
         )
         own = None if amounts is None else amounts[pieces.first[:-1]]
         diagonals = (chosen.diagonals(cover.counts, own), chosen.diagonals(pieces.cover.counts, amounts))
-        data = (points, values, trust, owners)
         whole, split = (_arrays(over) for over in (cover, pieces.cover))
 
         def task(start: int, stop: int) -> None:
             for at in range(start, stop):
                 ball = balls[at]
                 parts = ((pieces.first[ball], pieces.first[ball + 1]), split, pieces.joins)
-                one, many = crease_loops.judge(ball, data, whole, parts, exponents, kernel.power, diagonals)
-                better[at] = many < one
+                better[at] = crease_loops.judge(ball, data, whole, parts, tail, kernel.power, diagonals)
 
         run_blocks(task, len(balls), 1)
     if not better.any():

@@ -216,8 +216,12 @@ def gather(points, values, rows, centre, radius):
 
 
 @njit(nogil=True, cache=True)
-def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoothing, model, ranks, dropped):
-    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights."""
+def fit_balls(start, stop, points, values, trust, cover, tail, power, smoothing, model, ranks, dropped):
+    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights.
+
+    `tail` is the exponents and how many of them each ball has; the coefficients of the others stay as they are.
+    """
+    exponents, terms = tail
     centres, radii, offsets, members = cover
     sites, weights, tails = model
     dimension = centres.shape[1]
@@ -225,10 +229,10 @@ def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoot
         first, last = offsets[ball], offsets[ball + 1]
         local, data = gather(points, values, members[first:last], centres[ball], radii[ball])
         diagonal = smoothing[ball] / radii[ball] ** power / trust[members[first:last]]
-        lam, tail, rank, lost = solve_local(local, data, exponents, power, diagonal)
+        lam, coefficients, rank, lost = solve_local(local, data, exponents[: terms[ball]], power, diagonal)
         sites[dimension * first : dimension * last] = local.ravel()
         weights[first:last] = lam
-        tails[ball] = tail
+        tails[ball, : terms[ball]] = coefficients
         ranks[ball] = rank
         dropped[ball] = lost
 
