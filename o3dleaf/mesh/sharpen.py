@@ -40,8 +40,9 @@ def sharpen_creases(
     .. math:: x = m - J^+ (J m - b), \qquad J = (\nabla F(a), \nabla F(b))^T,
 
     the planes being taken again half way to it; a triangle with three such edges gets one where three planes
-    meet. Triangles are cut along the new vertices, so that creases become edges; no other vertex moves, and a
-    manifold mesh stays one. A vertex which does not halve the field's value, or lies far away, is not made.
+    meet. Triangles are cut along the new vertices, so that creases become edges, and a manifold mesh stays one. A
+    vertex which does not halve the field's value, or lies far away, is not made. Of the others only those beside a
+    crease move, onto the surface, which the parabolas of `extract_band` miss where the field has a kink.
 
     Parameters
     ----------
@@ -76,7 +77,14 @@ def sharpen_creases(
     facing = _unit(np.asarray(field.gradient(vertices)))
     table = EdgeTable.of(triangles)
     ends, of_triangle = table.ends.astype(np.int64), table.of_half.reshape(-1, 3)
-    across = np.flatnonzero((facing[ends[:, 0]] * facing[ends[:, 1]]).sum(axis=1) < cosine)
+    across = _turning(ends, facing, cosine)
+    touched = np.zeros(len(vertices), dtype=bool)
+    touched[ends[across]] = True
+    beside = np.unique(triangles[touched[triangles].any(axis=1)])
+    vertices = vertices.copy()
+    vertices[beside] = _settle(vertices[beside], field, level)
+    facing[beside] = _unit(np.asarray(field.gradient(vertices[beside]))) if len(beside) else 0.0
+    across = _turning(ends, facing, cosine)
     places, kept = _meet(vertices[ends[across]], facing[ends[across]], field, level)
     number = np.full(len(ends), -1)
     number[across[kept]] = len(vertices) + np.arange(np.count_nonzero(kept))
@@ -88,6 +96,22 @@ def sharpen_creases(
     return build_mesh(
         np.concatenate([vertices, places[kept], corners[found]]), _cut(triangles, at, centre)
     )
+
+
+def _turning(ends: IntArray, facing: FloatArray, cosine: float) -> IntArray:
+    """Return the edges between whose ends the gradient turns."""
+    return np.flatnonzero((facing[ends[:, 0]] * facing[ends[:, 1]]).sum(axis=1) < cosine)
+
+
+def _settle(places: FloatArray, field: Field, level: float) -> FloatArray:
+    """Return vertices moved to the zero by Newton's method, where that brings them nearer: parabolas miss kinks."""
+    for _ in range(ROUNDS if len(places) else 0):
+        value, slope = _ask(field, places, level)
+        step = value / np.maximum((slope * slope).sum(axis=-1), np.finfo(np.float64).tiny)
+        moved = places - step[:, np.newaxis] * slope
+        better = np.abs(np.asarray(field(moved)) - level) < np.abs(value)
+        places = np.where(better[:, np.newaxis], moved, places)
+    return places
 
 
 def _meet(places: FloatArray, facing: FloatArray, field: Field, level: float) -> tuple[FloatArray, BoolArray]:
@@ -114,10 +138,10 @@ def _meet(places: FloatArray, facing: FloatArray, field: Field, level: float) ->
 
 
 def _ask(field: Field, places: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """Return the (n, k) values less the level, and the (n, k, 3) gradients, at (n, k, 3) places."""
+    """Return the values less the level, and the gradients, at (..., 3) places."""
     flat = places.reshape(-1, 3)
     value, slope = np.asarray(field(flat)) - level, np.asarray(field.gradient(flat))
-    return value.reshape(places.shape[:2]), slope.reshape(places.shape)
+    return value.reshape(places.shape[:-1]), slope.reshape(places.shape)
 
 
 def _unit(slopes: FloatArray) -> FloatArray:

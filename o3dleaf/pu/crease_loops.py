@@ -18,6 +18,10 @@ ROUNDS = 3
 RIDGE = 1e-3
 """Share of the points' number added to the curvatures' diagonal: planes stay planes where few points say more."""
 
+ONE_SHEET = (1.5, 0.005)
+"""Two sheets are one if a quadric's misfit to both is below so many of the larger of their own, and so much of the
+scale: a third of what planes at 30 degrees leave."""
+
 OPPOSITE = -0.5
 """Cosine below which a neighbour's normal is the other side of a thin sheet, which makes no crease here."""
 
@@ -125,6 +129,40 @@ def distance(quadric, point):
 
 
 @njit(nogil=True, cache=True)
+def misfit(points, normals, chosen):
+    """Return the root mean square distance of the chosen points from their quadric, and its scale."""
+    quadric = fit_quadric(points, normals, chosen)
+    total = 0.0
+    for i in range(len(points)):
+        if chosen[i]:
+            total += distance(quadric, points[i])[0] ** 2
+    return math.sqrt(total / np.sum(chosen)), quadric[3]
+
+
+@njit(nogil=True, cache=True)
+def unite(points, normals, labels, count):
+    """Unite sheets that one quadric fits as well as each its own; return how many are left."""
+    first = 0
+    while first < count - 1:
+        other = first + 1
+        while other < count:
+            apart = max(misfit(points, normals, labels == first)[0], misfit(points, normals, labels == other)[0])
+            together, scale = misfit(points, normals, (labels == first) | (labels == other))
+            if together > ONE_SHEET[0] * apart + ONE_SHEET[1] * scale:
+                other += 1
+                continue
+            count -= 1
+            for i in range(labels.size):
+                if labels[i] == other:
+                    labels[i] = first
+                elif labels[i] == count:
+                    labels[i] = other
+            other = first + 1
+        first += 1
+    return count
+
+
+@njit(nogil=True, cache=True)
 def find_sheets(rows, points, normals, near, calm, cosine):
     """Return the (n,) sheet of each point, the (sheets, n) signed distances, and the cosine of its normal to the sheet's.
 
@@ -133,6 +171,7 @@ def find_sheets(rows, points, normals, near, calm, cosine):
     labels = np.empty(rows.size, dtype=np.int64)
     count = connect(rows, normals, near, calm, cosine, labels)
     x, n = points[rows], normals[rows]
+    count = unite(x, n, labels, count)
     away, facing = np.empty((count, rows.size)), np.empty((count, rows.size))
     doubtful = labels < 0
     agreeing = np.ones(rows.size)

@@ -23,10 +23,10 @@ from o3dleaf.rbf.tail import IntArray, tail_exponents
 ANGLE = 30.0
 """Degrees by which normals turn across what "auto" calls a crease."""
 
-NEIGHBOURS = 12
+NEIGHBOURS = 8
 """Neighbours that a calm point agrees with; as many join it to its sheet."""
 
-BEYOND = 1.3
+BEYOND = 1.5
 """Radius, in that of a ball's farthest point, of what its sheets are looked for in: they come in from outside."""
 
 LEAST_POINTS = 40
