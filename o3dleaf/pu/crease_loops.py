@@ -12,7 +12,7 @@ from o3dleaf.rbf.solve import solve_local, tail_matrix
 LEAST_CALM = 8
 """Points away from any crease that a sheet begins with: more than a quadric has coefficients."""
 
-ROUNDS = 3
+ROUNDS = 4
 """Times that doubtful points choose their sheet and the sheets' quadrics are fitted again."""
 
 RIDGE = 1e-3
@@ -21,6 +21,9 @@ RIDGE = 1e-3
 ONE_SHEET = (1.5, 0.005)
 """Two sheets are one if a quadric's misfit to both is below so many of the larger of their own, and so much of the
 scale: a third of what planes at 30 degrees leave."""
+
+STRAY = 3.0
+"""Root mean square distances of a sheet's calm points within which a doubtful point has a say in its quadric."""
 
 OPPOSITE = -0.5
 """Cosine below which a neighbour's normal is the other side of a thin sheet, which makes no crease here."""
@@ -163,30 +166,48 @@ def unite(points, normals, labels, count):
 
 
 @njit(nogil=True, cache=True)
-def find_sheets(rows, points, normals, near, calm, cosine):
-    """Return the (n,) sheet of each point, the (sheets, n) signed distances, and the cosine of its normal to the sheet's.
+def measure(points, normals, chosen, away, facing):
+    """Write distances of all points from the quadric of the chosen ones, and the cosines of their normals to its."""
+    quadric = fit_quadric(points, normals, chosen)
+    total = 0.0
+    for i in range(len(points)):
+        away[i], outward = distance(quadric, points[i])
+        facing[i] = outward @ normals[i]
+        total += away[i] ** 2 if chosen[i] else 0.0
+    return STRAY * math.sqrt(total / np.sum(chosen)) + ONE_SHEET[1] * quadric[3]
 
-    Sheets begin as connected calm points; then a doubtful point goes to the sheet whose quadric it lies on.
+
+@njit(nogil=True, cache=True)
+def find_sheets(rows, points, normals, near, calm, cosine):
+    """Return the (n,) sheet of each point, whether it lies on it, (sheets, n) distances, and its normal's cosine there.
+
+    Sheets begin as connected calm points; then a doubtful point goes to the sheet whose quadric it lies on. What
+    lies on none begins one more: a sheet that has only a corner in here has no calm points.
     """
     labels = np.empty(rows.size, dtype=np.int64)
     count = connect(rows, normals, near, calm, cosine, labels)
     x, n = points[rows], normals[rows]
     count = unite(x, n, labels, count)
-    away, facing = np.empty((count, rows.size)), np.empty((count, rows.size))
-    doubtful = labels < 0
-    agreeing = np.ones(rows.size)
+    away, facing = np.zeros((count + 1, rows.size)), np.ones((count + 1, rows.size))
+    doubtful, lying = labels < 0, labels >= 0
+    within = np.zeros(count + 1)
+    more = count + 1
     for _ in range(ROUNDS if count > 1 else 0):
         for sheet in range(count):
-            quadric = fit_quadric(x, n, labels == sheet)
-            for i in range(rows.size):
-                away[sheet, i], outward = distance(quadric, x[i])
-                facing[sheet, i] = outward @ n[i]
+            reach = measure(x, n, lying & (labels == sheet), away[sheet], facing[sheet])
+            within[sheet] = reach if within[sheet] == 0.0 else within[sheet]
         for i in range(rows.size):
             if doubtful[i]:
-                labels[i] = np.argmin(np.abs(away[:, i]))
+                labels[i] = np.argmin(np.abs(away[:count, i]))
+                lying[i] = abs(away[labels[i], i]) <= within[labels[i]]
+        if count < more and np.sum(~lying) >= LEAST_CALM:
+            labels[~lying] = count
+            lying[:] = True
+            count = more
+    agreeing = np.ones(rows.size)
     for i in range(rows.size if count > 1 else 0):
         agreeing[i] = facing[labels[i], i]
-    return labels, away, agreeing
+    return labels, lying, away[:count], agreeing
 
 
 @njit(nogil=True, cache=True)

@@ -35,6 +35,9 @@ LEAST_POINTS = 40
 LEAST_SITES = 4
 """Constraints off the surface that a sheet needs: with fewer, its inside is not told from its outside."""
 
+LOST = 0.03
+"""Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
+
 CLOSED = 0.5
 """Length of the mean normal below which a ball may hold two sides of something, without any crease."""
 
@@ -244,9 +247,9 @@ def _split(
     belonging: _Belonging,
 ) -> tuple[list[IntArray], IntArray] | None:
     """Return the rows of the constraints of each sheet of a ball, and how they are joined; None for one sheet."""
-    labels, away, agreeing = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
+    labels, lying, away, agreeing = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
     sheets = np.unique(labels[inside])
-    if len(sheets) < 2 or sheets[0] < 0:
+    if len(sheets) < 2 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
         return None
     joins = np.empty(len(sheets), dtype=np.int64)
     if crease_loops.order_sheets(labels, away, sheets, joins) > crease_loops.MIXED:
