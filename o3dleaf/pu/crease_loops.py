@@ -132,6 +132,31 @@ def distance(quadric, point):
 
 
 @njit(nogil=True, cache=True)
+def blunt_pair(labels, away, outward, count, cosine):
+    """Return two sheets that turn by less than the angle where one comes nearest to the other, or −1 twice."""
+    for one in range(count):
+        for other in range(count):
+            least, at = np.inf, -1
+            for i in range(labels.size):
+                if labels[i] == other and abs(away[one, i]) < least:
+                    least, at = abs(away[one, i]), i
+            if one != other and at >= 0 and outward[one, at] @ outward[other, at] > cosine:
+                return one, other
+    return -1, -1
+
+
+@njit(nogil=True, cache=True)
+def relabel(labels, gone, into, last):
+    """Give the points of one sheet to another, and its number to the last one."""
+    for i in range(labels.size):
+        if labels[i] == gone:
+            labels[i] = into
+    for i in range(labels.size):
+        if labels[i] == last:
+            labels[i] = gone
+
+
+@njit(nogil=True, cache=True)
 def misfit(points, normals, chosen):
     """Return the root mean square distance of the chosen points from their quadric, and its scale."""
     quadric = fit_quadric(points, normals, chosen)
@@ -155,46 +180,44 @@ def unite(points, normals, labels, count):
                 other += 1
                 continue
             count -= 1
-            for i in range(labels.size):
-                if labels[i] == other:
-                    labels[i] = first
-                elif labels[i] == count:
-                    labels[i] = other
+            relabel(labels, other, first, count)
             other = first + 1
         first += 1
     return count
 
 
 @njit(nogil=True, cache=True)
-def measure(points, normals, chosen, away, facing):
-    """Write distances of all points from the quadric of the chosen ones, and the cosines of their normals to its."""
+def measure(points, normals, chosen, away, outward):
+    """Write distances of all points from the quadric of the chosen ones, and its normals there; return its reach."""
     quadric = fit_quadric(points, normals, chosen)
     total = 0.0
     for i in range(len(points)):
-        away[i], outward = distance(quadric, points[i])
-        facing[i] = outward @ normals[i]
+        away[i], outward[i] = distance(quadric, points[i])
         total += away[i] ** 2 if chosen[i] else 0.0
     return STRAY * math.sqrt(total / np.sum(chosen)) + ONE_SHEET[1] * quadric[3]
 
 
 @njit(nogil=True, cache=True)
-def find_sheets(rows, points, normals, near, calm, cosine):
-    """Return the (n,) sheet of each point, whether it lies on it, (sheets, n) distances, and its normal's cosine there.
+def find_sheets(rows, points, normals, near, calm, half):
+    """Return the (n,) sheet of each point, whether it lies on it, (sheets, n) distances and (sheets, n, 3) normals.
 
     Sheets begin as connected calm points; then a doubtful point goes to the sheet whose quadric it lies on. What
-    lies on none begins one more: a sheet that has only a corner in here has no calm points.
+    lies on none begins one more: a sheet that has only a corner in here has no calm points. Sheets that do not turn
+    where they meet are one.
     """
     labels = np.empty(rows.size, dtype=np.int64)
-    count = connect(rows, normals, near, calm, cosine, labels)
+    # `half` is the cosine of half the angle.
+    angle = 2.0 * half * half - 1.0
+    count = connect(rows, normals, near, calm, half, labels)
     x, n = points[rows], normals[rows]
     count = unite(x, n, labels, count)
-    away, facing = np.zeros((count + 1, rows.size)), np.ones((count + 1, rows.size))
+    away, outward = np.zeros((count + 1, rows.size)), np.zeros((count + 1, rows.size, 3))
     doubtful, lying = labels < 0, labels >= 0
     within = np.zeros(count + 1)
     more = count + 1
     for _ in range(ROUNDS if count > 1 else 0):
         for sheet in range(count):
-            reach = measure(x, n, lying & (labels == sheet), away[sheet], facing[sheet])
+            reach = measure(x, n, lying & (labels == sheet), away[sheet], outward[sheet])
             within[sheet] = reach if within[sheet] == 0.0 else within[sheet]
         for i in range(rows.size):
             if doubtful[i]:
@@ -204,10 +227,15 @@ def find_sheets(rows, points, normals, near, calm, cosine):
             labels[~lying] = count
             lying[:] = True
             count = more
-    agreeing = np.ones(rows.size)
-    for i in range(rows.size if count > 1 else 0):
-        agreeing[i] = facing[labels[i], i]
-    return labels, lying, away[:count], agreeing
+    one, other = blunt_pair(labels, away, outward, count, angle)
+    while one >= 0:
+        one, other = min(one, other), max(one, other)
+        count -= 1
+        relabel(labels, other, one, count)
+        for sheet in range(count):
+            measure(x, n, lying & (labels == sheet), away[sheet], outward[sheet])
+        one, other = blunt_pair(labels, away, outward, count, angle)
+    return labels, lying, away[:count], outward[:count]
 
 
 @njit(nogil=True, cache=True)

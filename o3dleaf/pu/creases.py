@@ -247,10 +247,11 @@ def _split(
     belonging: _Belonging,
 ) -> tuple[list[IntArray], IntArray] | None:
     """Return the rows of the constraints of each sheet of a ball, and how they are joined; None for one sheet."""
-    labels, lying, away, agreeing = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
+    labels, lying, away, outward = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
     sheets = np.unique(labels[inside])
-    if len(sheets) < 2 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
+    if len(sheets) < 2 or sheets[0] < 0 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
         return None
+    agreeing = np.einsum("ia,ia->i", outward[labels, np.arange(len(rows))], normals[rows])
     joins = np.empty(len(sheets), dtype=np.int64)
     if crease_loops.order_sheets(labels, away, sheets, joins) > crease_loops.MIXED:
         return None
@@ -319,7 +320,7 @@ def _keep_better(
         )
         for ball in balls[better]
     }
-    return _replace(cover, kept), chosen
+    return _replace(cover, kept), chosen if better.all() else rule
 
 
 def _arrays(cover: Cover) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
