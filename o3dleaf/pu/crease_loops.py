@@ -44,6 +44,18 @@ ALIKE = 2.0
 
 
 @njit(nogil=True, cache=True)
+def average_alike(normals, near, cosine):
+    """Return the (n, 3) unit means of the normals of points and of those of their neighbours that agree with them."""
+    found = normals.copy()
+    for i in range(len(normals)):
+        for j in near[i]:
+            if normals[i] @ normals[j] >= cosine:
+                found[i] += normals[j]
+        found[i] /= math.sqrt(found[i] @ found[i])
+    return found
+
+
+@njit(nogil=True, cache=True)
 def find_calm(start, stop, normals, near, cosine, calm):
     """Mark the points that all neighbours agree with, those on the other side of a thin sheet aside."""
     for i in range(start, stop):
@@ -235,6 +247,15 @@ def find_sheets(rows, points, normals, near, calm, half):
         for sheet in range(count):
             measure(x, n, lying & (labels == sheet), away[sheet], outward[sheet])
         one, other = blunt_pair(labels, away, outward, count, angle)
+    for sheet in range(count):
+        own = labels == sheet
+        sure = own & ~doubtful
+        if not np.any(sure):
+            continue
+        reach = STRAY * math.sqrt(np.mean(away[sheet][sure] ** 2)) + ONE_SHEET[1] * np.max(np.abs(away))
+        for i in range(rows.size):
+            if own[i]:
+                lying[i] = abs(away[sheet, i]) <= reach
     return labels, lying, away[:count], outward[:count]
 
 

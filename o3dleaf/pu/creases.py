@@ -35,6 +35,9 @@ LEAST_POINTS = 40
 LEAST_SITES = 4
 """Constraints off the surface that a sheet needs: with fewer, its inside is not told from its outside."""
 
+ROUNDS = 3
+"""Times that normals are averaged over neighbours that agree: noise goes, creases stay."""
+
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
 
@@ -130,7 +133,7 @@ def fit_creased(
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
-    calm, near = _neighbourhoods(surface, points)
+    surface, calm, near = _neighbourhoods(surface, points)
     pieces = _find_pieces(cover, points, values, surface, owners, calm, near)
     if pieces is not None:
         weights = np.ones(len(points)) if trust is None else trust
@@ -153,17 +156,20 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
     return np.repeat(np.where(counts > 1, least, most), counts)
 
 
-def _neighbourhoods(surface: Surface, points: FloatArray) -> tuple[npt.NDArray[np.bool_], IntArray]:
-    """Return which measured points agree with their neighbours, and the neighbours."""
+def _neighbourhoods(surface: Surface, points: FloatArray) -> tuple[Surface, npt.NDArray[np.bool_], IntArray]:
+    """Return the surface with its normals averaged over alike neighbours, which points are calm, and the neighbours."""
     x = points[surface.rows]
     near = cKDTree(x).query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
-    calm = np.empty(len(x), dtype=bool)
+    calm, normals = np.empty(len(x), dtype=bool), surface.normals
+    for _ in range(ROUNDS):
+        normals = crease_loops.average_alike(normals, near, surface.half)
+    surface = surface._replace(normals=normals)
 
     def task(start: int, stop: int) -> None:
-        crease_loops.find_calm(start, stop, surface.normals, near, surface.half, calm)
+        crease_loops.find_calm(start, stop, normals, near, surface.half, calm)
 
     run_blocks(task, len(x), 1 << 12)
-    return calm, near
+    return surface, calm, near
 
 
 def _find_pieces(
