@@ -424,3 +424,15 @@ NEAREST = 1e-9
 
 SPACING = 0.1
 """16 neighbours: 4 % too close at random, 6 % too wide on a lattice, found; one neighbour miscounted is 3 % more."""
+
+# --- creases ---
+
+CREASED = 1e-8
+"""Of the wedge's size: solving a ball's system of 200 constraints leaves 1e-10; one spline across the crease leaves
+1e-2, a minimum in place of a maximum 1e-1."""
+
+CREASED_SLOPE = 1e-5
+"""Central differences over 1e-4 of a field that is linear on either side, whose values are good to 1e-10."""
+
+SHARP_AREA = 1e-4
+"""Of a block's area, found 4e-5: where a crease grazes a vertex, triangles in its line may overlap by a sliver."""

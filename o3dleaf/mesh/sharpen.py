@@ -93,9 +93,8 @@ def sharpen_creases(
     corners, found = _meet(vertices[triangles[three]], facing[triangles[three]], field, level)
     centre = np.full(len(triangles), -1)
     centre[three[found]] = len(vertices) + np.count_nonzero(kept) + np.arange(np.count_nonzero(found))
-    return build_mesh(
-        np.concatenate([vertices, places[kept], corners[found]]), _cut(triangles, at, centre)
-    )
+    vertices = np.concatenate([vertices, places[kept], corners[found]])
+    return build_mesh(vertices, _cut(vertices, triangles, at, centre))
 
 
 def _turning(ends: IntArray, facing: FloatArray, cosine: float) -> IntArray:
@@ -150,7 +149,7 @@ def _unit(slopes: FloatArray) -> FloatArray:
     return slopes / np.where(length > 0, length, 1.0)
 
 
-def _cut(triangles: IntArray, at: IntArray, centre: IntArray) -> IntArray:
+def _cut(vertices: FloatArray, triangles: IntArray, at: IntArray, centre: IntArray) -> IntArray:
     """Return the triangles cut at the vertices `at` (m, 3) on their edges and `centre` (m,) inside, −1 for none."""
     many = (at >= 0).sum(axis=1)
     # Turned so that two new vertices are on the first two edges, one on the first.
@@ -159,10 +158,13 @@ def _cut(triangles: IntArray, at: IntArray, centre: IntArray) -> IntArray:
     a, b, c = np.take_along_axis(triangles, columns, axis=1).T
     ab, bc, ca = np.take_along_axis(at, columns, axis=1).T
     one, two, three = many == 1, many == 2, (many == 3) & (centre < 0)
+    shorter = np.linalg.norm(vertices[bc] - vertices[a], axis=1) <= np.linalg.norm(vertices[ab] - vertices[c], axis=1)
     parts = [
         (many == 0, [(a, b, c)]),
         (one, [(a, ab, c), (ab, b, c)]),
-        (two, [(ab, b, bc), (a, ab, bc), (a, bc, c)]),
+        (two, [(ab, b, bc)]),
+        (two & shorter, [(a, ab, bc), (a, bc, c)]),
+        (two & ~shorter, [(a, ab, c), (ab, bc, c)]),
         (three, [(a, ab, ca), (ab, b, bc), (bc, c, ca), (ab, bc, ca)]),
         (centre >= 0, [(p, q, centre) for p, q in ((a, ab), (ab, b), (b, bc), (bc, c), (c, ca), (ca, a))]),
     ]

@@ -57,7 +57,9 @@ def choose_amounts(
     balls = (cover.centres, cover.radii, cover.offsets, cover.members)
 
     def spectrum(ball: int) -> Spectrum:
-        found, coefficients = loops.ball_spectrum(ball, points, values, trust, balls, exponents[: terms[ball]], kernel.power)
+        found, coefficients = loops.ball_spectrum(
+            ball, points, values, trust, balls, exponents[: terms[ball]], kernel.power
+        )
         scale = rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
         return Spectrum(found / scale, coefficients, int(cover.counts[ball]))
 

@@ -116,7 +116,9 @@ class CreasedSplines:
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
-        return blend_balls(CreasedBalls(self.splines.balls(level, dtype), self.first, self.joins), index, queries, level)
+        return blend_balls(
+            CreasedBalls(self.splines.balls(level, dtype), self.first, self.joins), index, queries, level
+        )
 
 
 def fit_creased(
@@ -187,7 +189,7 @@ def _find_pieces(
     def task(start: int, stop: int) -> None:
         for ball in asked[start:stop]:
             members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
-            inside = belonging.surface_of[members]
+            inside = np.unique(belonging.surface_of[owners[members]])
             inside = inside[inside >= 0]
             far = np.linalg.norm(x[inside] - cover.centres[ball], axis=1)
             reach = BEYOND * max(cover.radii[ball], far.max())
@@ -209,9 +211,10 @@ def _suspects(cover: Cover, surface: Surface, normals: FloatArray, calm: npt.NDA
     number[surface.rows[used]] = 1
     rough[surface.rows[used]] = ~calm[used]
     starts = cover.offsets[:-1]
-    mean = np.add.reduceat(facing[cover.members], starts) / np.maximum(
-        np.add.reduceat(number[cover.members], starts), 1
-    )[:, np.newaxis]
+    mean = (
+        np.add.reduceat(facing[cover.members], starts)
+        / np.maximum(np.add.reduceat(number[cover.members], starts), 1)[:, np.newaxis]
+    )
     several = np.linalg.norm(mean, axis=1) < CLOSED
     return np.flatnonzero((np.add.reduceat(rough[cover.members], starts) > 0) | several)
 
@@ -304,7 +307,15 @@ def _keep_better(
     better = np.zeros(len(balls), dtype=bool)
     with single_threaded_blas():
         chosen, amounts = choose_amounts(
-            pieces.cover, points, values, trust, kernel=kernel, exponents=exponents, terms=terms, rule=rule, owners=owners
+            pieces.cover,
+            points,
+            values,
+            trust,
+            kernel=kernel,
+            exponents=exponents,
+            terms=terms,
+            rule=rule,
+            owners=owners,
         )
         own = None if amounts is None else amounts[pieces.first[:-1]]
         diagonals = (chosen.diagonals(cover.counts, own), chosen.diagonals(pieces.cover.counts, amounts))
@@ -321,7 +332,10 @@ def _keep_better(
         return None, rule
     kept = {
         int(ball): (
-            [pieces.cover.members[pieces.cover.offsets[p] : pieces.cover.offsets[p + 1]] for p in range(*pieces.first[ball : ball + 2])],
+            [
+                pieces.cover.members[pieces.cover.offsets[p] : pieces.cover.offsets[p + 1]]
+                for p in range(*pieces.first[ball : ball + 2])
+            ],
             pieces.joins[pieces.first[ball] : pieces.first[ball + 1]],
         )
         for ball in balls[better]

@@ -162,7 +162,10 @@ class LocalSplines:
 
 
 def blend_balls(
-    balls: loops.SplineBalls | loops.PotentialBalls | loops.CreasedBalls, index: BallIndex, queries: FloatArray, level: int
+    balls: loops.SplineBalls | loops.PotentialBalls | loops.CreasedBalls,
+    index: BallIndex,
+    queries: FloatArray,
+    level: int,
 ) -> FloatArray:
     """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box."""
     folded, leaves = index.fold(queries)
