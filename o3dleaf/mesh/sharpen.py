@@ -114,7 +114,7 @@ def _settle(places: FloatArray, field: Field, level: float) -> FloatArray:
 
 
 def _meet(places: FloatArray, facing: FloatArray, field: Field, level: float) -> tuple[FloatArray, BoolArray]:
-    """Return where the tangent planes at k places (n, k, 3), of the sheets facing so, meet, and whether that is good."""
+    """Return where the tangent planes at k places (n, k, 3) of sheets facing so meet, and whether that is good."""
     if not len(places):
         return np.empty((0, 3)), np.zeros(0, dtype=bool)
     middle = places.mean(axis=1)

@@ -261,7 +261,7 @@ def find_sheets(rows, points, normals, near, calm, half):
 
 @njit(nogil=True, cache=True)
 def order_sheets(labels, away, sheets, joins):
-    """Order the sheets so that each is joined to those before it by the minimum (−1) or maximum (1); return the worst share.
+    """Order the sheets so that each is joined to those before it by minimum (−1) or maximum (1); return what is mixed.
 
     The last of them has all points of the others on one of its sides: the solid is cut off by it, or added to.
     """
@@ -309,7 +309,7 @@ def judge(whole, data, cover, split, tail, power, diagonals):
     Those are left out with all their constraints. The sheets must be much better, or as good near creases as
     elsewhere, up to chance: noise can be all that is left.
     """
-    points, values, trust, owners, calm = data
+    points, values, _, owners, calm = data
     pieces, piece_cover, joins = split
     exponents, least = tail
     members = cover[3][cover[2][whole] : cover[2][whole + 1]]

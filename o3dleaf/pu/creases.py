@@ -20,6 +20,8 @@ from o3dleaf.rbf.kernels import Polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
+BoolArray = npt.NDArray[np.bool_]
+
 ANGLE = 30.0
 """Degrees by which normals turn across what "auto" calls a crease."""
 
@@ -37,6 +39,8 @@ LEAST_SITES = 4
 
 ROUNDS = 3
 """Times that normals are averaged over neighbours that agree: noise goes, creases stay."""
+
+BLOCK = 1 << 12
 
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
@@ -86,9 +90,16 @@ class Pieces(NamedTuple):
     joins: IntArray
 
 
+class Split(NamedTuple):
+    """The sheets of one ball: the rows of the constraints of each, in order, and how each is joined to those before."""
+
+    members: list[IntArray]
+    joins: IntArray
+
+
 @dataclass(frozen=True, eq=False)
 class CreasedSplines:
-    r"""One spline for each smooth sheet of a ball; the ball's function is their minimum or maximum, sheet by sheet.
+    r"""One spline for each smooth sheet of a ball, whose function is their minimum or maximum, sheet by sheet.
 
     .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, 3, \ldots
 
@@ -121,27 +132,59 @@ class CreasedSplines:
         )
 
 
+class _Data(NamedTuple):
+    """The constraints of a fit: where, what, how far trusted, made from which, and which are calm measured points."""
+
+    points: FloatArray
+    values: FloatArray
+    trust: FloatArray
+    owners: IntArray
+    calm: BoolArray
+
+
+class _Cloud(NamedTuple):
+    """The measured points, their normals averaged over neighbours that agree, the neighbours, and who is calm."""
+
+    rows: IntArray
+    points: FloatArray
+    normals: FloatArray
+    near: IntArray
+    calm: BoolArray
+    half: float
+    tree: cKDTree
+
+    @classmethod
+    def of(cls, surface: Surface, points: FloatArray) -> "_Cloud":
+        x, normals = points[surface.rows], surface.normals
+        tree = cKDTree(x)
+        near = tree.query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
+        calm = np.empty(len(x), dtype=bool)
+        for _ in range(ROUNDS):
+            normals = crease_loops.average_alike(normals, near, surface.half)
+        run_blocks(lambda i, j: crease_loops.find_calm(i, j, normals, near, surface.half, calm), len(x), BLOCK)
+        return cls(surface.rows, x, normals, near, calm, surface.half, tree)
+
+
 def fit_creased(
     cover: Cover,
     points: FloatArray,
     values: FloatArray,
     surface: Surface,
+    *,
     kernel: Polyharmonic,
     degree: int,
     smoothing: Smoothing,
-    *,
     trust: FloatArray | None,
     owners: IntArray,
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
-    surface, calm, near = _neighbourhoods(surface, points)
-    pieces = _find_pieces(cover, points, values, surface, owners, calm, near)
+    cloud = _Cloud.of(surface, points)
+    pieces = _find_pieces(cover, cloud, _Belonging.of(surface.rows, owners, values), owners)
     if pieces is not None:
-        weights = np.ones(len(points)) if trust is None else trust
-        quiet = np.zeros(len(points), dtype=bool)
-        quiet[surface.rows] = calm
-        data = (points, values, weights, owners, quiet)
+        calm = np.zeros(len(points), dtype=bool)
+        calm[surface.rows] = cloud.calm
+        data = _Data(points, values, np.ones(len(points)) if trust is None else trust, owners, calm)
         pieces, smoothing = _keep_better(cover, data, pieces, kernel, degree, smoothing)
     fit = partial(LocalSplines.fit, points=points, values=values, kernel=kernel, degree=degree, smoothing=smoothing)
     if pieces is None:
@@ -158,43 +201,16 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
     return np.repeat(np.where(counts > 1, least, most), counts)
 
 
-def _neighbourhoods(surface: Surface, points: FloatArray) -> tuple[Surface, npt.NDArray[np.bool_], IntArray]:
-    """Return the surface with its normals averaged over alike neighbours, which points are calm, and the neighbours."""
-    x = points[surface.rows]
-    near = cKDTree(x).query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
-    calm, normals = np.empty(len(x), dtype=bool), surface.normals
-    for _ in range(ROUNDS):
-        normals = crease_loops.average_alike(normals, near, surface.half)
-    surface = surface._replace(normals=normals)
-
-    def task(start: int, stop: int) -> None:
-        crease_loops.find_calm(start, stop, normals, near, surface.half, calm)
-
-    run_blocks(task, len(x), 1 << 12)
-    return surface, calm, near
-
-
-def _find_pieces(
-    cover: Cover, points: FloatArray, values: FloatArray, surface: Surface, owners: IntArray, calm, near
-) -> Pieces | None:
+def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray) -> Pieces | None:
     """Return the cover with each ball split that holds several sheets, or None if none does."""
-    x, n = points[surface.rows], surface.normals
-    tree = cKDTree(x)
-    asked = _suspects(cover, surface, n, calm)
-    if not len(asked):
-        return None
-    belonging = _Belonging.of(surface.rows, owners, values)
-    found: dict[int, tuple[list[IntArray], IntArray]] = {}
+    asked = _suspects(cover, cloud, len(owners))
+    found: dict[int, Split] = {}
 
     def task(start: int, stop: int) -> None:
         for ball in asked[start:stop]:
             members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
             inside = np.unique(belonging.surface_of[owners[members]])
-            inside = inside[inside >= 0]
-            far = np.linalg.norm(x[inside] - cover.centres[ball], axis=1)
-            reach = BEYOND * max(cover.radii[ball], far.max())
-            rows = np.sort(np.array(tree.query_ball_point(cover.centres[ball], reach), dtype=np.int64))
-            split = _split(rows, np.isin(rows, inside), x, n, near, calm, surface.half, cover.centres[ball], belonging)
+            split = _split(inside[inside >= 0], cover.centres[ball], cover.radii[ball], cloud, belonging)
             if split is not None:
                 found[int(ball)] = split
 
@@ -202,21 +218,12 @@ def _find_pieces(
     return _replace(cover, found) if found else None
 
 
-def _suspects(cover: Cover, surface: Surface, normals: FloatArray, calm: npt.NDArray[np.bool_]) -> IntArray:
-    """Return the balls that hold points which are not calm, or points that face all ways."""
-    count = int(cover.members.max()) + 1
+def _suspects(cover: Cover, cloud: _Cloud, count: int) -> IntArray:
+    """Return the balls that hold points which are not calm, or points that face all ways, of `count` constraints."""
     facing, number, rough = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
-    used = surface.rows < count
-    facing[surface.rows[used]] = normals[used]
-    number[surface.rows[used]] = 1
-    rough[surface.rows[used]] = ~calm[used]
-    starts = cover.offsets[:-1]
-    mean = (
-        np.add.reduceat(facing[cover.members], starts)
-        / np.maximum(np.add.reduceat(number[cover.members], starts), 1)[:, np.newaxis]
-    )
-    several = np.linalg.norm(mean, axis=1) < CLOSED
-    return np.flatnonzero((np.add.reduceat(rough[cover.members], starts) > 0) | several)
+    facing[cloud.rows], number[cloud.rows], rough[cloud.rows] = cloud.normals, 1, ~cloud.calm
+    total, many, uneasy = (np.add.reduceat(part[cover.members], cover.offsets[:-1]) for part in (facing, number, rough))
+    return np.flatnonzero((uneasy > 0) | (np.linalg.norm(total, axis=1) < CLOSED * many))
 
 
 class _Belonging(NamedTuple):
@@ -225,7 +232,7 @@ class _Belonging(NamedTuple):
     surface_of: IntArray
     first: IntArray
     rows: IntArray
-    off: npt.NDArray[np.bool_]
+    off: BoolArray
 
     @classmethod
     def of(cls, surface: IntArray, owners: IntArray, values: FloatArray) -> "_Belonging":
@@ -236,7 +243,7 @@ class _Belonging(NamedTuple):
         first = np.searchsorted(number[rows], np.arange(len(surface) + 1))
         return cls(surface_of, first, rows, values != 0)
 
-    def constraints(self, chosen: IntArray, trusted: npt.NDArray[np.bool_]) -> IntArray:
+    def constraints(self, chosen: IntArray, trusted: BoolArray) -> IntArray:
         """Return the rising rows of all constraints of measured points, those off the surface of trusted ones alone."""
         counts = self.first[chosen + 1] - self.first[chosen]
         at = np.repeat(self.first[chosen] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
@@ -244,40 +251,37 @@ class _Belonging(NamedTuple):
         return np.sort(rows[~self.off[rows] | np.repeat(trusted, counts)])
 
 
-def _split(
-    rows: IntArray,
-    inside: npt.NDArray[np.bool_],
-    points: FloatArray,
-    normals: FloatArray,
-    near: IntArray,
-    calm: npt.NDArray[np.bool_],
-    cosine: float,
-    centre: FloatArray,
-    belonging: _Belonging,
-) -> tuple[list[IntArray], IntArray] | None:
-    """Return the rows of the constraints of each sheet of a ball, and how they are joined; None for one sheet."""
-    labels, lying, away, outward = crease_loops.find_sheets(rows, points, normals, near, calm, cosine)
+def _split(held: IntArray, centre: FloatArray, radius: float, cloud: _Cloud, belonging: _Belonging) -> Split | None:
+    """Return the sheets of a ball that holds constraints of the measured points `held`; None for one sheet."""
+    if not len(held):
+        return None
+    reach = BEYOND * max(radius, np.linalg.norm(cloud.points[held] - centre, axis=1).max())
+    rows = np.sort(np.array(cloud.tree.query_ball_point(centre, reach), dtype=np.int64))
+    inside = np.isin(rows, held)
+    labels, lying, away, outward = crease_loops.find_sheets(
+        rows, cloud.points, cloud.normals, cloud.near, cloud.calm, cloud.half
+    )
     sheets = np.unique(labels[inside])
     if len(sheets) < 2 or sheets[0] < 0 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
         return None
-    agreeing = np.einsum("ia,ia->i", outward[labels, np.arange(len(rows))], normals[rows])
+    agreeing = np.einsum("ia,ia->i", outward[labels, np.arange(len(rows))], cloud.normals[rows])
     joins = np.empty(len(sheets), dtype=np.int64)
     if crease_loops.order_sheets(labels, away, sheets, joins) > crease_loops.MIXED:
         return None
-    far = np.linalg.norm(points[rows] - centre, axis=1)
+    far = np.linalg.norm(cloud.points[rows] - centre, axis=1)
     parts = []
     for sheet in sheets:
         own = np.flatnonzero(labels == sheet)
         order = own[np.lexsort((far[own], ~inside[own]))]
         chosen = order[: max(LEAST_POINTS, np.count_nonzero(inside[own]))]
-        part = belonging.constraints(rows[chosen], agreeing[chosen] >= cosine)
+        part = belonging.constraints(rows[chosen], agreeing[chosen] >= cloud.half)
         if np.count_nonzero(belonging.off[part]) < LEAST_SITES:
             return None
         parts.append(part)
-    return parts, joins
+    return Split(parts, joins)
 
 
-def _replace(cover: Cover, found: dict[int, tuple[list[IntArray], IntArray]]) -> Pieces:
+def _replace(cover: Cover, found: dict[int, Split]) -> Pieces:
     """Return the cover with some of its balls replaced by their sheets."""
     counts = np.ones(len(cover.radii), dtype=np.int64)
     for ball, (parts, _) in found.items():
@@ -297,7 +301,7 @@ def _replace(cover: Cover, found: dict[int, tuple[list[IntArray], IntArray]]) ->
 
 
 def _keep_better(
-    cover: Cover, data, pieces: Pieces, kernel: Polyharmonic, degree: int, rule: Smoothing
+    cover: Cover, data: _Data, pieces: Pieces, kernel: Polyharmonic, degree: int, rule: Smoothing
 ) -> tuple[Pieces | None, Smoothing]:
     """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
     points, values, trust, owners, _ = data
@@ -330,16 +334,13 @@ def _keep_better(
         run_blocks(task, len(balls), 1)
     if not better.any():
         return None, rule
-    kept = {
-        int(ball): (
-            [
-                pieces.cover.members[pieces.cover.offsets[p] : pieces.cover.offsets[p + 1]]
-                for p in range(*pieces.first[ball : ball + 2])
-            ],
-            pieces.joins[pieces.first[ball] : pieces.first[ball + 1]],
+    kept = {}
+    for ball in balls[better]:
+        first, last = pieces.first[ball], pieces.first[ball + 1]
+        kept[int(ball)] = Split(
+            [pieces.cover.members[slice(*pieces.cover.offsets[p : p + 2])] for p in range(first, last)],
+            pieces.joins[first:last],
         )
-        for ball in balls[better]
-    }
     return _replace(cover, kept), chosen if better.all() else rule
 
 

@@ -29,8 +29,8 @@ from o3dleaf.field import Field
 from o3dleaf.parallel import Progress
 from o3dleaf.pu.appraisal import Appraisal, appraise_balls
 from o3dleaf.pu.blended import Blended
-from o3dleaf.pu.creases import ANGLE, Surface, fit_creased
 from o3dleaf.pu.cover import Cover, as_ball_size
+from o3dleaf.pu.creases import ANGLE, Surface, fit_creased
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
 from o3dleaf.pu.oriented import OrientedFitter, as_fitter
@@ -169,7 +169,16 @@ class PUInterpolant(Blended):
         if creases is not False:
             surface, made_from = _surface(sites, normals, made_from, creases)
             split = fit_creased(
-                cover, sites, data, surface, phi, degree, rule, trust=trust, owners=made_from, progress=progress
+                cover,
+                sites,
+                data,
+                surface,
+                kernel=phi,
+                degree=degree,
+                smoothing=rule,
+                trust=trust,
+                owners=made_from,
+                progress=progress,
             )
             return cls(cover, index, split, check_unit(unit), data_hash)
         splines = LocalSplines.fit(

@@ -1,9 +1,9 @@
 """Sharpened creases: a block comes back whole, closed and manifold; what is smooth is left as it is."""
 
 import numpy as np
-import tolerances
 
 import o3dleaf as o3l
+import tolerances
 from o3dleaf.mesh.arrays import triangle_areas
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.sharpen import sharpen_creases

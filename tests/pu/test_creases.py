@@ -1,10 +1,10 @@
-"""Creases: planes that meet come back as they are, up to where they meet, and smooth surfaces as if none were sought."""
+"""Creases: planes come back as they are, up to where they meet, and smooth surfaces as if none were sought."""
 
 import numpy as np
 import pytest
-import tolerances
 
 import o3dleaf as o3l
+import tolerances
 from o3dleaf.errors import InputError
 from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.interpolant import PUInterpolant
