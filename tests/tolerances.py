@@ -518,3 +518,15 @@ left out one by one is off by a tenth or more."""
 
 ONE_KRYLOV_SPACE = 1e-3
 """Sums of squared errors from a Krylov space that ends at a residual of a hundredth, relative to dense inverses."""
+
+# --- creases ---
+
+CREASED = 1e-8
+"""Of the wedge's size: solving a ball's system of 200 constraints leaves 1e-10; one spline across the crease leaves
+1e-2, a minimum in place of a maximum 1e-1."""
+
+CREASED_SLOPE = 1e-5
+"""Central differences over 1e-4 of a field that is linear on either side, whose values are good to 1e-10."""
+
+SHARP_AREA = 1e-4
+"""Of a block's area, found 4e-5: where a crease grazes a vertex, triangles in its line may overlap by a sliver."""

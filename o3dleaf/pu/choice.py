@@ -37,6 +37,7 @@ def choose_amounts(
     *,
     kernel: Polyharmonic,
     exponents: IntArray,
+    terms: IntArray,
     rule: Smoothing,
     owners: IntArray | None = None,
     progress: Progress | None = None,
@@ -53,6 +54,8 @@ def choose_amounts(
     points, values, trust : (n, d), (n,), (n,) ndarrays
     kernel, exponents, rule
         Of the fit.
+    terms : (M,) int64 ndarray
+        How many of the monomials the tail of each ball has.
     owners : (n,) int64 ndarray, optional
         The row that each constraint belongs to, its own for those that stand for a measured point. The choice
         then leaves a point out with all its constraints; see `SharedErrors`.
@@ -65,14 +68,16 @@ def choose_amounts(
     balls = (cover.centres, cover.radii, cover.offsets, cover.members)
 
     def spectrum(ball: int) -> Spectrum:
-        found, coefficients = loops.ball_spectrum(ball, points, values, trust, balls, exponents, kernel.power)
+        found, coefficients = loops.ball_spectrum(
+            ball, points, values, trust, balls, exponents[: terms[ball]], kernel.power
+        )
         scale = rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** kernel.power
         return Spectrum(found / scale, coefficients, int(cover.counts[ball]))
 
     sample = np.unique(np.linspace(0, count - 1, GCV_BALLS).round().astype(np.int64))
     if owners is not None:
         trials = trial_amounts(Spectrum.pooled(each_ball(spectrum, sample[:: max(1, len(sample) // 4)])))
-        shared = SharedErrors(cover, points, values, trust, kernel, exponents, rule, owners)
+        shared = SharedErrors(cover, points, values, trust, kernel, exponents, terms, rule, owners)
         pooled, blocks = shared.pooled(sample, trials)
         return (pooled, None) if rule.amount == "gcv" else (rule, shared.each(pooled, trials, blocks, progress))
     if rule.amount == "gcv":
@@ -90,6 +95,7 @@ class SharedErrors:
     trust: FloatArray
     kernel: Polyharmonic
     exponents: IntArray
+    terms: IntArray
     rule: Smoothing
     owners: IntArray
 
@@ -131,7 +137,8 @@ class SharedErrors:
         cover, power = self.cover, self.kernel.power
         balls = (cover.centres, cover.radii, cover.offsets, cover.members)
         scaled = amounts * self.rule.scale(int(cover.counts[ball])) / cover.radii[ball] ** power
-        return ball, self.points, self.values, self.trust, balls, self.exponents, power, self.owners, scaled, last
+        tail = self.exponents[: self.terms[ball]]
+        return ball, self.points, self.values, self.trust, balls, tail, power, self.owners, scaled, last
 
 
 def _own_amount(spectrum: Spectrum) -> float:

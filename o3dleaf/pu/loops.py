@@ -59,6 +59,14 @@ class PotentialBalls(NamedTuple):
     moments: Any
 
 
+class CreasedBalls(NamedTuple):
+    """Splines of values, several to a ball, and how they are joined; see `o3dleaf.pu.creases.CreasedSplines`."""
+
+    splines: Any
+    first: Any
+    joins: Any
+
+
 @njit(nogil=True, cache=True)
 def reaches(centre, radius, low, high):
     """Return whether a ball meets a box."""
@@ -227,8 +235,12 @@ def gather(points, values, rows, centre, radius):
 
 
 @njit(nogil=True, cache=True)
-def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoothing, model, ranks, dropped):
-    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights."""
+def fit_balls(start, stop, points, values, trust, cover, tail, power, smoothing, model, ranks, dropped):
+    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights.
+
+    `tail` is the exponents and how many of them each ball has; the coefficients of the others stay as they are.
+    """
+    exponents, terms = tail
     centres, radii, offsets, members = cover
     sites, weights, tails = model
     dimension = centres.shape[1]
@@ -236,10 +248,10 @@ def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoot
         first, last = offsets[ball], offsets[ball + 1]
         local, data = gather(points, values, members[first:last], centres[ball], radii[ball])
         diagonal = smoothing[ball] / radii[ball] ** power / trust[members[first:last]]
-        lam, tail, rank, lost = solve_local(local, data, exponents, power, diagonal)
+        lam, coefficients, rank, lost = solve_local(local, data, exponents[: terms[ball]], power, diagonal)
         sites[dimension * first : dimension * last] = local.ravel()
         weights[first:last] = lam
-        tails[ball] = tail
+        tails[ball, : terms[ball]] = coefficients
         ranks[ball] = rank
         dropped[ball] = lost
 
@@ -318,14 +330,15 @@ def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
 @njit(nogil=True, cache=True)
 def working_space(images, model, level):
     """Return the arrays that `blend_strip` works in: a quarter of a megabyte at most, in three dimensions."""
-    dimension, sites, exponents, widest = images[1].shape[1], model.sites, model.exponents, model.widest
+    dimension, splines = images[1].shape[1], splines_of(model)
+    sites, exponents, widest = splines.sites, splines.exponents, splines.widest
     size = jet_size(dimension, level)
     return (
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty(STRIP),
         np.empty(STRIP, dtype=np.int64),
-        np.empty((4, size, STRIP)),
+        np.empty((5, size, STRIP)),
         lower_exponents(exponents),
         np.empty((len(exponents), STRIP)),
         np.empty((size, len(exponents))),
@@ -340,6 +353,19 @@ def block(flat, model, ball, dimension):
     return flat[model.places[ball] : model.places[ball] + dimension * count].reshape(dimension, count)
 
 
+def splines_of(model):
+    """Return the balls that hold sites, weights and tails."""
+    raise NotImplementedError
+
+
+@overload(splines_of, jit_options={"nogil": True})
+def splines_of_type(model):
+    """Return the function for a type of model."""
+    if model.instance_class is CreasedBalls:
+        return lambda model: model.splines
+    return lambda model: model
+
+
 def ball_jets(model, ball, z, count, scratch, level, local):
     """Write the jets of one ball's fit at the first `count` columns of z (d, ·): Numba chooses by the model's type."""
     raise NotImplementedError
@@ -348,12 +374,15 @@ def ball_jets(model, ball, z, count, scratch, level, local):
 @overload(ball_jets, jit_options={"nogil": True})
 def ball_jets_of(model, ball, z, count, scratch, level, local):  # noqa: ARG001 - types, of which one chooses
     """Return the function for a type of model."""
+    if model.instance_class is CreasedBalls:
+        return creased_ball_jets
     return spline_ball_jets if model.instance_class is SplineBalls else potential_ball_jets
 
 
 def spline_ball_jets(model, ball, z, count, scratch, level, local):
     """`ball_jets` of splines of values."""
-    coefficients, lowered, terms, radial = scratch
+    coefficients, lowered, terms, radial, _ = scratch
+    tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
     points = block(model.sites, model, ball, len(z))
     weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
     local_jets(z, count, points, weights, coefficients, lowered, model.power, level, terms, radial, local)
@@ -361,17 +390,30 @@ def spline_ball_jets(model, ball, z, count, scratch, level, local):
 
 def potential_ball_jets(model, ball, z, count, scratch, level, local):
     """`ball_jets` of splines of values and gradients."""
-    coefficients, lowered, terms, radial = scratch
+    coefficients, lowered, terms, radial, _ = scratch
+    tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
     points, moments = block(model.sites, model, ball, len(z)), block(model.moments, model, ball, len(z))
     weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
     potential_jets(z, count, points, weights, moments, coefficients, lowered, model.power, level, terms, radial, local)
+
+
+def creased_ball_jets(model, ball, z, count, scratch, level, local):
+    """`ball_jets` of sheets: where another is below (minimum) or above (maximum) the ones before, its jet is taken."""
+    sheet = scratch[4]
+    ball_jets(model.splines, model.first[ball], z, count, scratch, level, local)
+    for piece in range(model.first[ball] + 1, model.first[ball + 1]):
+        ball_jets(model.splines, piece, z, count, scratch, level, sheet)
+        for i in range(count):
+            if model.joins[piece] * (sheet[0, i] - local[0, i]) > 0.0:
+                for row in range(len(local)):
+                    local[row, i] = sheet[row, i]
 
 
 @njit(nogil=True, cache=True)
 def blend_strip(rows, items, folded, images, model, level, scratch, jets):
     """Blend the images `items` at the points `rows` of one leaf."""
     balls, centres, radii = images
-    at, z, squared, held, (weight, local, sums, totals), lowered, terms, coefficients, radial = scratch
+    at, z, squared, held, (weight, local, sums, totals, sheet), lowered, terms, coefficients, radial = scratch
     dimension = folded.shape[1]
     for axis in range(dimension):
         for i in range(rows.size):
@@ -383,8 +425,7 @@ def blend_strip(rows, items, folded, images, model, level, scratch, jets):
         count = hold(at, rows.size, centres[item], radius, squared, z, held)
         if count == 0:
             continue
-        tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
-        ball_jets(model, ball, z, count, (coefficients, lowered, terms, radial), level, local)
+        ball_jets(model, ball, z, count, (coefficients, lowered, terms, radial, sheet), level, local)
         weight_jets(z, count, level, weight)
         scale_jets(local, count, 1.0 / radius, dimension)
         scale_jets(weight, count, 1.0 / radius, dimension)

@@ -55,6 +55,7 @@ def fit_surface(
     smoothing: Amount | None = None,
     local: str | OrientedFitter = "rbf",
     constraints: Constrain = constrain,
+    creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
     unit: str | None = None,
@@ -74,6 +75,8 @@ def fit_surface(
         normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
+    creases : "auto", False or float
+        Sharp creases, for "rbf": see `PUInterpolant.fit`.
     points_per_ball, unit, progress
         As in `PUInterpolant.fit`.
     margin : float
@@ -99,5 +102,7 @@ def fit_surface(
         smoothing="gcv-per-ball" if smoothing == "gcv" else smoothing,
         owners=owners,
         weights=cloud.weights[owners],
+        normals=cloud.normals[owners],
+        creases=creases,
         **options,
     )
