@@ -1,7 +1,7 @@
 """An oriented cloud to a field: noise averaged, constraints off the surface, splines blended over balls."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
