@@ -28,6 +28,7 @@ from .pipeline import create_texture as create_texture
 from .pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .mesh.isosurface import extract_isosurface as extract_isosurface
 from .mesh.band import extract_band as extract_band
+from .mesh.sharpen import sharpen_creases as sharpen_creases
 from .mesh.mend import clean_mesh as clean_mesh
 from .mesh.mend import clean_labels as clean_labels
 from .mesh.clean import simplify_mesh as simplify_mesh

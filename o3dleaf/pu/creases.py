@@ -101,7 +101,7 @@ class Split(NamedTuple):
 class CreasedSplines:
     r"""One spline for each smooth sheet of a ball, whose function is their minimum or maximum, sheet by sheet.
 
-    .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, 3, \ldots
+    .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, \ldots
 
     Larger inside: two sheets meet in a minimum where the solid is convex, in a maximum where it is concave.
     Derivatives are those of the sheet that is active.
