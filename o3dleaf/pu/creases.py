@@ -45,9 +45,6 @@ BLOCK = 1 << 12
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
 
-CLOSED = 0.5
-"""Length of the mean normal below which a ball may hold two sides of something, without any crease."""
-
 
 class Surface(NamedTuple):
     """What creases are found from.
@@ -203,7 +200,7 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
 
 def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray) -> Pieces | None:
     """Return the cover with each ball split that holds several sheets, or None if none does."""
-    asked = _suspects(cover, cloud, len(owners))
+    asked = _suspects(cover, cloud, owners)
     found: dict[int, Split] = {}
 
     def task(start: int, stop: int) -> None:
@@ -218,12 +215,11 @@ def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: I
     return _replace(cover, found) if found else None
 
 
-def _suspects(cover: Cover, cloud: _Cloud, count: int) -> IntArray:
-    """Return the balls that hold points which are not calm, or points that face all ways, of `count` constraints."""
-    facing, number, rough = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
-    facing[cloud.rows], number[cloud.rows], rough[cloud.rows] = cloud.normals, 1, ~cloud.calm
-    total, many, uneasy = (np.add.reduceat(part[cover.members], cover.offsets[:-1]) for part in (facing, number, rough))
-    return np.flatnonzero((uneasy > 0) | (np.linalg.norm(total, axis=1) < CLOSED * many))
+def _suspects(cover: Cover, cloud: _Cloud, owners: IntArray) -> IntArray:
+    """Return the balls that hold constraints of points which are not calm."""
+    rough = np.zeros(len(owners))
+    rough[cloud.rows] = ~cloud.calm
+    return np.flatnonzero(np.add.reduceat(rough[owners[cover.members]], cover.offsets[:-1]) > 0)
 
 
 class _Belonging(NamedTuple):
