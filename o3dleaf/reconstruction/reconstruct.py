@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import open3d as o3d
@@ -39,6 +39,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     *,
     smoothing: Amount | None = None,
     local: str | OrientedFitter = "rbf",
+    creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     unit: str | None = None,
     prepare: Callable[[CloudLike], OrientedCloud] = prepare_cloud,
@@ -64,6 +65,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls, see `fit_surface`.
+    creases : "auto", False or float
+        Sharp edges, for "rbf": degrees that normals turn across them at least, 30 by default. Only a cloud whose noise
+        is far below its spacing shows them.
     points_per_ball : int or (least, most), optional
     unit : str, optional
         Of the coordinates; the field keeps it.
@@ -115,6 +119,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             smoothing=smoothing,
             local=local,
             constraints=constraints,
+            creases=creases,
             points_per_ball=points_per_ball,
             margin=MARGIN * float(each.max()),
             unit=unit,
@@ -122,7 +127,14 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         )
     with log.stage("follow surface") as progress:
         step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
-        mesh = extract_band(field, step, merged.points, within=near_data(merged.points, each), progress=progress)
+        mesh = extract_band(
+            field,
+            step,
+            merged.points,
+            within=near_data(merged.points, each),
+            features=creases is not False,
+            progress=progress,
+        )
     with log.stage("trim to data"):
         mesh = trim(mesh, merged.points, each) if trim else mesh
     with log.stage("clean mesh"):
