@@ -23,6 +23,11 @@ SHARE = 2
 """One point in so many has constraints off the surface: they only tell inside from outside."""
 OFF = 0.7
 """Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
+CLEAN = 0.1
+"""Noise in spacings up to which a cloud is clean. Of others creases are not looked for: of normals that turn, some
+only seem to."""
+SMALL_BALLS = (100, 200)
+"""Constraints of a ball of a clean cloud, for which larger ones only cost more; noise wants more to be told from."""
 
 Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
 """``(points, normals, spacing)`` to constraints off the surface."""
@@ -76,7 +81,8 @@ def fit_surface(
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     creases : "auto", False or float
-        Sharp creases, for "rbf": see `PUInterpolant.fit`.
+        Sharp creases, for "rbf": see `PUInterpolant.fit`. "auto" looks for them where the noise is below a tenth of
+        the spacing.
     points_per_ball, unit, progress
         As in `PUInterpolant.fit`.
     margin : float
@@ -93,6 +99,9 @@ def fit_surface(
         options["points_per_ball"] = points_per_ball
     if local != "rbf":
         return PUInterpolant.fit_oriented(cloud.points, cloud.normals, local=local, **options)
+    clean = estimate_noise(cloud.points) <= CLEAN * spacing
+    if clean:
+        options.setdefault("points_per_ball", SMALL_BALLS)
     off = constraints(cloud.points, cloud.normals, spacing)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
     return PUInterpolant.fit(
@@ -103,6 +112,6 @@ def fit_surface(
         owners=owners,
         weights=cloud.weights[owners],
         normals=cloud.normals[owners],
-        creases=creases,
+        creases=creases if clean or creases != "auto" else False,
         **options,
     )

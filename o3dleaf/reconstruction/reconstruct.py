@@ -16,6 +16,7 @@ from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.support import Support, attach_support, support
 from o3dleaf.mesh.trim import local_spacing, near_data, trim_to_support
+from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
@@ -66,8 +67,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls, see `fit_surface`.
     creases : "auto", False or float
-        Sharp edges, for "rbf": degrees that normals turn across them at least, 30 by default. Only a cloud whose noise
-        is far below its spacing shows them.
+        Sharp edges, for "rbf": degrees that normals turn across them at least. "auto" is 30, for clouds whose noise is
+        far below their spacing.
     points_per_ball : int or (least, most), optional
     unit : str, optional
         Of the coordinates; the field keeps it.
@@ -132,7 +133,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             step,
             merged.points,
             within=near_data(merged.points, each),
-            features=creases is not False,
+            features=isinstance(field.local, CreasedSplines),
             progress=progress,
         )
     with log.stage("trim to data"):
