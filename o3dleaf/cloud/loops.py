@@ -80,6 +80,33 @@ def diagonalise(matrix, axes, values):
 
 
 @njit(nogil=True, cache=True)
+def join_near(distance, rows, count, reach):
+    """Return for each point (n,) the first of those that links of length up to `reach` join it to.
+
+    Points are linked to their neighbours 1 to `count` of `rows` (n, k), rising with `distance`. Union by the first
+    point, paths halved (Tarjan & van Leeuwen 1984).
+    """
+    piece = np.arange(len(rows))
+    for i in range(len(rows)):
+        one = i
+        while piece[one] != one:
+            piece[one] = piece[piece[one]]
+            one = piece[one]
+        for m in range(1, count + 1):
+            if distance[i, m] > reach:
+                break
+            other = rows[i, m]
+            while piece[other] != other:
+                piece[other] = piece[piece[other]]
+                other = piece[other]
+            one, other = min(one, other), max(one, other)
+            piece[other] = one
+    for i in range(len(rows)):
+        piece[i] = piece[piece[i]]
+    return piece
+
+
+@njit(nogil=True, cache=True)
 def cell_keys(points, low, size, shape):
     """Return the number (n,) of the cell of edge `size` that holds each point, z running fastest."""
     keys = np.empty(len(points), np.int64)

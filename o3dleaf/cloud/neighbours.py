@@ -17,10 +17,11 @@ BLOCK = 4096
 
 
 class Neighbourhoods(NamedTuple):
-    """The k nearest points of each point, itself first: distance (n, k) and row (n, k)."""
+    """The k nearest points of each point, itself first: distance (n, k), row (n, k), and the tree that found them."""
 
     distance: FloatArray
     row: IndexArray
+    tree: cKDTree
 
 
 class Planes(NamedTuple):
@@ -38,7 +39,7 @@ def nearest_neighbours(points: FloatArray, k: int = NEIGHBOURS) -> Neighbourhood
     found = tree.query(points[order], k=np.arange(1, min(k, len(points)) + 1), workers=-1)
     distance, row = np.empty_like(found[0]), np.empty_like(found[1])
     distance[order], row[order] = found
-    return Neighbourhoods(distance, row)
+    return Neighbourhoods(distance, row, tree)
 
 
 def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:

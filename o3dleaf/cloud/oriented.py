@@ -20,6 +20,9 @@ from o3dleaf.geometry import CloudLike, held_normals, held_points
 LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
 
+HASH = np.uint64(0x9E3779B97F4A7C15)
+"""2⁶⁴ over the golden ratio (Fibonacci hashing)."""
+
 FindStray = Callable[[FloatArray], npt.NDArray[np.bool_]]
 Estimate = Callable[[FloatArray], FloatArray]
 Orient = Callable[[FloatArray, FloatArray], Orientation]
@@ -40,6 +43,8 @@ class OrientedCloud:
         being averaged with others of their voxel.
     notes : tuple of str
         What was decided on the way, one sentence each.
+    near : Neighbourhoods, optional
+        Of the points, for whoever needs them next.
     """
 
     points: FloatArray
@@ -50,6 +55,7 @@ class OrientedCloud:
     stray: int = 0
     merged: int = 0
     notes: tuple[str, ...] = field(default=())
+    near: Neighbourhoods | None = field(default=None, repr=False)
 
 
 def prepare_cloud(
@@ -106,9 +112,10 @@ def prepare_cloud(
     if voxel_size is not None:
         points, unit = merge_points(points, unit, require_positive(voxel_size, "voxel_size"))
         _require_enough(len(points), count)
-        spacing = median_spacing(Surfels.of(points).spacing).median
+        near = nearest_neighbours(points)
+        spacing = median_spacing(Surfels.of(points, near.row).spacing).median
     removed = len(held) - len(finite), len(finite) - len(distinct), len(distinct) - len(kept), count - len(points)
-    return OrientedCloud(points, unit, spacing, *removed, notes)
+    return OrientedCloud(points, unit, spacing, *removed, notes, near)
 
 
 def _held_array(array: npt.ArrayLike, name: str) -> FloatArray:
@@ -120,10 +127,22 @@ def _held_array(array: npt.ArrayLike, name: str) -> FloatArray:
 
 def _first_of_each(points: FloatArray) -> npt.NDArray[np.int64]:
     """Return the rows, in order, at which each distinct point of `points` (n, 3) stands first."""
+    if not _some_recur(points):
+        return np.arange(len(points))
     order = np.lexsort(points.T)
     same = np.zeros(len(points), dtype=bool)
     same[1:] = (points[order[1:]] == points[order[:-1]]).all(axis=1)
     return np.sort(order[~same])  # lexsort is stable: of equal points the first comes first
+
+
+def _some_recur(points: FloatArray) -> bool:
+    """Say whether two points may be equal: equal ones have equal hashes, and one array of those is soon sorted."""
+    mixed = np.zeros(len(points), dtype=np.uint64)
+    for column in (points + 0.0).T:  # the two zeros are equal and become one
+        mixed = (mixed ^ np.ascontiguousarray(column).view(np.uint64)) * HASH
+        mixed ^= mixed >> np.uint64(32)
+    mixed.sort()
+    return bool((mixed[1:] == mixed[:-1]).any())
 
 
 def _without_stray(

@@ -2,10 +2,9 @@
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.cloud import loops
 from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
 
 NEIGHBOURS = 8
@@ -26,10 +25,7 @@ def find_stray_points(points: FloatArray) -> npt.NDArray[np.bool_]:
 
 def stray_among(near: Neighbourhoods) -> npt.NDArray[np.bool_]:
     """Return which points are stray (n,), given their neighbourhoods."""
-    distance, row = (part[:, 1 : NEIGHBOURS + 1] for part in near)
-    linked = distance <= LINK * np.median(distance[:, -1])
-    i, _ = np.nonzero(linked)
-    graph = coo_array((np.ones(len(i), np.int8), (i, row[linked])), shape=(len(row), len(row)))
-    _, piece = connected_components(graph, directed=False)
+    eighth = min(NEIGHBOURS, near.row.shape[1] - 1)
+    piece = loops.join_near(near.distance, near.row, eighth, LINK * np.median(near.distance[:, eighth]))
     size = np.bincount(piece)
     return np.asarray(size[piece] < min(CLUSTER, size.max()), dtype=bool)

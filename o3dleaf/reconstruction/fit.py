@@ -31,7 +31,7 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
     Voxels of 2.5 standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
     """
-    voxel = PER_NOISE * estimate_noise(cloud.points)
+    voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
     if voxel <= cloud.spacing:
         return Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
     return merge_points(cloud.points, cloud.normals, voxel)
@@ -54,6 +54,7 @@ def fit_surface(
     constraints: Constrain = constrain,
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
+    spacing: float | None = None,
     unit: str | None = None,
     progress: Progress | None = None,
 ) -> PUInterpolant:
@@ -74,8 +75,10 @@ def fit_surface(
         As in `PUInterpolant.fit`.
     margin : float
         How far beyond the cloud's box the field is to reach, in the unit of the points.
+    spacing : float, optional
+        Median of 1/√(points per unit area); left out, that of `cloud_spacing`.
     """
-    spacing = cloud_spacing(cloud.points).median
+    spacing = cloud_spacing(cloud.points).median if spacing is None else spacing
     reach = max(margin, spacing) * np.array([[-1.0], [1.0]])
     options: dict[str, Any] = {
         "bounds": np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)]) + reach,

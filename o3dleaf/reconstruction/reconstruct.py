@@ -7,15 +7,18 @@ from typing import Any
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.checks import require_positive
+from o3dleaf.checks import FloatArray, require_positive
+from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
 from o3dleaf.cloud.noise import Merged
 from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
+from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.errors import CloudWarning
 from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
+from o3dleaf.mesh.near import local_spacing, near_data
 from o3dleaf.mesh.support import Support, attach_support, support
-from o3dleaf.mesh.trim import local_spacing, near_data, trim_to_support
+from o3dleaf.mesh.trim import trim_to_support
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
@@ -74,7 +77,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     trim : callable or None
-        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four spacings past them.
+        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: it ends four spacings past them.
     clean : callable or None
         ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
         as it comes.
@@ -105,7 +108,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
     with log.stage("merge points"):
         merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-        each = local_spacing(merged.points)
+        near, median = surroundings(cloud, merged.points)
+        each, tree = local_spacing(merged.points, (near.distance, near.row)), near.tree
+        del cloud, near  # sixteen neighbours of each point, the largest arrays of the job
         apart = float(np.median(each))
     with log.stage("fit balls") as progress:
         field = fit_surface(
@@ -116,20 +121,34 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             constraints=constraints,
             points_per_ball=points_per_ball,
             margin=MARGIN * float(each.max()),
+            spacing=median,
             unit=unit,
             progress=progress,
         )
     with log.stage("follow surface") as progress:
         step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
-        mesh = extract_band(field, step, merged.points, within=near_data(merged.points, each), progress=progress)
-    with log.stage("trim to data"):
-        mesh = trim(mesh, merged.points, each) if trim else mesh
+        mesh = extract_band(
+            field, step, merged.points, within=near_data(merged.points, each, tree=tree), progress=progress
+        )
+    with log.stage("trim to data") as progress:
+        # Our own steps share the tree.
+        ours = {"tree": tree, "progress": progress} if trim is trim_to_support else {}
+        mesh = trim(mesh, merged.points, each, **ours) if trim else mesh
     with log.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     if measure is None:
         return mesh, field
-    with log.stage("measure support"):
-        return coloured(mesh, support(mesh, merged.points, field, spacing=apart), measure, tensor=hasattr(pcd, "point")), field
+    with log.stage("measure support") as progress:
+        found = support(mesh, merged.points, field, spacing=apart, tree=tree, progress=progress)
+        return coloured(mesh, found, measure, tensor=hasattr(pcd, "point")), field
+
+
+def surroundings(cloud: OrientedCloud, points: FloatArray) -> tuple[Neighbourhoods, float]:
+    """Return neighbourhoods and median spacing of the points that are fitted, the cloud's own if they are its."""
+    if cloud.near and points is cloud.points:
+        return cloud.near, cloud.spacing
+    near = nearest_neighbours(points)
+    return near, cloud_spacing(points, near).median
 
 
 def mesh_step(spacing: float, count: int) -> float:
