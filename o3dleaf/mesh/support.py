@@ -140,8 +140,7 @@ def attach_support(
     InputError
         If the support is another mesh's, or there is no such measure or colour map.
     """
-    require_choice(measure, MEASURES, "measure")
-    require_choice(colour_map, colormaps, "colour_map")
+    colours = support_colours(support, measure=measure, colour_map=colour_map, limits=limits)
     result = tensor_mesh(*mesh_arrays(mesh))
     if len(result.vertex.positions) != len(support.distance):
         raise InputError(
@@ -150,14 +149,28 @@ def attach_support(
         )
     for name in MEASURES:
         result.vertex[name] = o3d.core.Tensor.from_numpy(getattr(support, name)[:, np.newaxis].copy())
+    result.vertex.colors = o3d.core.Tensor.from_numpy(colours)
+    return result
+
+
+def support_colours(
+    support: Support,
+    *,
+    measure: str = "distance",
+    colour_map: str = COLOUR_MAP,
+    limits: tuple[float, float] | None = None,
+) -> npt.NDArray[np.float32]:
+    """Return the (n, 3) colours, from 0 to 1, of one measure of vertices' support; arguments are `attach_support`'s."""
+    require_choice(measure, MEASURES, "measure")
+    require_choice(colour_map, colormaps, "colour_map")
     values = getattr(support, measure)
     known = values[np.isfinite(values)]
     low, high = limits or (0.0, float(np.quantile(known, SHOWN)) if len(known) else 1.0)
     require_positive(high - low, "limits: their difference")
     share = np.clip((np.where(np.isfinite(values), values, high) - low) / (high - low), 0.0, 1.0)
-    colours = np.asarray(colormaps[colour_map](share)[:, :3], dtype=np.float32)
-    result.vertex.colors = o3d.core.Tensor.from_numpy(np.ascontiguousarray(colours))
-    return result
+    steps = colormaps[colour_map].N
+    table = np.ascontiguousarray(colormaps[colour_map](np.arange(steps))[:, :3], dtype=np.float32)
+    return table[np.minimum((share * steps).astype(np.int64), steps - 1)]
 
 
 def _parts(mesh: Any) -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -21,7 +21,7 @@ from o3dleaf.mesh.arrays import (
 from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of, surely_near
 from o3dleaf.mesh.support_loops import find_front, least_distances, spread_front
-from o3dleaf.mesh.topology import EdgeTable, label_triangles
+from o3dleaf.mesh.topology import EdgeTable, label_nodes, label_triangles
 from o3dleaf.parallel import Progress, run_blocks
 
 FACTOR = 3.0
@@ -228,10 +228,12 @@ def _drop_unsupported(
     """Return the mesh without the pieces that too few data are nearest to."""
     if not len(triangles):
         raise ReconstructionError("trim_to_support: no part of the mesh is near the points; are they in one unit?")
+    # Of a manifold pieces share no vertex; to see that there is but one, no table of edges is needed.
+    joined = label_nodes(triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel(), len(vertices))[triangles[:, 0]]
+    if (joined == joined[0]).all():
+        return vertices, triangles
     piece = label_triangles(triangles)
     pieces = int(piece.max()) + 1
-    if pieces == 1:
-        return vertices, triangles
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[triangles.ravel()] = np.repeat(piece, 3)
     nearest = cKDTree(vertices).query(data, workers=-1)[1]

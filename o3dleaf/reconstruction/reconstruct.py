@@ -17,7 +17,7 @@ from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
 from o3dleaf.mesh.near import local_spacing, near_data
-from o3dleaf.mesh.support import Support, attach_support, support
+from o3dleaf.mesh.support import Support, attach_support, support, support_colours
 from o3dleaf.mesh.trim import trim_to_support
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
@@ -173,8 +173,7 @@ def decisions(cloud: OrientedCloud) -> tuple[str, ...]:
 
 def coloured(mesh: Mesh, found: Support, measure: str, *, tensor: bool) -> Any:
     """Return the mesh in the colours of a measure of its support; as a tensor mesh, with all of it as attributes."""
-    told = attach_support(mesh, found, measure=measure)
     if tensor:
-        return told
-    mesh.vertex_colors = o3d.utility.Vector3dVector(told.vertex.colors.numpy().astype(np.float64))
+        return attach_support(mesh, found, measure=measure)
+    mesh.vertex_colors = o3d.utility.Vector3dVector(support_colours(found, measure=measure).astype(np.float64))
     return mesh
