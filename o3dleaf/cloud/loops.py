@@ -80,11 +80,11 @@ def diagonalise(matrix, axes, values):
 
 
 @njit(nogil=True, cache=True)
-def put_rows(start, stop, order, found, near, distance, row):
-    """Write rows start:stop of (n, k) arrays `found` and `near` to their places, `order` (n,), in two others."""
+def put_rows(order, far, near, distance, row, start, stop):
+    """Write rows start:stop of (n, k) arrays `far` and `near` into the rows `order` (n,) of two others."""
     for n in range(start, stop):
-        for m in range(found.shape[1]):
-            distance[order[n], m], row[order[n], m] = found[n, m], near[n, m]
+        for m in range(far.shape[1]):
+            distance[order[n], m], row[order[n], m] = far[n, m], near[n, m]
 
 
 @njit(nogil=True, cache=True)

@@ -16,6 +16,7 @@ from o3dleaf.cloud.stray import find_stray_points, stray_among
 from o3dleaf.cloud.surfels import Surfels
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, held_normals, held_points
+from o3dleaf.parallel import Progress
 
 LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
@@ -66,6 +67,7 @@ def prepare_cloud(
     find_stray: FindStray | None = find_stray_points,
     estimate: Estimate = estimate_normals,
     orient: Orient | None = orient_normals,
+    progress: Progress | None = None,
 ) -> OrientedCloud:
     """Return the points of any cloud without those that do no good, each with its outward normal.
 
@@ -85,6 +87,8 @@ def prepare_cloud(
         ``estimate(points) -> (n, 3)`` unit normals of either sign, where the cloud has none.
     orient : callable, optional
         ``orient(points, normals) -> Orientation``; None leaves normals as they were given or estimated.
+    progress : callable, optional
+        ``progress(done, total)`` in points whose neighbours are known, most of the work where normals are given.
 
     Raises
     ------
@@ -100,7 +104,7 @@ def prepare_cloud(
         raise InputError(f"normals: {len(directions)} for {len(held)} points; give one a point")
     finite = np.flatnonzero(np.isfinite(held).all(axis=1))
     distinct = finite[_first_of_each(held[finite])]
-    kept, near = _without_stray(held, distinct, find_stray)
+    kept, near = _without_stray(held, distinct, find_stray, progress)
     points = np.ascontiguousarray(held[kept])
     surfels = Surfels.of(points, near.row)
     spacing = median_spacing(surfels.spacing).median
@@ -146,12 +150,12 @@ def _some_recur(points: FloatArray) -> bool:
 
 
 def _without_stray(
-    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None
+    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None, progress: Progress | None
 ) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
     """Return those of `rows` that are no stray points, and their neighbourhoods."""
     _require_enough(len(rows), len(held))
     points = held[rows]
-    near = nearest_neighbours(points)
+    near = nearest_neighbours(points, progress=progress)
     if find_stray is None:
         return rows, near
     # Our own step shares its neighbourhoods with the next ones.

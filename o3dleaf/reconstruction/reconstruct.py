@@ -102,8 +102,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         If no surface is left.
     """
     log = journal or Journal()
-    with log.stage("prepare cloud"):
-        cloud = prepare(pcd)
+    with log.stage("prepare cloud") as progress:
+        cloud = prepare_cloud(pcd, progress=progress) if prepare is prepare_cloud else prepare(pcd)
     for line in decisions(cloud):
         log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
     with log.stage("merge points"):
