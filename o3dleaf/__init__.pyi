@@ -17,6 +17,9 @@ from .ct.tiff import write_volume as write_volume
 from .rbf.kernels import polyharmonic as polyharmonic
 from .rbf.interpolant import RBFInterpolant as RBFInterpolant
 from .pu.interpolant import PUInterpolant as PUInterpolant
+from .pu.oriented import Hermite as Hermite
+from .pu.oriented import CurlFree as CurlFree
+from .pu.oriented import MovingLeastSquares as MovingLeastSquares
 from .leaf.midrib import find_midrib as find_midrib
 from .leaf.frame import LeafFrame as LeafFrame
 from .leaf.quality import FrameQuality as FrameQuality
@@ -53,8 +56,8 @@ from .mesh.inspection import inspect_mesh as inspect_mesh
 from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .cloud.noise import estimate_noise as estimate_noise
-from .cloud.noise import merge_points as merge_points
 from .reconstruction.fit import merge_noise as merge_noise
+from .reconstruction.fit import constrain as constrain
 from .reconstruction.fit import fit_surface as fit_surface
 from .reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .remeshing.remesh import remesh as remesh

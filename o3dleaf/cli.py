@@ -183,7 +183,7 @@ def reconstruct(
     output: Output,
     spacing: Annotated[float | None, typer.Option(help="Mesh step, in the cloud's unit; from its points.")] = None,
     rho: Annotated[str, typer.Option(help="Smoothing, the paper's rho in unit³, or 'gcv'.")] = "gcv",
-    local: Annotated[str, typer.Option(help="Fit in the balls: rbf, hermite, curl-free or mls.")] = "rbf",
+    local: Annotated[str, typer.Option(help="Fit in the balls: rbf, hermite, curl-free, mls or auto.")] = "rbf",
     keep_all: Annotated[
         bool, typer.Option("--untrimmed", help="Keep what no data support, four spacings beyond the data.")
     ] = False,

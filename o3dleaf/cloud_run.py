@@ -12,6 +12,7 @@ from o3dleaf.journal import Journal
 from o3dleaf.mesh.files import SUFFIXES, write_triangle_mesh
 from o3dleaf.mesh.quality import MeshReport, mesh_report
 from o3dleaf.mesh.support import MEASURES
+from o3dleaf.mesh.trim import trim_to_support
 from o3dleaf.rbf.smoothing import Amount
 from o3dleaf.reconstruction.reconstruct import create_from_point_cloud_rbfpu
 from o3dleaf.store import SUFFIX as MODEL
@@ -75,8 +76,8 @@ class CloudRun:
             local=self.local,
             unit=self.unit,
             measure=self.measure,
+            trim=trim_to_support if self.trimmed else None,
             journal=journal,
-            **({} if self.trimmed else {"trim": None}),
         )
         with journal.stage("write mesh"):
             write_triangle_mesh(self.output, mesh)

@@ -10,6 +10,7 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.outline import AlphaShape
 from o3dleaf.leaf.robust import RobustChoice
 from o3dleaf.pu.cover import Cover
+from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.local import LocalSplines
@@ -28,6 +29,7 @@ CLASSES: dict[str, type[Any]] = {
         BallIndex,
         Blade,
         Cover,
+        CreasedSplines,
         HeightMap,
         LeafFrame,
         LocalPolynomials,

@@ -45,11 +45,7 @@ def enclosing_signs(points: FloatArray, normals: FloatArray, area: FloatArray, p
     number = _winding_between(points, normals, area, piece)
     judged = len(number)
     weight = np.asarray(np.bincount(piece, area, count)[:judged], dtype=np.float64)
-    sign, decided = np.ones(judged), np.zeros(judged)
-    for c in range(judged):
-        decided[c] = 1.0
-        if _gain(number, weight, sign * decided, c) < 0:
-            sign[c] = -1.0
+    sign = np.ones(judged)
     for _ in range(ROUNDS):
         turned = [c for c in range(judged) if _turn_if_better(number, weight, sign, c)]
         if not turned:
@@ -70,10 +66,9 @@ def _turn_if_better(number: FloatArray, weight: FloatArray, sign: FloatArray, c:
 
 def _gain(number: FloatArray, weight: FloatArray, sign: FloatArray, c: int) -> float:
     """Return how much worse the winding numbers would be if piece c were turned, a unit of its area."""
-    known = weight * (sign != 0)
     mean = number @ sign
     turned = mean - 2 * sign[c] * number[:, c]
-    return float(known @ ((turned - 0.5) ** 2 - (mean - 0.5) ** 2) / weight[c])
+    return float(weight @ ((turned - 0.5) ** 2 - (mean - 0.5) ** 2) / weight[c])
 
 
 def _winding_between(points: FloatArray, normals: FloatArray, area: FloatArray, piece: IndexArray) -> FloatArray:

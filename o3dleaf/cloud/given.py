@@ -12,6 +12,8 @@ from o3dleaf.errors import OrientationError
 
 CONTRADICTED = 0.03
 """Share of contradicting votes from which on sides are looked at: Homer, whose parts nearly touch, has 0.001."""
+AGREED = 0.7
+"""Length of the mean of a group's unit normals from which on one that opposes it is wrong."""
 SPLIT = 0.5
 """Distance between the points of either side, over their spread, from which on they are two sheets within the noise,
 and their normals no mistake."""
@@ -37,7 +39,9 @@ def check_normals(
     notes = (f"{missing} normals were missing and were found",) if missing else ()
     if not orient:
         return Orientation(unit, notes)
-    repaired, turned, conflict = repair_normals(points, unit, rows)
+    repaired, _, conflict = repair_normals(points, unit, rows)
+    repaired = _with_groups(surfels, repaired)
+    turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
     if conflict > CONTRADICTED:
         unit, more = _settled(points, unit, surfels)
     else:
@@ -47,19 +51,33 @@ def check_normals(
     return Orientation(unit, notes + more)
 
 
+def _group_means(surfels: Surfels, unit: FloatArray) -> FloatArray:
+    """Return the mean (m, 3) of the cloud's unit normals over each surfel."""
+    count = surfels.total(np.ones(len(unit)))
+    return np.column_stack([surfels.total(unit[:, a]) for a in range(3)]) / count[:, np.newaxis]
+
+
+def _with_groups(surfels: Surfels, unit: FloatArray) -> FloatArray:
+    """Return unit normals (n, 3), turned where the others of their group agree on the other side."""
+    mean = _group_means(surfels, unit)
+    agreed = (np.linalg.norm(mean, axis=1) > AGREED)[surfels.owner]
+    wrong = agreed & (np.einsum("ij,ij->i", unit, mean[surfels.owner]) < 0)
+    return np.where(wrong, -1.0, 1.0)[:, np.newaxis] * unit
+
+
 def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
     """Say whether unit normals (n, 3) of the cloud's points enclose a volume from the wrong side."""
-    area, count = surfels.total(surfels.spacing**2), surfels.total(np.ones(len(unit)))
-    mean = np.column_stack([surfels.total(unit[:, a]) for a in range(3)]) / count[:, np.newaxis]
-    enclosure = enclosing_signs(surfels.points, mean, area, np.zeros(len(count), np.int64))
-    return bool(enclosure.sign[0] < 0 and enclosure.winding[0] > OPEN)
+    area = surfels.total(surfels.spacing**2)
+    mean = _group_means(surfels, unit)
+    enclosure = enclosing_signs(surfels.points, mean, area, np.zeros(len(mean), np.int64))
+    return float(enclosure.sign[0]) < 0 and float(enclosure.winding[0]) > OPEN
 
 
 def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:
     """Return unit normals, the missing ones those of planes through neighbours, and how many were."""
-    finite = np.isfinite(given).all(axis=1)
-    length = np.linalg.norm(np.where(finite[:, np.newaxis], given, 0.0), axis=1)
-    known = np.asarray(length > 0)
+    finite = np.isfinite(given).all(axis=1, keepdims=True)
+    length: FloatArray = np.asarray(np.linalg.norm(np.where(finite, given, 0.0), axis=1))
+    known = length > 0
     unit = np.where(known[:, np.newaxis], given, 0.0) / np.where(known, length, 1.0)[:, np.newaxis]
     missing = np.flatnonzero(~known)
     if len(missing):

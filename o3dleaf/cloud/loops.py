@@ -88,30 +88,11 @@ def put_rows(order, far, near, distance, row, start, stop):
 
 
 @njit(nogil=True, cache=True)
-def join_near(distance, rows, count, reach):
-    """Return for each point (n,) the first of those that links of length up to `reach` join it to.
-
-    Points are linked to their neighbours 1 to `count` of `rows` (n, k), rising with `distance`. Union by the first
-    point, paths halved (Tarjan & van Leeuwen 1984).
-    """
-    piece = np.arange(len(rows))
-    for i in range(len(rows)):
-        one = i
-        while piece[one] != one:
-            piece[one] = piece[piece[one]]
-            one = piece[one]
-        for m in range(1, count + 1):
-            if distance[i, m] > reach:
-                break
-            other = rows[i, m]
-            while piece[other] != other:
-                piece[other] = piece[piece[other]]
-                other = piece[other]
-            one, other = min(one, other), max(one, other)
-            piece[other] = one
-    for i in range(len(rows)):
-        piece[i] = piece[piece[i]]
-    return piece
+def take_rows(order, rank, far, near, distance, row, start, stop):
+    """Write rows start:stop of (n, k) neighbourhoods of points that are put in an `order` (n,), `rank` its inverse."""
+    for n in range(start, stop):
+        for m in range(far.shape[1]):
+            distance[n, m], row[n, m] = far[order[n], m], rank[near[order[n], m]]
 
 
 @njit(nogil=True, cache=True)
@@ -209,15 +190,17 @@ def count_votes(points, normals, rows, sure, start, stop, votes):
 
 
 @njit(nogil=True, cache=True)
-def blend_normals(points, owner, centres, normals, rows, start, stop, blended):
-    """Write the unit mean of the normals of the surfels around each point, of those that face its owner's way.
+def blend_planes(points, owner, centres, normals, rows, start, stop, blended, height):
+    """Write the unit mean of the normals of the surfels around each point, and its mean height over their planes.
+
+    Surfels that face away from the point's owner have no say.
 
     Weights are exp(-4 d^2/R^2), R the distance from the owner to the farthest of its neighbours `rows`.
     """
     for i in range(start, stop):
         o = owner[i]
         far = rows[o, rows.shape[1] - 1]
-        reach = 0.0
+        reach, total, level = 0.0, 0.0, 0.0
         for a in range(3):
             reach += (centres[far, a] - centres[o, a]) ** 2
             blended[i, a] = 0.0
@@ -225,13 +208,17 @@ def blend_normals(points, owner, centres, normals, rows, start, stop, blended):
             j = rows[o, m]
             if normals[o, 0] * normals[j, 0] + normals[o, 1] * normals[j, 1] + normals[o, 2] * normals[j, 2] <= 0:
                 continue
-            square = 0.0
+            square, h = 0.0, 0.0
             for a in range(3):
                 square += (points[i, a] - centres[j, a]) ** 2
+                h += (points[i, a] - centres[j, a]) * normals[j, a]
             weight = np.exp(-4 * square / reach)
+            total += weight
+            level += weight * h
             for a in range(3):
                 blended[i, a] += weight * normals[j, a]
         length = np.sqrt(blended[i, 0] ** 2 + blended[i, 1] ** 2 + blended[i, 2] ** 2)
+        height[i] = level / total if total > 0 else 0.0
         for a in range(3):
             blended[i, a] = blended[i, a] / length if length > 0 else normals[o, a]
 

@@ -1,27 +1,41 @@
 """Downsampling that keeps the two sides of a thin sheet apart."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.checks import FloatArray, as_points, require_positive
 from o3dleaf.cloud.cells import Cells
 
 
-def merge_points(points: FloatArray, normals: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
-    """Return the means of the points (n, 3) in each voxel whose normals face one way, with unit mean normals.
+class Merged(NamedTuple):
+    """Means of a cloud's points: points (m, 3), unit mean normals (m, 3), weights (m,): how many each stands for."""
+
+    points: FloatArray
+    normals: FloatArray
+    weights: FloatArray
+
+
+def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged:
+    """Return the means of the points (n, 3) in each voxel whose normals face one way, and how many each stands for.
 
     As Open3D's `voxel_down_sample`, except that points whose normals face away from those of the first point in their
-    voxel have a mean of their own. The means stand in the order of their first points.
+    voxel have a mean of their own, and that a fit may trust the mean of ten points as much as ten points. The means
+    stand in the order of their first points.
 
     Parameters
     ----------
     points, normals : (n, 3) ndarray
     size : float
-        Edge of a voxel.
+        Edge of a voxel; voxels lie at the whole multiples of it.
 
-    Returns
-    -------
-    points, normals : (m, 3) ndarray
+    Raises
+    ------
+    InputError
+        If the size is not above zero.
     """
+    points, normals = as_points(points, "points", dim=3), as_points(normals, "normals", dim=3)
+    require_positive(size, "size")
     cells = Cells.sort(points, size)
     length = cells.last - cells.first
     first = np.repeat(cells.order[cells.first], length)
@@ -36,4 +50,5 @@ def merge_points(points: FloatArray, normals: FloatArray, size: float) -> tuple[
         np.column_stack([np.bincount(group, part[:, a], len(count)) for a in range(3)]) / count[:, np.newaxis]
         for part in (points, normals)
     )
-    return mean, direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return Merged(mean, unit, count.astype(np.float64))

@@ -49,6 +49,15 @@ def nearest_neighbours(points: FloatArray, k: int = NEIGHBOURS, progress: Progre
     return Neighbourhoods(distance, row, tree)
 
 
+def rearranged(near: Neighbourhoods, order: IndexArray, tree: cKDTree) -> Neighbourhoods:
+    """Return the neighbourhoods of the same points in another order, of which `tree` is one."""
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    distance, row = np.empty_like(near.distance), np.empty_like(near.row)
+    run_blocks(partial(loops.take_rows, order, rank, near.distance, near.row, distance, row), len(order), BLOCK)
+    return Neighbourhoods(distance, row, tree)
+
+
 def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:
     """Return the principal axes of the neighbourhoods `rows` (m, k) among `points` (n, 3)."""
     normal, variance = np.empty((len(rows), 3)), np.empty((len(rows), 3))

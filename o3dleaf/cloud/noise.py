@@ -1,11 +1,9 @@
-"""How far the points of a cloud lie off their surface, and averaging what that noise makes of too many of them."""
-
-from typing import NamedTuple
+"""How far the points of a cloud lie off their surface."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from o3dleaf.checks import FloatArray, as_points, require_positive
+from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, points_of
 
@@ -13,16 +11,8 @@ SAMPLE = 400
 """Places at which the noise is measured; their median is off by about a twentieth."""
 PATCHES = (16, 32, 64, 128, 256, 512, 1024)
 """Points of a patch: the smallest patch that is wide enough for its noise is believed."""
-WIDE = 2.5
+WIDE = 4.5
 """Standard deviations of the noise that the radius of a patch must have: in narrower ones the plane follows noise."""
-
-
-class Merged(NamedTuple):
-    """Averages of a cloud's points: points (m, 3), mean unit normals (m, 3), and how many each stands for (m,)."""
-
-    points: FloatArray
-    normals: FloatArray
-    weights: FloatArray
 
 
 def estimate_noise(cloud: CloudLike, tree: cKDTree | None = None) -> float:
@@ -30,7 +20,7 @@ def estimate_noise(cloud: CloudLike, tree: cKDTree | None = None) -> float:
 
     At each of some hundred places a quadric :math:`z(u, v)` over the plane of the nearest k points leaves residuals
     of standard deviation :math:`σ_k`, six degrees of freedom taken off; the smallest k whose patch has a radius of
-    at least 2.5 σ_k says σ there, and the median over the places is returned: creases and rims do not count.
+    at least 4.5 σ_k says σ there, and the median over the places is returned: creases and rims do not count.
 
     Parameters
     ----------
@@ -72,38 +62,3 @@ def _residual(patches: FloatArray) -> FloatArray:
     basis, _ = np.linalg.qr(terms)
     rest = z - np.einsum("mkq,mq->mk", basis, np.einsum("mkq,mk->mq", basis, z))
     return np.asarray(np.sqrt((rest * rest).sum(axis=1) / (z.shape[1] - terms.shape[2])))
-
-
-def merge_points(points: FloatArray, normals: FloatArray, voxel_size: float) -> Merged:
-    """Return the averages of the points of each voxel whose normals face alike, and how many each stands for.
-
-    Open3D's `voxel_down_sample` with two differences: the number of points is kept, since a fit must trust the mean
-    of ten points as much as ten points; and points of one voxel are kept apart by the axis that their normals are
-    nearest to, so that the two sides of a thin sheet are never averaged.
-
-    Parameters
-    ----------
-    points, normals : (n, 3) ndarray
-    voxel_size : float
-        Side of the voxels, which lie at its whole multiples.
-
-    Raises
-    ------
-    InputError
-        If the size is not above zero.
-    """
-    size = require_positive(voxel_size, "voxel_size")
-    sites, directions = as_points(points, "points", dim=3), as_points(normals, "normals", dim=3)
-    voxel = np.floor(sites / size).astype(np.int64)
-    axis = np.argmax(np.abs(directions), axis=1)
-    facing = 2 * axis + (directions[np.arange(len(axis)), axis] > 0)
-    voxel -= voxel.min(axis=0)
-    shape = voxel.max(axis=0) + 1
-    if float(np.prod(shape.astype(np.float64))) * 6 > 2**62:
-        raise InputError(f"voxel_size: {size:g} is too small for a cloud of this extent; give a larger one")
-    keys = ((voxel[:, 0] * shape[1] + voxel[:, 1]) * shape[2] + voxel[:, 2]) * 6 + facing
-    _, group, count = np.unique(keys, return_inverse=True, return_counts=True)
-    mean = [np.bincount(group, sites[:, a]) / count for a in range(3)]
-    facing_mean = np.stack([np.bincount(group, directions[:, a]) for a in range(3)], axis=1)
-    length = np.linalg.norm(facing_mean, axis=1, keepdims=True)
-    return Merged(np.stack(mean, axis=1), facing_mean / length, count.astype(np.float64))

@@ -29,10 +29,13 @@ FULL = 0.6
 """Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
+OPEN_NOTE = "the cloud encloses no volume and is taken for an open sheet: either side may be outside"
 TELLING = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbours, decides on a piece."""
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
+APART = -1.3
+"""The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
 SEAM = 0.3
 """Points along the longest line across which normals contradict, over the square root of all points: a strip of a
 width of 1/30 of its length, turned once and closed, has 0.6, and a noisy leaf 0.2."""
@@ -69,7 +72,7 @@ def estimate_normals(cloud: CloudLike) -> FloatArray:
     """
     points = points_of(cloud, "cloud", least=3)
     surfels = Surfels.of(points)
-    return surfels.blend(points, surfels.planes.normal)
+    return surfels.blend(points, surfels.planes.normal)[0]
 
 
 def orient_normals(cloud: CloudLike, normals: npt.ArrayLike) -> Orientation:
@@ -123,8 +126,8 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     """
     if surfels.flatness > FULL:
         raise OrientationError(
-            f"cloud: its points fill a volume (neighbourhoods are {surfels.flatness:.2f} as thick as wide at every "
-            "scale) and show no surface; give the points of a surface, or less noise"
+            f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighbourhoods "
+            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, or less noise"
         )
     normals, enclosed, seam = _sides(surfels)
     for _ in range(COARSER):
@@ -138,12 +141,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             "cloud: its normals contradict one another along a line, as on a Moebius strip or where sheets branch; "
             "cut the cloud there, or give normals"
         )
-    notes = _notes(surfels, enclosed, seam)
-    if _hides_two_sheets(points, surfels, normals):
-        notes += (
-            "two sheets lie within the noise, whose sides cannot be told apart, and are taken for one; give normals",
-        )
-    return Orientation(surfels.blend(points, normals), notes)
+    return _parted(points, surfels, normals, _notes(surfels, enclosed, seam))
 
 
 def _sides(surfels: Surfels) -> tuple[FloatArray, float, float]:
@@ -185,7 +183,7 @@ def _ask_neighbours(pieces: Pieces, sign: FloatArray, gain: FloatArray) -> None:
 def _notes(surfels: Surfels, enclosed: float, seam: float) -> tuple[str, ...]:
     notes = []
     if enclosed < OPEN:
-        notes.append("the cloud encloses no volume and is taken for an open sheet: either side may be outside")
+        notes.append(OPEN_NOTE)
     elif seam > SEAM:
         notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
     groups = len(surfels.owner) / len(surfels.points)
@@ -194,17 +192,24 @@ def _notes(surfels: Surfels, enclosed: float, seam: float) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _hides_two_sheets(points: FloatArray, surfels: Surfels, normals: FloatArray) -> bool:
-    """Say whether the heights of groups' points spread as those of two sheets do, and not as noise about one.
+def _parted(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tuple[str, ...]) -> Orientation:
+    """Return the normals (n, 3) blended from the surfels, turned outward from the middle of two sheets if they are two.
 
-    The excess kurtosis of noise is 0, and above where groups differ; of two sheets 2a apart with noise σ it is
-    -2 a⁴/(a² + σ²)².
+    The heights of groups' points over their planes tell: the excess kurtosis of noise is 0, and above where groups
+    differ; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)².
     """
+    outward, height = surfels.blend(points, middle)
     if len(surfels.points) == len(points):
-        return False
-    square = np.einsum("ij,ij->i", points - surfels.points[surfels.owner], normals[surfels.owner]) ** 2
-    mean = float(np.mean(square))
-    return mean > 0 and float(np.mean(square**2)) < (3 + TWO_SHEETS) * mean**2
+        return Orientation(outward, notes)
+    square = float(np.mean(height**2))
+    excess = float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0
+    if excess < APART:
+        side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
+        kept = tuple(note for note in notes if note != OPEN_NOTE)
+        return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))
+    if excess < TWO_SHEETS:
+        notes += ("two sheets lie within the noise, whose sides cannot be told, and are taken for one; give normals",)
+    return Orientation(outward, notes)
 
 
 def _longest_seam(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:

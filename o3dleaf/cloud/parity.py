@@ -61,12 +61,21 @@ def join_sure(rows, vote, sure, least, parent, sign):
     for i in range(n):
         for m in range(edges):
             if sure[i, m] >= least:
-                level = np.int64((1 - sure[i, m]) / (1 - least) * (LEVELS - 1))
-                order[count[level]] = i * edges + m
-                count[level] += 1
-    for e in order:
-        vertex, m = e // edges, e % edges
-        join(parent, sign, vertex, rows[vertex, m + 1], np.int8(1) if vote[vertex, m] > 0 else np.int8(-1))
+                place = np.int64((1 - sure[i, m]) / (1 - least) * (LEVELS - 1))
+                order[count[place]] = i * edges + m
+                count[place] += 1
+    for at in range(len(order)):
+        i, m = order[at] // edges, order[at] % edges
+        join(parent, sign, i, rows[i, m + 1], np.int8(1) if vote[i, m] > 0 else np.int8(-1))
+
+
+@njit(nogil=True, cache=True)
+def join_near(rows, distance, most, parent, sign):
+    """Join points to those of their neighbours `rows` that are no farther than `most`."""
+    for i in range(len(rows)):
+        for m in range(rows.shape[1]):
+            if distance[i, m] <= most:
+                join(parent, sign, i, rows[i, m], np.int8(1))
 
 
 @njit(nogil=True, cache=True)

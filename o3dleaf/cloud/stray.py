@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.cloud import loops
+from o3dleaf.cloud import parity
 from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
 
 NEIGHBOURS = 8
@@ -25,7 +25,9 @@ def find_stray_points(points: FloatArray) -> npt.NDArray[np.bool_]:
 
 def stray_among(near: Neighbourhoods) -> npt.NDArray[np.bool_]:
     """Return which points are stray (n,), given their neighbourhoods."""
-    eighth = min(NEIGHBOURS, near.row.shape[1] - 1)
-    piece = loops.join_near(near.distance, near.row, eighth, LINK * np.median(near.distance[:, eighth]))
-    size = np.bincount(piece)
-    return np.asarray(size[piece] < min(CLUSTER, size.max()), dtype=bool)
+    distance, row = (np.ascontiguousarray(part[:, 1 : NEIGHBOURS + 1]) for part in near[:2])
+    parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
+    parity.join_near(row, distance, LINK * float(np.median(distance[:, -1])), parent, sign)
+    parity.flatten(parent, sign)
+    size = np.bincount(parent)
+    return np.asarray(size[parent] < min(CLUSTER, size.max()), dtype=bool)

@@ -14,6 +14,8 @@ FLAT = 0.2
 """Ratio of the standard deviations across and along a neighbourhood up to which it is a clean piece of a surface."""
 DROWNED = 0.5
 """The same, above which noise hides the surface, and a coarser scale is tried whatever it gives."""
+LINE = 0.25
+"""Ratio of the standard deviations along a neighbourhood up to which it is a line."""
 FLATTER = 0.8
 """Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
 SAMPLE = 4000
@@ -80,16 +82,19 @@ class Surfels:
     def coarser(self, points: FloatArray) -> "Surfels | None":
         """Return surfels of twice as many of the `points` (n, 3), or None where few would be left."""
         thinning = 2 * round(len(points) / len(self.points))
-        return Surfels.of(points, thinning=thinning) if len(points) >= LEAST * thinning else None
+        return Surfels.of(points, thinning=thinning) if 2 * len(points) >= LEAST * thinning else None
 
-    def blend(self, points: FloatArray, normals: FloatArray) -> FloatArray:
-        """Return unit normals at the cloud's `points` (n, 3), between those (m, 3) of the surfels around them."""
+    def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
+
+        `normals` (m, 3) are those of the surfels; a height is measured over the surfels' planes.
+        """
         if len(self.points) == len(points):
-            return normals
-        blended = np.empty_like(points)
+            return normals, np.zeros(len(points))
+        blended, height = np.empty_like(points), np.empty(len(points))
         args = points, self.owner, self.points, normals, self.rows
-        run_blocks(lambda i, j: loops.blend_normals(*args, i, j, blended), len(points), BLOCK)
-        return blended
+        run_blocks(lambda i, j: loops.blend_planes(*args, i, j, blended, height), len(points), BLOCK)
+        return blended, height
 
 
 def spacings(planes: Planes, k: int) -> FloatArray:
@@ -124,14 +129,19 @@ def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[i
 
 
 def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:
-    """Return the median ratio of the standard deviations across and along the neighbourhoods of a cloud (n, 3)."""
+    """Return the median ratio of the standard deviations across and along the neighbourhoods of a cloud (n, 3).
+
+    Of neighbourhoods that are lines, as between two far lines of a scanner, it is 1: they show no surface either.
+    """
     asked = thinned(len(points), max(1, len(points) // SAMPLE))
     if rows is None:
         near = cKDTree(points).query(points[asked], k=np.arange(1, min(NEIGHBOURS, len(points)) + 1), workers=-1)[1]
     else:
         near = rows[asked]
     variance = fit_planes(points, near).variance
-    return float(np.median(np.sqrt(variance[:, 0] / np.maximum(variance[:, 1], np.finfo(float).tiny))))
+    across, along, most = np.sqrt(variance).T
+    line = along <= LINE * most
+    return float(np.median(np.where(line, 1.0, across / np.where(line, 1.0, along))))
 
 
 def _group_planes(off: FloatArray, owner: IndexArray, means: FloatArray, count: IndexArray, rows: IndexArray) -> Planes:

@@ -9,11 +9,15 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
+from o3dleaf.pu import loops
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.rbf.tail import IntArray
 
 SMALLEST_CELL = 1e-14
 """Share of the largest coordinate that a cell may shrink to: a hundred roundings. What it holds then coincides."""
+
+LEAF_POINTS = 32
+"""Points of a leaf of the tree that counts what balls hold, hundreds at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +43,14 @@ class Cover:
 
     @classmethod
     def fit(cls, points: FloatArray, bounds: FloatArray, points_per_ball: tuple[int, int], overlap: float) -> "Cover":
-        """Cover `bounds` by balls that hold at most ``points_per_ball[1]`` of the points.
+        """Return what `indexed` does without the index."""
+        return cls.indexed(points, bounds, points_per_ball, overlap)[0]
+
+    @classmethod
+    def indexed(
+        cls, points: FloatArray, bounds: FloatArray, points_per_ball: tuple[int, int], overlap: float
+    ) -> tuple["Cover", BallIndex]:
+        """Cover `bounds` by balls that hold at most ``points_per_ball[1]`` of the points; return also their index.
 
         The box is halved across its longest side until the ball around each cell, `overlap` times
         the cell's half diagonal, holds few enough points; cells tile the box, so no query is ever
@@ -52,15 +63,17 @@ class Cover:
             If too many points coincide.
         """
         least, most = points_per_ball
-        tree = cKDTree(points)
-        low, high = _halve_until_small(tree, bounds, most, overlap)
+        # Halves by place, not by number: made in a third of the time, and a ball meets fewer leaves.
+        tree = cKDTree(points, leafsize=LEAF_POINTS, balanced_tree=False, compact_nodes=False)
+        low, high = _halve_until_small(tree, points, bounds, most, overlap)
         centres, radii = _circumscribe(low, high, overlap)
-        offsets, members = BallIndex.build(centres, radii, bounds).members(points)
+        index = BallIndex.build(centres, radii, bounds)
+        offsets, members = index.members(points)
         least = min(least, len(points))
         few = np.flatnonzero(np.diff(offsets) < least)
         _, nearest = tree.query(centres[few], k=np.arange(1, least + 1), workers=-1)
         offsets, members = _replace_rows(offsets, members, few, np.sort(nearest, axis=1))
-        return cls(centres, radii, bounds, offsets, members)
+        return cls(centres, radii, bounds, offsets, members), index
 
     @property
     def counts(self) -> IntArray:
@@ -90,29 +103,38 @@ def _circumscribe(low: FloatArray, high: FloatArray, overlap: float) -> tuple[Fl
     return (low + high) / 2, np.where(radii > 0, radii, 1.0)
 
 
-def _halve_until_small(tree: cKDTree, bounds: FloatArray, most: int, overlap: float) -> tuple[FloatArray, FloatArray]:
+def _halve_until_small(
+    tree: cKDTree, points: FloatArray, bounds: FloatArray, most: int, overlap: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the (M, d) lower and upper corners of the final cells, in a fixed order."""
     low, high = bounds[:1].copy(), bounds[1:].copy()
+    cells = np.zeros(len(points), dtype=np.int64)
     done: list[tuple[FloatArray, FloatArray]] = []
     while True:
         centres, radii = _circumscribe(low, high, overlap)
-        large = tree.query_ball_point(centres, radii, workers=-1, return_length=True) > most
+        # A ball holds its cell, so that only balls of cells with few points need to be counted.
+        large = loops.count_cells(cells, len(low)) > most
+        asked = np.flatnonzero(~large)
+        large[asked] = tree.query_ball_point(centres[asked], radii[asked], workers=-1, return_length=True) > most
         done.append((low[~large], high[~large]))
-        low, high = low[large], high[large]
-        if not len(low):
+        if not large.any():
             return np.concatenate([cell[0] for cell in done]), np.concatenate([cell[1] for cell in done])
+        rows, low, high = np.where(large, np.cumsum(large) - 1, -1), low[large], high[large]
         if np.any(np.max(high - low, axis=1) <= SMALLEST_CELL * np.abs(bounds).max()):
             raise InputError(f"points: more than {most} coincide near {low[0]}; remove duplicated points")
-        low, high = _halve(low, high)
+        axis = np.argmax(high - low, axis=1)
+        low, high, middle = _halve(low, high, axis)
+        loops.move_to_halves(cells, points, rows, axis, middle)
 
 
-def _halve(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    row, axis = np.arange(len(low)), np.argmax(high - low, axis=1)
+def _halve(low: FloatArray, high: FloatArray, axis: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the corners of all lower halves, then of all upper ones, and where they meet."""
+    row = np.arange(len(low))
     middle = (low[row, axis] + high[row, axis]) / 2
     lower_high, upper_low = high.copy(), low.copy()
     lower_high[row, axis] = middle
     upper_low[row, axis] = middle
-    return np.concatenate([low, upper_low]), np.concatenate([lower_high, high])
+    return np.concatenate([low, upper_low]), np.concatenate([lower_high, high]), middle
 
 
 def _replace_rows(offsets: IntArray, members: IntArray, rows: IntArray, new: IntArray) -> tuple[IntArray, IntArray]:

@@ -11,6 +11,8 @@ from o3dleaf.pu.tree import Tree, build_tree
 from o3dleaf.rbf.tail import IntArray
 
 FOLD_BLOCK = 1 << 15
+MEMBER_BLOCKS = 16
+"""Blocks that points are sorted into balls in; each keeps a number for each ball."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +93,21 @@ class BallIndex:
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
         _, leaves = self.fold(points)
-        counts = np.zeros(len(self.radii) + 1, dtype=np.int64)
-        loops.count_members(points, leaves, self.tree, self.centres, self.radii, counts)
-        offsets = np.cumsum(counts)
+        block = max(1, -(-len(points) // MEMBER_BLOCKS))
+        images = self.tree, self.centres, self.radii
+        heads = np.zeros((MEMBER_BLOCKS, len(self.radii)), dtype=np.int64)
+
+        def count(start: int, stop: int) -> None:
+            loops.count_members(start, stop, points, leaves, *images, heads[start // block])
+
+        run_blocks(count, len(points), block)
+        offsets = np.concatenate([[0], np.cumsum(heads.sum(axis=0))])
+        # The points of an earlier block come first.
+        heads[:] = offsets[:-1] + np.cumsum(heads, axis=0) - heads
         rows = np.empty(offsets[-1], dtype=np.int64)
-        loops.fill_members(points, leaves, self.tree, self.centres, self.radii, offsets[:-1].copy(), rows)
+
+        def fill(start: int, stop: int) -> None:
+            loops.fill_members(start, stop, points, leaves, *images, heads[start // block], rows)
+
+        run_blocks(fill, len(points), block)
         return offsets, rows

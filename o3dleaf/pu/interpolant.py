@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from os import PathLike
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from o3dleaf.parallel import Progress
 from o3dleaf.pu.appraisal import Appraisal, appraise_balls
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
+from o3dleaf.pu.creases import ANGLE, Surface, fit_creased
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
 from o3dleaf.pu.oriented import OrientedFitter
@@ -37,6 +38,7 @@ from o3dleaf.pu.trial import as_fitter
 from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
 from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel
 from o3dleaf.rbf.smoothing import Amount, as_smoothing
+from o3dleaf.rbf.tail import IntArray
 from o3dleaf.store import write_model
 from o3dleaf.units import check_unit
 
@@ -90,6 +92,8 @@ class PUInterpolant(Blended):
         overlap: float = OVERLAP,
         weights: npt.ArrayLike | None = None,
         owners: npt.ArrayLike | None = None,
+        normals: npt.ArrayLike | None = None,
+        creases: Literal["auto", False] | float = False,
         unit: str | None = None,
         bounds: npt.ArrayLike | None = None,
         local: LocalFitter | None = None,
@@ -125,6 +129,13 @@ class PUInterpolant(Blended):
             The row that each constraint was made from, its own for measured points. Constraints made from
             one point share its error, which "gcv" would take for the surface's shape: given the owners, it
             leaves each point out with all that was made from it, and takes the least mean square error there.
+            "gcv-per-ball" then costs no more than the fit, and chooses around what "gcv" takes.
+        normals : (n, 3) array_like, optional
+            Outward unit normals of the measured points, which creases are found from; other rows are not read.
+        creases : "auto", False or float
+            Balls whose measured points fall into smooth sheets get a spline for each sheet, combined by minima
+            and maxima (`o3dleaf.pu.creases`), where that foretells points left out better than one spline.
+            Normals turn by so many degrees, at least, across a crease; "auto" is 30.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.
@@ -146,8 +157,7 @@ class PUInterpolant(Blended):
         data = as_values(values, len(sites))
         box = _box(sites, bounds)
         size = as_ball_size(points_per_ball, overlap)
-        cover = Cover.fit(sites, box, size, overlap)
-        index = BallIndex.build(cover.centres, cover.radii, box)
+        cover, index = Cover.indexed(sites, box, size, overlap)
         trust = None if weights is None else as_weights(weights, len(sites))
         made_from = None if owners is None else as_rows(owners, len(sites))
         data_hash = _hash(sites, data, trust)
@@ -157,6 +167,21 @@ class PUInterpolant(Blended):
             return cls(cover, index, fields, check_unit(unit), data_hash)
         phi, degree = _spline(kernel, degree, sites.shape[1])
         rule = as_smoothing(phi, smoothing, rho)
+        if creases is not False:
+            surface, made_from = _surface(sites, normals, made_from, creases)
+            split = fit_creased(
+                cover,
+                sites,
+                data,
+                surface,
+                kernel=phi,
+                degree=degree,
+                smoothing=rule,
+                trust=trust,
+                owners=made_from,
+                progress=progress,
+            )
+            return cls(cover, index, split, check_unit(unit), data_hash)
         splines = LocalSplines.fit(
             cover, sites, data, phi, degree, rule, trust=trust, owners=made_from, progress=progress
         )
@@ -204,8 +229,7 @@ class PUInterpolant(Blended):
         fitter = as_fitter(local, sites, outward)
         box = _box(sites, bounds)
         size = as_ball_size(fitter.points_per_ball if points_per_ball is None else points_per_ball, overlap)
-        cover = Cover.fit(sites, box, size, overlap)
-        index = BallIndex.build(cover.centres, cover.radii, box)
+        cover, index = Cover.indexed(sites, box, size, overlap)
         fits = fitter.fit(cover, sites, outward, progress=progress)
         return cls(cover, index, fits, check_unit(unit), _hash(sites, outward))
 
@@ -325,6 +349,23 @@ def _spline(kernel: str | Polyharmonic, degree: int | None, dimension: int) -> t
     """Return the kernel and the degree of its tail."""
     phi = as_kernel(kernel, dimension)
     return phi, as_degree(degree, phi)
+
+
+def _surface(
+    sites: FloatArray, normals: npt.ArrayLike | None, owners: IntArray | None, creases: Literal["auto"] | float
+) -> tuple[Surface, IntArray]:
+    """Return what creases are found from, and the owners, each row its own where none are given."""
+    if normals is None or sites.shape[1] != 3:
+        raise InputError("creases: are found from normals in three dimensions; give normals, or creases=False")
+    angle = ANGLE if creases == "auto" else as_number(creases, "creases")
+    if not 0 < angle < 180:
+        raise InputError(f"creases: {angle:g} is no angle between 0 and 180 degrees; give 30, say, or False")
+    made_from = np.arange(len(sites)) if owners is None else owners
+    rows = np.flatnonzero(made_from == np.arange(len(sites)))
+    facing = as_points(normals, "normals", dim=3)
+    if len(facing) != len(sites):
+        raise InputError(f"normals: {len(facing)} for {len(sites)} points; give one a point")
+    return Surface(rows, as_normals(facing[rows], sites[rows]), angle), made_from
 
 
 def _voxel_box(

@@ -82,16 +82,21 @@ class LocalSplines:
         *,
         trust: FloatArray | None = None,
         owners: IntArray | None = None,
+        terms: IntArray | None = None,
         progress: Progress | None = None,
     ) -> "LocalSplines":
-        """Fit every ball of the cover to its points; see `PUInterpolant.fit`, whose `weights` are here `trust`."""
+        """Fit every ball of the cover to its points; see `PUInterpolant.fit`, whose `weights` are here `trust`.
+
+        Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them.
+        """
         exponents = tail_exponents(points.shape[1], degree)
         balls = (cover.centres, cover.radii, cover.offsets, cover.members)
         count, total = len(cover.radii), int(cover.offsets[-1])
-        model = (np.empty(points.shape[1] * total), np.empty(total), np.empty((count, len(exponents))))
+        model = (np.empty(points.shape[1] * total), np.empty(total), np.zeros((count, len(exponents))))
         ranks, dropped = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
         weights = np.ones(len(points)) if trust is None else trust
         filled = (model, ranks, dropped)
+        terms = np.full(count, len(exponents)) if terms is None else terms
         with single_threaded_blas():
             rule, amounts = choose_amounts(
                 cover,
@@ -100,14 +105,15 @@ class LocalSplines:
                 weights,
                 kernel=kernel,
                 exponents=exponents,
+                terms=terms,
                 rule=smoothing,
                 owners=owners,
                 progress=progress,
             )
-            diagonal = rule.diagonals(cover.counts, amounts)
+            diagonal, tail = rule.diagonals(cover.counts, amounts), (exponents, terms)
 
             def task(start: int, stop: int) -> None:
-                loops.fit_balls(start, stop, points, values, weights, balls, exponents, kernel.power, diagonal, *filled)
+                loops.fit_balls(start, stop, points, values, weights, balls, tail, kernel.power, diagonal, *filled)
 
             run_blocks(task, count, 1, progress if amounts is None else None)
         kept = None if trust is None else trust[cover.members]
@@ -135,13 +141,16 @@ class LocalSplines:
         InputError
             If second derivatives are asked for of a kernel that has none.
         """
+        return blend_balls(self.balls(level, dtype), index, queries, level)
+
+    def balls(self, level: int, dtype: np.dtype[Any]) -> loops.SplineBalls:
+        """Return what the compiled blend reads, or raise `InputError` where the kernel lacks the derivatives."""
         if level == 2:
             require_twice_differentiable(self.kernel)
         sites, weights = self._as_type(dtype)
         widest = int(np.diff(self.offsets).max())
         power, exponents = self.kernel.power, self.exponents
-        balls = loops.SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
-        return blend_balls(balls, index, queries, level)
+        return loops.SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
 
     def _as_type(self, dtype: np.dtype[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return sites and weights in float64, or in a float32 copy that is kept."""
@@ -153,7 +162,10 @@ class LocalSplines:
 
 
 def blend_balls(
-    balls: loops.SplineBalls | loops.PotentialBalls, index: BallIndex, queries: FloatArray, level: int
+    balls: loops.SplineBalls | loops.PotentialBalls | loops.CreasedBalls,
+    index: BallIndex,
+    queries: FloatArray,
+    level: int,
 ) -> FloatArray:
     """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box."""
     folded, leaves = index.fold(queries)

@@ -16,6 +16,7 @@ from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.held_out import held_out
 from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
 from o3dleaf.rbf.potential import potential_jets
+from o3dleaf.rbf.shared import shared_squares
 from o3dleaf.rbf.solve import solve_local
 from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
@@ -56,6 +57,14 @@ class PotentialBalls(NamedTuple):
     power: Any
     widest: Any
     moments: Any
+
+
+class CreasedBalls(NamedTuple):
+    """Splines of values, several to a ball, and how they are joined; see `o3dleaf.pu.creases.CreasedSplines`."""
+
+    splines: Any
+    first: Any
+    joins: Any
 
 
 @njit(nogil=True, cache=True)
@@ -170,20 +179,41 @@ def holds(centre, radius, point):
 
 
 @njit(nogil=True, cache=True)
-def count_members(points, leaves, tree, centres, radii, counts):
-    """Count the points in image k into counts[k + 1]."""
-    starts, stops, items = tree[3], tree[4], tree[5]
-    for i in range(len(points)):
-        for at in range(starts[leaves[i]], stops[leaves[i]]):
-            if holds(centres[items[at]], radii[items[at]], points[i]):
-                counts[items[at] + 1] += 1
+def count_cells(cells, count):
+    """Return how many of the points lie in each cell; those in cell −1 do not matter."""
+    counts = np.zeros(count, dtype=np.int64)
+    for cell in cells:
+        if cell >= 0:
+            counts[cell] += 1
+    return counts
 
 
 @njit(nogil=True, cache=True)
-def fill_members(points, leaves, tree, centres, radii, heads, rows):
-    """Write the points in image k from rows[heads[k]] on."""
+def move_to_halves(cells, points, rows, axis, middle):
+    """Replace the cell of each point by rows[cell], its number among the cells that are halved, plus theirs if above."""
+    for i in range(cells.size):
+        if cells[i] >= 0:
+            row = rows[cells[i]]
+            cells[i] = row
+            if row >= 0 and points[i, axis[row]] >= middle[row]:
+                cells[i] = row + middle.size
+
+
+@njit(nogil=True, cache=True)
+def count_members(start, stop, points, leaves, tree, centres, radii, counts):
+    """Count those of the points start:stop in image k into counts[k]."""
     starts, stops, items = tree[3], tree[4], tree[5]
-    for i in range(len(points)):
+    for i in range(start, stop):
+        for at in range(starts[leaves[i]], stops[leaves[i]]):
+            if holds(centres[items[at]], radii[items[at]], points[i]):
+                counts[items[at]] += 1
+
+
+@njit(nogil=True, cache=True)
+def fill_members(start, stop, points, leaves, tree, centres, radii, heads, rows):
+    """Write those of the points start:stop in image k from rows[heads[k]] on."""
+    starts, stops, items = tree[3], tree[4], tree[5]
+    for i in range(start, stop):
         for at in range(starts[leaves[i]], stops[leaves[i]]):
             item = items[at]
             if holds(centres[item], radii[item], points[i]):
@@ -205,8 +235,12 @@ def gather(points, values, rows, centre, radius):
 
 
 @njit(nogil=True, cache=True)
-def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoothing, model, ranks, dropped):
-    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights."""
+def fit_balls(start, stop, points, values, trust, cover, tail, power, smoothing, model, ranks, dropped):
+    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit, `trust` the points' weights.
+
+    `tail` is the exponents and how many of them each ball has; the coefficients of the others stay as they are.
+    """
+    exponents, terms = tail
     centres, radii, offsets, members = cover
     sites, weights, tails = model
     dimension = centres.shape[1]
@@ -214,10 +248,10 @@ def fit_balls(start, stop, points, values, trust, cover, exponents, power, smoot
         first, last = offsets[ball], offsets[ball + 1]
         local, data = gather(points, values, members[first:last], centres[ball], radii[ball])
         diagonal = smoothing[ball] / radii[ball] ** power / trust[members[first:last]]
-        lam, tail, rank, lost = solve_local(local, data, exponents, power, diagonal)
+        lam, coefficients, rank, lost = solve_local(local, data, exponents[: terms[ball]], power, diagonal)
         sites[dimension * first : dimension * last] = local.ravel()
         weights[first:last] = lam
-        tails[ball] = tail
+        tails[ball, : terms[ball]] = coefficients
         ranks[ball] = rank
         dropped[ball] = lost
 
@@ -233,16 +267,36 @@ def ball_spectrum(ball, points, values, trust, cover, exponents, power):
 
 
 @njit(nogil=True, cache=True)
-def ball_held_out_squares(ball, points, values, trust, cover, exponents, power, owners, amounts):
-    """Return one ball's Σ e² at the points left out with all their constraints, for each amount, and their number."""
-    centres, radii, offsets, members = cover
-    rows = members[offsets[ball] : offsets[ball + 1]]
-    local, data = gather(points, values, rows, centres[ball], radii[ball])
+def own_rows(rows, owners):
+    """Return the place in `rows`, rising, of each row's owner; −1 where it is not among them."""
     own = np.searchsorted(rows, owners[rows])
     for j in range(own.size):
         if own[j] == rows.size or rows[own[j]] != owners[rows[j]]:
             own[j] = -1
-    return held_out_squares(local, data, np.sqrt(trust[rows]), exponents, power, own, amounts)
+    return own
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out_squares(ball, points, values, trust, cover, exponents, power, owners, amounts, most):
+    """Return one ball's `held_out_squares`, and its sums of blocks of up to `most` rows and their numbers."""
+    centres, radii, offsets, members = cover
+    rows = members[offsets[ball] : offsets[ball + 1]]
+    local, data = gather(points, values, rows, centres[ball], radii[ball])
+    blocks, groups = np.zeros((most, amounts.size, most, most)), np.zeros(most)
+    squares, judged = held_out_squares(
+        local, data, np.sqrt(trust[rows]), exponents, power, own_rows(rows, owners), amounts, blocks, groups
+    )
+    return squares, judged, blocks, groups
+
+
+@njit(nogil=True, cache=True)
+def ball_shared_squares(ball, points, values, trust, cover, exponents, power, owners, amounts, inverses):
+    """Return one ball's `shared_squares`."""
+    centres, radii, offsets, members = cover
+    rows = members[offsets[ball] : offsets[ball + 1]]
+    local, data = gather(points, values, rows, centres[ball], radii[ball])
+    own = own_rows(rows, owners)
+    return shared_squares(local, data, np.sqrt(trust[rows]), exponents, power, own, amounts, inverses)
 
 
 @njit(nogil=True, cache=True)
@@ -276,14 +330,15 @@ def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
 @njit(nogil=True, cache=True)
 def working_space(images, model, level):
     """Return the arrays that `blend_strip` works in: a quarter of a megabyte at most, in three dimensions."""
-    dimension, sites, exponents, widest = images[1].shape[1], model.sites, model.exponents, model.widest
+    dimension, splines = images[1].shape[1], splines_of(model)
+    sites, exponents, widest = splines.sites, splines.exponents, splines.widest
     size = jet_size(dimension, level)
     return (
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty(STRIP),
         np.empty(STRIP, dtype=np.int64),
-        np.empty((4, size, STRIP)),
+        np.empty((5, size, STRIP)),
         lower_exponents(exponents),
         np.empty((len(exponents), STRIP)),
         np.empty((size, len(exponents))),
@@ -298,6 +353,19 @@ def block(flat, model, ball, dimension):
     return flat[model.places[ball] : model.places[ball] + dimension * count].reshape(dimension, count)
 
 
+def splines_of(model):
+    """Return the balls that hold sites, weights and tails."""
+    raise NotImplementedError
+
+
+@overload(splines_of, jit_options={"nogil": True})
+def splines_of_type(model):
+    """Return the function for a type of model."""
+    if model.instance_class is CreasedBalls:
+        return lambda model: model.splines
+    return lambda model: model
+
+
 def ball_jets(model, ball, z, count, scratch, level, local):
     """Write the jets of one ball's fit at the first `count` columns of z (d, ·): Numba chooses by the model's type."""
     raise NotImplementedError
@@ -306,12 +374,15 @@ def ball_jets(model, ball, z, count, scratch, level, local):
 @overload(ball_jets, jit_options={"nogil": True})
 def ball_jets_of(model, ball, z, count, scratch, level, local):  # noqa: ARG001 - types, of which one chooses
     """Return the function for a type of model."""
+    if model.instance_class is CreasedBalls:
+        return creased_ball_jets
     return spline_ball_jets if model.instance_class is SplineBalls else potential_ball_jets
 
 
 def spline_ball_jets(model, ball, z, count, scratch, level, local):
     """`ball_jets` of splines of values."""
-    coefficients, lowered, terms, radial = scratch
+    coefficients, lowered, terms, radial, _ = scratch
+    tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
     points = block(model.sites, model, ball, len(z))
     weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
     local_jets(z, count, points, weights, coefficients, lowered, model.power, level, terms, radial, local)
@@ -319,17 +390,30 @@ def spline_ball_jets(model, ball, z, count, scratch, level, local):
 
 def potential_ball_jets(model, ball, z, count, scratch, level, local):
     """`ball_jets` of splines of values and gradients."""
-    coefficients, lowered, terms, radial = scratch
+    coefficients, lowered, terms, radial, _ = scratch
+    tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
     points, moments = block(model.sites, model, ball, len(z)), block(model.moments, model, ball, len(z))
     weights = model.weights[model.offsets[ball] : model.offsets[ball + 1]]
     potential_jets(z, count, points, weights, moments, coefficients, lowered, model.power, level, terms, radial, local)
+
+
+def creased_ball_jets(model, ball, z, count, scratch, level, local):
+    """`ball_jets` of sheets: where another is below (minimum) or above (maximum) the ones before, its jet is taken."""
+    sheet = scratch[4]
+    ball_jets(model.splines, model.first[ball], z, count, scratch, level, local)
+    for piece in range(model.first[ball] + 1, model.first[ball + 1]):
+        ball_jets(model.splines, piece, z, count, scratch, level, sheet)
+        for i in range(count):
+            if model.joins[piece] * (sheet[0, i] - local[0, i]) > 0.0:
+                for row in range(len(local)):
+                    local[row, i] = sheet[row, i]
 
 
 @njit(nogil=True, cache=True)
 def blend_strip(rows, items, folded, images, model, level, scratch, jets):
     """Blend the images `items` at the points `rows` of one leaf."""
     balls, centres, radii = images
-    at, z, squared, held, (weight, local, sums, totals), lowered, terms, coefficients, radial = scratch
+    at, z, squared, held, (weight, local, sums, totals, sheet), lowered, terms, coefficients, radial = scratch
     dimension = folded.shape[1]
     for axis in range(dimension):
         for i in range(rows.size):
@@ -341,8 +425,7 @@ def blend_strip(rows, items, folded, images, model, level, scratch, jets):
         count = hold(at, rows.size, centres[item], radius, squared, z, held)
         if count == 0:
             continue
-        tail_derivatives(model.tails[ball], model.exponents, lowered, level, coefficients)
-        ball_jets(model, ball, z, count, (coefficients, lowered, terms, radial), level, local)
+        ball_jets(model, ball, z, count, (coefficients, lowered, terms, radial, sheet), level, local)
         weight_jets(z, count, level, weight)
         scale_jets(local, count, 1.0 / radius, dimension)
         scale_jets(weight, count, 1.0 / radius, dimension)

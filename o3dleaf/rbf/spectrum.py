@@ -81,8 +81,8 @@ def coefficients_of(values, roots, decomposed):
 
 
 @njit(nogil=True, cache=True)
-def held_out_squares(points, values, roots, exponents, power, owners, amounts):
-    r"""Return, for each amount of smoothing, Σ e_j² over the points left out with all their constraints; and their number.
+def held_out_squares(points, values, roots, exponents, power, owners, amounts, blocks, groups):
+    r"""Return Σ w_j e_j² over points left out with all their constraints, for each amount of smoothing, and Σ w_j.
 
     Row j belongs to row owners[j] of the ball (−1: to a point that is not in it) and only rows that own
     themselves are judged. With B as in `appraise`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for a group I of rows.
@@ -93,6 +93,8 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts):
         As in `spectra`; `values` (n,).
     owners : (n,) int64
     amounts : (m,) smoothing in unit coordinates, above 0
+    blocks, groups : (g, m, g, g), (g,)
+        The s B_II of groups of 1, ..., g rows are added here, and their number.
     """
     eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
     count, free = len(values), len(eigenvalues)
@@ -109,6 +111,9 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts):
         if owners[owner] != owner or count - rows.size < 2 * rank:
             continue
         judged += np.sum(roots[rows] ** 2)
+        kind = rows.size - 1
+        if kind < groups.size:
+            groups[kind] += 1
         for at in range(amounts.size):
             inverse = 1.0 / (eigenvalues + amounts[at])
             block, right = np.empty((rows.size, rows.size)), np.empty(rows.size)
@@ -117,6 +122,8 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts):
                 right[i] = dot(scaled, coefficients, free)
                 for j in range(rows.size):
                     block[i, j] = dot(scaled, basis[rows[j]], free)
+            if kind < groups.size:
+                blocks[kind, at, : rows.size, : rows.size] += amounts[at] * block
             solve_positive(block, right)
             for i in range(rows.size):
                 squares[at] += right[i] ** 2

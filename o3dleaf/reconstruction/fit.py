@@ -1,13 +1,14 @@
 """An oriented cloud to a field: noise averaged, constraints off the surface, splines blended over balls."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud.constraints import OffSurface, off_surface_constraints
-from o3dleaf.cloud.noise import Merged, estimate_noise, merge_points
+from o3dleaf.cloud.merging import Merged, merge_points
+from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import OrientedCloud
 from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.parallel import Progress
@@ -15,11 +16,13 @@ from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
 
-PER_NOISE = 2.5
-"""Side of the voxels that points are averaged in, in standard deviations of the noise: what is left beside the
-smoothing of the fit is least between 2 and 3."""
-SHARE = 4
+PER_NOISE = 2.0
+"""Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
+corners off, narrower ones leave the fit with more points than tell it anything."""
+SHARE = 2
 """One point in so many has constraints off the surface: they only tell inside from outside."""
+OFF = 0.7
+"""Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
 
 Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
 """``(points, normals, spacing)`` to constraints off the surface."""
@@ -28,7 +31,7 @@ Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
 def merge_noise(cloud: OrientedCloud) -> Merged:
     """Return the cloud with its points averaged where noise is thicker than the spacing, each with its weight.
 
-    Voxels of 2.5 standard deviations of the noise hold too few points to lose any shape that the noise has left,
+    Voxels of two standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
     """
     voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
@@ -38,19 +41,20 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
 
 
 def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
-    """Return constraints off the surface, a spacing away on both sides, for every fourth point, the same each time."""
+    """Return constraints 0.7 spacings off the surface on both sides of every second point, the same each time."""
     among = np.zeros(len(points), dtype=bool)
     among[np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)]] = True
-    return off_surface_constraints(points, normals, spacing, among=among)
+    return off_surface_constraints(points, normals, OFF * spacing, among=among)
 
 
-def fit_surface(
+def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be replaced
     cloud: Merged,
     *,
     rho: Amount | None = "gcv",
     smoothing: Amount | None = None,
     local: str | OrientedFitter = "rbf",
     constraints: Constrain = constrain,
+    creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
     spacing: float | None = None,
@@ -64,12 +68,15 @@ def fit_surface(
     cloud : Merged
         Points, outward normals, and how many measured points each stands for.
     rho, smoothing
-        As in `PUInterpolant.fit`; "gcv" leaves points out with all constraints made from them.
-    local : {"rbf", "hermite", "curl-free", "mls"} or OrientedFitter
+        As in `PUInterpolant.fit`. "gcv" is what a sample of balls agrees on, and then each ball's own choice around
+        that, points being left out with all constraints made from them.
+    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
         normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
+    creases : "auto", False or float
+        Sharp creases, for "rbf": see `PUInterpolant.fit`.
     points_per_ball, unit, progress
         As in `PUInterpolant.fit`.
     margin : float
@@ -93,9 +100,11 @@ def fit_surface(
     return PUInterpolant.fit(
         np.concatenate([cloud.points, off.sites]),
         np.concatenate([np.zeros(len(cloud.points)), off.values]),
-        rho=rho,
-        smoothing=smoothing,
+        rho="gcv-per-ball" if rho == "gcv" else rho,
+        smoothing="gcv-per-ball" if smoothing == "gcv" else smoothing,
         owners=owners,
         weights=cloud.weights[owners],
+        normals=cloud.normals[owners],
+        creases=creases,
         **options,
     )

@@ -8,8 +8,8 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.checks import FloatArray, require_positive
+from o3dleaf.cloud.merging import Merged
 from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
-from o3dleaf.cloud.noise import Merged
 from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
 from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.errors import CloudWarning
@@ -65,7 +65,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
-    local : {"rbf", "hermite", "curl-free", "mls"} or OrientedFitter
+    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls, see `fit_surface`.
     points_per_ball : int or (least, most), optional
     unit : str, optional
@@ -77,7 +77,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     trim : callable or None
-        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: it ends four spacings past them.
+        ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four
+        spacings past the data.
     clean : callable or None
         ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
         as it comes.

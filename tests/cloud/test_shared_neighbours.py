@@ -1,12 +1,10 @@
 """Neighbours are found once: what is handed on says what everyone would have found."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cloud_shapes import block, slab, torus
-from o3dleaf.cloud import cloud_spacing, loops, neighbours, off_surface_constraints
+from o3dleaf.cloud import cloud_spacing, neighbours, off_surface_constraints
 from o3dleaf.cloud.neighbours import nearest_neighbours
 from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import prepare_cloud
@@ -22,20 +20,6 @@ def test_neighbours_are_the_trees_whatever_the_batches(monkeypatch):
     assert np.array_equal(found.row, row)
     assert told[-1] == (3000, 3000)
     assert len(told) == 5
-
-
-def test_joined_points_are_the_pieces_of_the_graph():
-    rng = np.random.default_rng(3)
-    points = np.concatenate([rng.normal(at, 1, size=(120, 3)) for at in rng.uniform(-40, 40, size=(40, 3))])
-    points = points[rng.permutation(len(points))]
-    near = nearest_neighbours(points)
-    for reach in (0.2, 0.7, 3.0):
-        piece = loops.join_near(near.distance, near.row, 8, reach)
-        i, m = np.nonzero(near.distance[:, 1:9] <= reach)
-        ends = i, near.row[:, 1:9][i, m]
-        count, label = connected_components(coo_array((np.ones(len(i)), ends), shape=[len(points)] * 2), directed=False)
-        assert len(np.unique(piece)) == count == len(np.unique(np.column_stack([piece, label]), axis=0))
-        assert 1 < count < len(points)
 
 
 def test_equal_points_are_found_by_value_not_by_bits():

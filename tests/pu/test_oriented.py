@@ -50,7 +50,7 @@ def fit(points, normals, local="hermite", **options):
 @pytest.mark.parametrize("kernel", ["cubic", "quintic"])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-4])
 def test_blended_hermite_equals_its_literal_twin(kernel, smoothing):
-    points, normals = torus(150)
+    points, normals = torus(70)
     field = fit(points, normals, Hermite(kernel, smoothing=smoothing), points_per_ball=40)
     cover, power = field.cover, {"cubic": 3, "quintic": 5}[kernel]
     twins = []
@@ -60,7 +60,7 @@ def test_blended_hermite_equals_its_literal_twin(kernel, smoothing):
         ridge = smoothing * np.array([1, len(rows) / (np.pi * reach**2)])
         degree = field.local.kernel.degree
         twins.append(hermite_functions(points[rows], normals[rows], power, degree, ridge, centre, radius))
-    queries = np.random.default_rng(1).uniform(-1.2, 1.2, (60, 3))
+    queries = np.random.default_rng(1).uniform(-1.2, 1.2, (20, 3))
     expected = blended_functions(queries, cover.centres, cover.radii, twins)
     np.testing.assert_allclose(field(queries), expected, rtol=0, atol=ORIENTED_TWIN * np.abs(expected).max())
 

@@ -1,0 +1,88 @@
+"""``o3dleaf reconstruct``: a cloud in; a mesh with its support, a model and a picture out; bad input in one line."""
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+import o3dleaf as o3l
+from o3dleaf import samples
+
+
+@pytest.fixture
+def scan(tmp_path):
+    """Return the file of a cloud with normals in which one point is NaN."""
+    points, normals = samples.Torus().sample(2_000, seed=1)
+    points[17] = np.nan
+    cloud = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
+    cloud.point.normals = o3d.core.Tensor(normals)
+    path = tmp_path / "scan.ply"
+    o3d.t.io.write_point_cloud(str(path), cloud)
+    return path
+
+
+def test_all_that_a_run_writes(run, scan, tmp_path):
+    """Mesh, model and picture are there, belong together, and what was decided is on the screen."""
+    mesh, model, picture = tmp_path / "mesh.ply", tmp_path / "field.o3l", tmp_path / "picture.png"
+    options = ("--spacing", "0.05", "--model", model, "--picture", picture, "--unit", "mm", "--measure", "residual")
+    done = run("reconstruct", scan, "-o", mesh, *options)
+    assert done.returncode == 0, done.stderr
+    assert "1 not finite" in done.stderr
+    written = o3d.t.io.read_point_cloud(str(mesh))
+    assert {"distance", "weight", "residual", "colors"} <= set(dict(written.point.items()))
+    field = o3l.load(model)
+    assert field.unit == "mm"
+    assert np.abs(field(written.point.positions.numpy())).max() < 0.01 * 0.05
+    assert picture.stat().st_size > 10_000
+    assert o3l.mesh_report(o3d.io.read_triangle_mesh(str(mesh))).genus == 1
+
+
+def test_what_no_data_support_can_be_kept(run, tmp_path):
+    """Untrimmed, a patch of a plane is larger than its data by four spacings on all sides."""
+    rng = np.random.default_rng(2)
+    points = np.column_stack([rng.uniform(size=(900, 2)), np.zeros(900)])
+    path = tmp_path / "patch.xyz"
+    np.savetxt(path, points)
+    area = {}
+    for name, options in (("trimmed.ply", ()), ("whole.ply", ("--untrimmed",))):
+        done = run("reconstruct", path, "-o", tmp_path / name, *options)
+        assert done.returncode == 0, done.stderr
+        area[name] = o3d.io.read_triangle_mesh(str(tmp_path / name)).get_surface_area()
+    assert area["trimmed.ply"] == pytest.approx(1.0, abs=0.1)
+    assert area["whole.ply"] > 1.3
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--local", "voodoo"), "voodoo"),
+        (("--measure", "luck"), "luck"),
+        (("--rho", "much"), "much"),
+        (("--spacing", "-1"), "spacing"),
+        (("--unit", "furlong"), "furlong"),
+        (("--model", "field.txt"), "suffix"),
+        (("-o", "mesh.gltf"), "suffix"),
+        (("-o", "scan.ply"), "read"),
+    ],
+)
+def test_bad_options_are_one_line_before_any_file(run, scan, tmp_path, monkeypatch, options, why):
+    """The line names what is wrong; nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    words = options if "-o" in options else ("-o", "mesh.ply", *options)
+    before = sorted(tmp_path.iterdir()), scan.read_bytes()
+    done = run("reconstruct", "scan.ply", *words, "--quiet")
+    assert done.returncode != 0
+    assert why in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert (sorted(tmp_path.iterdir()), scan.read_bytes()) == before
+
+
+@pytest.mark.parametrize("kind", ["blob", "line", "few"])
+def test_no_surface_no_file(run, tmp_path, kind):
+    """A volume, a line and a handful of points are refused in one line that says so."""
+    rng = np.random.default_rng(3)
+    points = {"blob": rng.uniform(size=(2_000, 3)), "line": np.outer(np.arange(99.0), [1, 2, 3]), "few": np.eye(3)}
+    np.savetxt(tmp_path / "scan.xyz", points[kind])
+    done = run("reconstruct", tmp_path / "scan.xyz", "-o", tmp_path / "mesh.ply", "--quiet")
+    assert done.returncode != 0
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "mesh.ply").exists()
