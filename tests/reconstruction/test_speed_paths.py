@@ -45,5 +45,5 @@ def test_steps_that_share_nothing_make_the_same_mesh(noise):
     for one, other in zip(mesh_arrays(shared), mesh_arrays(alone), strict=True):
         assert np.array_equal(one, other)
     assert np.array_equal(np.asarray(shared.vertex_colors), np.asarray(alone.vertex_colors))
-    assert {"prepare cloud", "fit balls", "follow surface", "trim to data", "measure support"} <= set(journal.last)
+    assert {"prepare cloud", "follow surface", "trim to data", "measure support"} <= set(journal.last)
     assert all(done == total for done, total in journal.last.values())
