@@ -120,27 +120,42 @@ def fit_quadric(points, normals, chosen):
         if chosen[i]:
             spread += np.sum((points[i] - centre) ** 2)
     scale = math.sqrt(spread / count)
-    matrix, right = np.zeros((6, 6)), np.zeros(6)
+    matrix, right, terms = np.zeros((6, 6)), np.zeros(6), np.ones(6)
     for i in range(len(points)):
         if chosen[i]:
-            u, v, z = frame @ (points[i] - centre) / scale
-            terms = np.array([1.0, u, v, u * u, u * v, v * v])
-            matrix += np.outer(terms, terms)
-            right += z * terms
+            u, v, z = in_frame(centre, frame, scale, points[i])
+            terms[1], terms[2], terms[3], terms[4], terms[5] = u, v, u * u, u * v, v * v
+            for row in range(6):
+                right[row] += z * terms[row]
+                for column in range(6):
+                    matrix[row, column] += terms[row] * terms[column]
     for k in range(3, 6):
         matrix[k, k] += RIDGE * count
     return centre, frame, np.linalg.solve(matrix, right), scale
 
 
 @njit(nogil=True, cache=True)
-def distance(quadric, point):
-    """Return the distance of a point from a quadric to first order, above 0 outside, and the outward normal there."""
+def in_frame(centre, frame, scale, point):
+    """Return the coordinates of a point in a frame."""
+    x, y, z = (point[0] - centre[0]) / scale, (point[1] - centre[1]) / scale, (point[2] - centre[2]) / scale
+    return (
+        frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
+        frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
+        frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
+    )
+
+
+@njit(nogil=True, cache=True)
+def distance(quadric, point, outward):
+    """Return the distance of a point from a quadric to first order, above 0 outside; write the normal there."""
     centre, frame, q, scale = quadric
-    u, v, z = frame @ (point - centre) / scale
-    slope = np.array([-q[1] - 2 * q[3] * u - q[4] * v, -q[2] - q[4] * u - 2 * q[5] * v, 1.0])
-    length = math.sqrt(slope @ slope)
+    u, v, z = in_frame(centre, frame, scale, point)
+    along, across = -q[1] - 2 * q[3] * u - q[4] * v, -q[2] - q[4] * u - 2 * q[5] * v
+    length = math.sqrt(along * along + across * across + 1.0)
+    for axis in range(3):
+        outward[axis] = (frame[0, axis] * along + frame[1, axis] * across + frame[2, axis]) / length
     height = z - (q[0] + q[1] * u + q[2] * v + q[3] * u * u + q[4] * u * v + q[5] * v * v)
-    return scale * height / length, frame.T @ slope / length
+    return scale * height / length
 
 
 @njit(nogil=True, cache=True)
@@ -172,10 +187,10 @@ def relabel(labels, gone, into, last):
 def misfit(points, normals, chosen):
     """Return the root mean square distance of the chosen points from their quadric, and its scale."""
     quadric = fit_quadric(points, normals, chosen)
-    total = 0.0
+    total, outward = 0.0, np.empty(3)
     for i in range(len(points)):
         if chosen[i]:
-            total += distance(quadric, points[i])[0] ** 2
+            total += distance(quadric, points[i], outward) ** 2
     return math.sqrt(total / np.sum(chosen)), quadric[3]
 
 
@@ -204,7 +219,7 @@ def measure(points, normals, chosen, away, outward):
     quadric = fit_quadric(points, normals, chosen)
     total = 0.0
     for i in range(len(points)):
-        away[i], outward[i] = distance(quadric, points[i])
+        away[i] = distance(quadric, points[i], outward[i])
         total += away[i] ** 2 if chosen[i] else 0.0
     return STRAY * math.sqrt(total / np.sum(chosen)) + ONE_SHEET[1] * quadric[3]
 

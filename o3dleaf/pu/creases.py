@@ -45,9 +45,6 @@ BLOCK = 1 << 12
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
 
-CLOSED = 0.5
-"""Length of the mean normal below which a ball may hold two sides of something, without any crease."""
-
 
 class Surface(NamedTuple):
     """What creases are found from.
@@ -101,7 +98,7 @@ class Split(NamedTuple):
 class CreasedSplines:
     r"""One spline for each smooth sheet of a ball, whose function is their minimum or maximum, sheet by sheet.
 
-    .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, 3, \ldots
+    .. math:: F_i = F_{i1}, \qquad F_i \leftarrow \min(F_i, F_{ij}) \text{ or } \max(F_i, F_{ij}), \quad j = 2, \ldots
 
     Larger inside: two sheets meet in a minimum where the solid is convex, in a maximum where it is concave.
     Derivatives are those of the sheet that is active.
@@ -203,7 +200,7 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
 
 def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray) -> Pieces | None:
     """Return the cover with each ball split that holds several sheets, or None if none does."""
-    asked = _suspects(cover, cloud, len(owners))
+    asked = _suspects(cover, cloud, owners)
     found: dict[int, Split] = {}
 
     def task(start: int, stop: int) -> None:
@@ -218,12 +215,11 @@ def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: I
     return _replace(cover, found) if found else None
 
 
-def _suspects(cover: Cover, cloud: _Cloud, count: int) -> IntArray:
-    """Return the balls that hold points which are not calm, or points that face all ways, of `count` constraints."""
-    facing, number, rough = np.zeros((count, 3)), np.zeros(count), np.zeros(count)
-    facing[cloud.rows], number[cloud.rows], rough[cloud.rows] = cloud.normals, 1, ~cloud.calm
-    total, many, uneasy = (np.add.reduceat(part[cover.members], cover.offsets[:-1]) for part in (facing, number, rough))
-    return np.flatnonzero((uneasy > 0) | (np.linalg.norm(total, axis=1) < CLOSED * many))
+def _suspects(cover: Cover, cloud: _Cloud, owners: IntArray) -> IntArray:
+    """Return the balls that hold constraints of points which are not calm."""
+    rough = np.zeros(len(owners))
+    rough[cloud.rows] = ~cloud.calm
+    return np.flatnonzero(np.add.reduceat(rough[owners[cover.members]], cover.offsets[:-1]) > 0)
 
 
 class _Belonging(NamedTuple):

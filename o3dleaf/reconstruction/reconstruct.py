@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import open3d as o3d
@@ -42,6 +42,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     *,
     smoothing: Amount | None = None,
     local: str | OrientedFitter = "rbf",
+    creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     unit: str | None = None,
     prepare: Callable[[CloudLike], OrientedCloud] = prepare_cloud,
@@ -67,6 +68,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls, see `fit_surface`.
+    creases : "auto", False or float
+        Sharp edges, for "rbf": degrees that normals turn across them at least, 30 by default. Only a cloud whose noise
+        is far below its spacing shows them.
     points_per_ball : int or (least, most), optional
     unit : str, optional
         Of the coordinates; the field keeps it.
@@ -120,6 +124,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             smoothing=smoothing,
             local=local,
             constraints=constraints,
+            creases=creases,
             points_per_ball=points_per_ball,
             margin=MARGIN * float(each.max()),
             spacing=median,
@@ -129,7 +134,12 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     with log.stage("follow surface") as progress:
         step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
         mesh = extract_band(
-            field, step, merged.points, within=near_data(merged.points, each, tree=tree), progress=progress
+            field,
+            step,
+            merged.points,
+            within=near_data(merged.points, each, tree=tree),
+            features=creases is not False,
+            progress=progress,
         )
     with log.stage("trim to data") as progress:
         # Our own steps share the tree.
