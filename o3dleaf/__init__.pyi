@@ -36,8 +36,8 @@ from .pipeline import create_texture as create_texture
 from .pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .mesh.isosurface import extract_isosurface as extract_isosurface
 from .mesh.band import extract_band as extract_band
-from .mesh.trim import local_spacing as local_spacing
-from .mesh.trim import near_data as near_data
+from .mesh.near import local_spacing as local_spacing
+from .mesh.near import near_data as near_data
 from .mesh.trim import trim_to_support as trim_to_support
 from .mesh.support import support as support
 from .mesh.support import Support as Support

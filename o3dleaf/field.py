@@ -43,6 +43,23 @@ class Field(Protocol):
         ...
 
 
+@runtime_checkable
+class HasJets(Protocol):
+    """A field that finds values and derivatives in one pass."""
+
+    def jets(self, points: npt.ArrayLike, level: int) -> tuple[FloatArray, ...]:
+        """Return values (n,), gradients (n, d), ... at (n, d) points, derivatives up to order `level`."""
+        ...
+
+
+def values_and_gradients(field: Field, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the values (n,) and gradients (n, d) of a field at (n, d) points, in one pass where it can."""
+    if isinstance(field, HasJets):
+        value, slope = field.jets(points, 1)
+        return value, slope
+    return np.asarray(field(points)), np.asarray(field.gradient(points))
+
+
 def clamp(points: FloatArray, bounds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the nearest points of a box, the distances to them and the outward directions.
 

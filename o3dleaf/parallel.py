@@ -5,10 +5,11 @@ block's result never depends on the number of threads, so neither does any resul
 """
 
 import importlib
+import itertools
 import os
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,6 +19,9 @@ from o3dleaf.errors import InputError
 
 Progress = Callable[[int, int], None]
 """Called as ``progress(done, total)`` from the calling thread while long work runs."""
+
+PERIOD = 0.02
+"""Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
 
 
 class _Here(threading.local):
@@ -103,19 +107,41 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, progress:
             if progress:
                 progress(stop, count)
         return
-    pool, lengths, done = _pool.get(), dict[Future[Any], int](), 0
+    pool, numbers, finished, stopped = _pool.get(), itertools.count(), list[int](), threading.Event()
+
+    def work() -> None:
+        # Threads fetch their blocks: a future each would cost more than a small block, under the one lock of Python.
+        while (number := next(numbers)) < len(todo) and not stopped.is_set():
+            try:
+                task(*todo[number])
+            except BaseException:
+                stopped.set()
+                raise
+            finished.append(todo[number][1] - todo[number][0])
+
+    jobs = list[Future[None]]()
     try:
-        for start, stop in todo:
-            lengths[pool.submit(task, start, stop)] = stop - start
-        for future in as_completed(lengths):
-            future.result()
-            done += lengths[future]
-            if progress:
-                progress(done, count)
+        jobs += (pool.submit(work) for _ in range(min(_pool.threads, len(todo))))
+        _watch(jobs, finished, count, progress)
     finally:
-        for future in lengths:
-            future.cancel()
-        wait(lengths)
+        stopped.set()
+        for job in jobs:
+            job.cancel()
+        wait(jobs)
+
+
+def _watch(jobs: list[Future[None]], finished: list[int], count: int, progress: Progress | None) -> None:
+    """Wait for the jobs, say what has `finished` while they run, and raise what they raised."""
+    done, told = 0, 0
+    pending = True
+    while pending:
+        pending = bool(wait(jobs, PERIOD if progress else None).not_done)
+        while progress and told < len(finished):
+            done += finished[told]
+            told += 1
+            progress(done, count)
+    for job in jobs:
+        job.result()
 
 
 class _BlasLimit:

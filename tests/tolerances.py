@@ -482,6 +482,9 @@ BENCH_SAG = 2e-4
 BENCH_SPACING = 0.03
 """Medians of a Poisson process are not its means; found 0.01."""
 
+ONE_PASS = 1e-11
+"""Values and gradients found together or apart: the rounding of sums of some hundred terms."""
+
 # --- reconstruction ---
 
 NOISE_SHARE = 0.15

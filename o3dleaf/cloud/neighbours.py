@@ -1,5 +1,6 @@
 """Nearest neighbours of all points of a cloud, and the plane through each point's neighbourhood."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -8,19 +9,22 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud import loops
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, blocks, run_blocks
 
 IndexArray = npt.NDArray[np.int64]
 NEIGHBOURS = 16
 """Of a sampled surface they lie within 2.3 spacings: fewer make normals noisy, more reach across a thin sheet."""
 BLOCK = 4096
+BATCH = 1 << 18
+"""Points whose neighbours are asked for at once."""
 
 
 class Neighbourhoods(NamedTuple):
-    """The k nearest points of each point, itself first: distance (n, k) and row (n, k)."""
+    """The k nearest points of each point, itself first: distance (n, k), row (n, k), and the tree that found them."""
 
     distance: FloatArray
     row: IndexArray
+    tree: cKDTree
 
 
 class Planes(NamedTuple):
@@ -30,15 +34,28 @@ class Planes(NamedTuple):
     variance: FloatArray
 
 
-def nearest_neighbours(points: FloatArray, k: int = NEIGHBOURS) -> Neighbourhoods:
+def nearest_neighbours(points: FloatArray, k: int = NEIGHBOURS, progress: Progress | None = None) -> Neighbourhoods:
     """Return the k nearest points (fewer if there are fewer) of each of `points` (n, 3), itself among them."""
-    tree = cKDTree(points)
+    tree, count = cKDTree(points), min(k, len(points))
     # Asked in the tree's own order, neighbours in the question are neighbours in memory: three times faster.
     order = tree.indices
-    found = tree.query(points[order], k=np.arange(1, min(k, len(points)) + 1), workers=-1)
-    distance, row = np.empty_like(found[0]), np.empty_like(found[1])
-    distance[order], row[order] = found
-    return Neighbourhoods(distance, row)
+    distance, row = np.empty((len(points), count)), np.empty((len(points), count), dtype=np.int64)
+    for first, last in blocks(len(order), BATCH):
+        asked = order[first:last]
+        far, near = tree.query(points[asked], k=np.arange(1, count + 1), workers=-1)
+        run_blocks(partial(loops.put_rows, asked, far, near, distance, row), len(asked), BLOCK)
+        if progress:
+            progress(last, len(order))
+    return Neighbourhoods(distance, row, tree)
+
+
+def rearranged(near: Neighbourhoods, order: IndexArray, tree: cKDTree) -> Neighbourhoods:
+    """Return the neighbourhoods of the same points in another order, of which `tree` is one."""
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    distance, row = np.empty_like(near.distance), np.empty_like(near.row)
+    run_blocks(partial(loops.take_rows, order, rank, near.distance, near.row, distance, row), len(order), BLOCK)
+    return Neighbourhoods(distance, row, tree)
 
 
 def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:

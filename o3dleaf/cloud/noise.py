@@ -15,7 +15,7 @@ WIDE = 4.5
 """Standard deviations of the noise that the radius of a patch must have: in narrower ones the plane follows noise."""
 
 
-def estimate_noise(cloud: CloudLike) -> float:
+def estimate_noise(cloud: CloudLike, tree: cKDTree | None = None) -> float:
     r"""Return the standard deviation of a cloud's points across the surface, in their unit.
 
     At each of some hundred places a quadric :math:`z(u, v)` over the plane of the nearest k points leaves residuals
@@ -25,6 +25,8 @@ def estimate_noise(cloud: CloudLike) -> float:
     Parameters
     ----------
     cloud : (n, 3) array_like or Open3D point cloud
+    tree : scipy.spatial.cKDTree, optional
+        Of its points, where there is one.
 
     Raises
     ------
@@ -32,7 +34,7 @@ def estimate_noise(cloud: CloudLike) -> float:
         If there are fewer than sixteen points or one is not finite.
     """
     points = points_of(cloud, "cloud", least=PATCHES[0])
-    tree = cKDTree(points)
+    tree = cKDTree(points) if tree is None else tree
     asked = points[np.unique(np.linspace(0, len(points) - 1, SAMPLE).round().astype(np.int64))]
     found = np.full(len(asked), np.nan)
     for count in PATCHES:

@@ -1,7 +1,7 @@
 """Any point cloud, made ready for a surface: what is wrong with it goes, and every point has an outward normal."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -10,13 +10,14 @@ from scipy.spatial import cKDTree
 from o3dleaf.checks import FloatArray, as_points, require_positive
 from o3dleaf.cloud.given import check_normals
 from o3dleaf.cloud.merging import merge_points
-from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
+from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours, rearranged
 from o3dleaf.cloud.orientation import Orientation, estimate_normals, orient_normals, orient_surfels, turn_outward
 from o3dleaf.cloud.spacing import median_spacing
 from o3dleaf.cloud.stray import find_stray_points, stray_among
 from o3dleaf.cloud.surfels import Surfels
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, held_normals, held_points
+from o3dleaf.parallel import Progress
 
 LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
@@ -41,6 +42,8 @@ class OrientedCloud:
         being averaged with others of their voxel.
     notes : tuple of str
         What was decided on the way, one sentence each.
+    near : Neighbourhoods, optional
+        Of the points, for whoever needs them next.
     """
 
     points: FloatArray
@@ -51,6 +54,7 @@ class OrientedCloud:
     stray: int = 0
     merged: int = 0
     notes: tuple[str, ...] = ()
+    near: Neighbourhoods | None = field(default=None, repr=False)
 
 
 def prepare_cloud(
@@ -61,6 +65,7 @@ def prepare_cloud(
     find_stray: FindStray | None = find_stray_points,
     estimate: Estimate = estimate_normals,
     orient: Orient | None = orient_normals,
+    progress: Progress | None = None,
 ) -> OrientedCloud:
     """Return the points of any cloud without those that do no good, each with its outward normal.
 
@@ -80,6 +85,8 @@ def prepare_cloud(
         ``estimate(points) -> (n, 3)`` unit normals of either sign, where the cloud has none.
     orient : callable, optional
         ``orient(points, normals) -> Orientation``; None leaves normals as they were given or estimated.
+    progress : callable, optional
+        ``progress(done, total)`` in points whose neighbours are known, most of the work where normals are given.
 
     Raises
     ------
@@ -97,7 +104,8 @@ def prepare_cloud(
     distinct = finite[_first_of_each(held[finite])]
     _require_enough(len(distinct), len(held))
     # In the order of a tree, neighbours are close in memory, and each of the loops below runs up to twice as fast.
-    kept, near = _without_stray(held, distinct[cKDTree(held[distinct]).indices], find_stray)
+    tree = cKDTree(held[distinct])
+    kept, near = _without_stray(held, distinct[tree.indices], find_stray, progress)
     points = np.ascontiguousarray(held[kept])
     surfels = Surfels.of(points, near.row)
     spacing = median_spacing(surfels.spacing).median
@@ -110,9 +118,12 @@ def prepare_cloud(
     if voxel_size is not None:
         points, unit, _ = merge_points(points, unit, require_positive(voxel_size, "voxel_size"))
         _require_enough(len(points), count)
-        spacing = median_spacing(Surfels.of(points).spacing).median
+        near = nearest_neighbours(points)
+        spacing = median_spacing(Surfels.of(points, near.row).spacing).median
+    else:
+        near = rearranged(near, order, tree if count == len(distinct) else cKDTree(points))
     removed = len(held) - len(finite), len(finite) - len(distinct), len(distinct) - len(kept), count - len(points)
-    return OrientedCloud(points, unit, spacing, *removed, notes)
+    return OrientedCloud(points, unit, spacing, *removed, notes, near)
 
 
 def _held_array(array: npt.ArrayLike, name: str) -> FloatArray:
@@ -138,11 +149,11 @@ def _first_of_each(points: FloatArray) -> npt.NDArray[np.int64]:
 
 
 def _without_stray(
-    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None
+    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None, progress: Progress | None
 ) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
     """Return those of `rows` that are no stray points, and their neighbourhoods."""
     points = held[rows]
-    near = nearest_neighbours(points)
+    near = nearest_neighbours(points, progress=progress)
     if find_stray is None:
         return rows, near
     # Our own step shares its neighbourhoods with the next ones.

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.checks import FloatArray
+from o3dleaf.cloud.neighbours import Neighbourhoods
 from o3dleaf.cloud.surfels import Surfels
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, points_of
@@ -17,7 +18,7 @@ class Spacing(NamedTuple):
     each: FloatArray
 
 
-def cloud_spacing(cloud: CloudLike) -> Spacing:
+def cloud_spacing(cloud: CloudLike, near: Neighbourhoods | None = None) -> Spacing:
     """Return the spacing s = 1/sqrt(points per unit area) of a sampled surface, also under noise thicker than s.
 
     The k nearest points of a point cover, seen along the normal, an ellipse whose area is 4π sqrt(λ₁ λ₂), with λ
@@ -28,13 +29,16 @@ def cloud_spacing(cloud: CloudLike) -> Spacing:
     Parameters
     ----------
     cloud : (n, 3) array_like or Open3D point cloud
+    near : Neighbourhoods, optional
+        Of its points, where they are known.
 
     Raises
     ------
     InputError
         If there are fewer than three points, one is not finite, or most lie on a line.
     """
-    return median_spacing(Surfels.of(points_of(cloud, "cloud", least=3)).spacing)
+    points = points_of(cloud, "cloud", least=3)
+    return median_spacing(Surfels.of(points, near.row if near else None).spacing)
 
 
 def median_spacing(each: FloatArray) -> Spacing:

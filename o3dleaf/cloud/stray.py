@@ -25,7 +25,7 @@ def find_stray_points(points: FloatArray) -> npt.NDArray[np.bool_]:
 
 def stray_among(near: Neighbourhoods) -> npt.NDArray[np.bool_]:
     """Return which points are stray (n,), given their neighbourhoods."""
-    distance, row = (np.ascontiguousarray(part[:, 1 : NEIGHBOURS + 1]) for part in near)
+    distance, row = (np.ascontiguousarray(part[:, 1 : NEIGHBOURS + 1]) for part in near[:2])
     parent, sign = np.arange(len(row)), np.ones(len(row), np.int8)
     parity.join_near(row, distance, LINK * float(np.median(distance[:, -1])), parent, sign)
     parity.flatten(parent, sign)

@@ -60,7 +60,7 @@ class Surfels:
         if thinning:
             flatness = flatness_of(points[thinned(len(points), thinning)])
         else:
-            thinning, flatness = surface_scale(points)
+            thinning, flatness = surface_scale(points, rows)
         if thinning == 1:
             near = nearest_neighbours(points).row if rows is None else rows
             planes = fit_planes(points, near)
@@ -110,13 +110,13 @@ def thinned(count: int, thinning: int) -> IndexArray:
     return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
 
 
-def surface_scale(points: FloatArray) -> tuple[int, float]:
+def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[int, float]:
     """Return how many times a cloud (n, 3) is to be thinned for its neighbourhoods to be flat, and their flatness.
 
     It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighbourhoods of
-    several such steps, they are passed over.
+    several such steps, they are passed over. `rows` (n, k) are the neighbours of the points, where they are known.
     """
-    scale, flat = 1, flatness_of(points)
+    scale, flat = 1, flatness_of(points, rows)
     thinning = 2
     while flat > FLAT and len(points) >= LEAST * thinning:
         coarser = flatness_of(points[thinned(len(points), thinning)])
@@ -128,14 +128,17 @@ def surface_scale(points: FloatArray) -> tuple[int, float]:
     return scale, flat
 
 
-def flatness_of(points: FloatArray) -> float:
+def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:
     """Return the median ratio of the standard deviations across and along the neighbourhoods of a cloud (n, 3).
 
     Of neighbourhoods that are lines, as between two far lines of a scanner, it is 1: they show no surface either.
     """
     asked = thinned(len(points), max(1, len(points) // SAMPLE))
-    rows = cKDTree(points).query(points[asked], k=np.arange(1, min(NEIGHBOURS, len(points)) + 1), workers=-1)[1]
-    variance = fit_planes(points, rows).variance
+    if rows is None:
+        near = cKDTree(points).query(points[asked], k=np.arange(1, min(NEIGHBOURS, len(points)) + 1), workers=-1)[1]
+    else:
+        near = rows[asked]
+    variance = fit_planes(points, near).variance
     across, along, most = np.sqrt(variance).T
     line = along <= LINE * most
     return float(np.median(np.where(line, 1.0, across / np.where(line, 1.0, along))))

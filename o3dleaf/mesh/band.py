@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray, as_mask, as_number, as_points, as_step, require_finite, require_positive
 from o3dleaf.errors import ReconstructionError
-from o3dleaf.field import Field
+from o3dleaf.field import Field, values_and_gradients
 from o3dleaf.mesh.arrays import BoolArray, build_mesh
 from o3dleaf.mesh.wavefront import Band
 from o3dleaf.parallel import Progress
@@ -19,6 +19,9 @@ APART = 4
 
 NEWTON_STEPS = 3
 """Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
+
+SETTLED = 1e-3
+"""Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
 """How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
@@ -88,7 +91,7 @@ def extract_band(
     points, step, level = as_points(seeds, "seeds", dim=3, least=1), as_step(spacing), as_number(isovalue, "isovalue")
     allowed = _as_test(within, points)
     band = Band.around(points, field, level, step)
-    cells = band.cells_of(_toward_zero(field, _thin(points, step), level))
+    cells = band.cells_of(_toward_zero(field, _thin(points, step), level, SETTLED * float(step.min())))
     if callable(within):
         cells = band.only(cells, allowed)
     looked = 0
@@ -130,14 +133,22 @@ def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
     return np.asarray(seeds[np.sort(first)])
 
 
-def _toward_zero(field: Field, points: FloatArray, level: float) -> FloatArray:
-    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds."""
+def _toward_zero(field: Field, points: FloatArray, level: float, settled: float) -> FloatArray:
+    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
+
+    A point that has moved less than `settled` stays: what is left is the square of that.
+    """
     box = np.asarray(field.bounds)
     longest = float(np.linalg.norm(box[1] - box[0]))
+    moved, asked = points.copy(), np.arange(len(points))
     for _ in range(NEWTON_STEPS):
-        value, slope = np.asarray(field(points)) - level, np.asarray(field.gradient(points))
+        value, slope = values_and_gradients(field, moved[asked])
+        value = value - level
         steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
         # Where the field is flat the quotient may be beyond all numbers.
         length = value / np.maximum(steep, np.abs(value) / longest)
-        points = points - (length / steep)[:, np.newaxis] * slope
-    return require_finite(points, "seeds moved onto the surface")
+        moved[asked] -= (length / steep)[:, np.newaxis] * slope
+        asked = asked[np.abs(length) > settled]
+        if not len(asked):
+            break
+    return require_finite(moved, "seeds moved onto the surface")

@@ -109,14 +109,15 @@ def add_cells(cells, start, table, keys, known, count, corners):
     corners : (c, 8) ndarray of int32
         Filled with rows.
     """
+    parts = np.empty((3, 2), dtype=np.int64)
     for cell in range(start, len(cells)):
         if count + 8 > len(keys):
             return cell, count
+        for axis in range(3):
+            parts[axis, 0] = cells[cell] & ALONG[axis]
+            parts[axis, 1] = ahead(cells[cell], axis) & ALONG[axis]
         for corner in range(8):
-            key = cells[cell]
-            for axis in range(3):
-                if corner >> axis & 1:
-                    key = ahead(key, axis)
+            key = parts[0, corner & 1] | parts[1, corner >> 1 & 1] | parts[2, corner >> 2]
             place = find_place(table, keys, key)
             if table[place] < 0:
                 table[place], keys[count] = count, key

@@ -11,13 +11,13 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray, as_points, require_choice, require_finite, require_positive
 from o3dleaf.errors import InputError
-from o3dleaf.field import Field
+from o3dleaf.field import Field, values_and_gradients
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.mesh.arrays import MeshLike, mesh_arrays, tensor_mesh
 from o3dleaf.mesh.deviation import nearest_on_mesh
+from o3dleaf.mesh.near import local_spacing, nearest_of
 from o3dleaf.mesh.support_loops import sum_near
-from o3dleaf.mesh.trim import local_spacing
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, run_blocks
 
 REACH = 3.0
 """Radius in spacings within which data speak for a vertex: four of them in effect, some 28 in all."""
@@ -61,7 +61,13 @@ class Support:
 
 
 def support(
-    mesh: MeshLike | npt.ArrayLike, points: CloudLike, field: Field | None = None, *, spacing: float | None = None
+    mesh: MeshLike | npt.ArrayLike,
+    points: CloudLike,
+    field: Field | None = None,
+    *,
+    spacing: float | None = None,
+    tree: cKDTree | None = None,
+    progress: Progress | None = None,
 ) -> Support:
     r"""Return how a cloud supports each vertex of a surface.
 
@@ -76,6 +82,10 @@ def support(
         at most 3 s away. Left out, it is the nearest place on the mesh's triangles.
     spacing : float, optional
         s; left out, the median of `local_spacing`.
+    tree : scipy.spatial.cKDTree, optional
+        Of the points, where there is one.
+    progress : callable, optional
+        ``progress(done, total)`` in points and vertices.
 
     Raises
     ------
@@ -92,8 +102,8 @@ def support(
     if field is None and not len(triangles):
         raise InputError("support: vertices alone tell no distance of the data from the surface; give the field too")
     feet = nearest_on_mesh(vertices, triangles, data) if field is None else _feet(field, data, REACH * step)
-    distance = np.asarray(cKDTree(data).query(vertices, workers=-1)[0])
-    weight, moment = _sums(vertices, feet, ((data - feet) ** 2).sum(axis=1), REACH * step)
+    distance = nearest_of(cKDTree(data) if tree is None else tree, vertices)[0]
+    weight, moment = _sums(vertices, feet, ((data - feet) ** 2).sum(axis=1), REACH * step, progress)
     spoken = weight > 0
     residual = np.full(len(vertices), np.nan)
     residual[spoken] = np.sqrt(moment[spoken] / weight[spoken])
@@ -130,8 +140,7 @@ def attach_support(
     InputError
         If the support is another mesh's, or there is no such measure or colour map.
     """
-    require_choice(measure, MEASURES, "measure")
-    require_choice(colour_map, colormaps, "colour_map")
+    colours = support_colours(support, measure=measure, colour_map=colour_map, limits=limits)
     result = tensor_mesh(*mesh_arrays(mesh))
     if len(result.vertex.positions) != len(support.distance):
         raise InputError(
@@ -140,14 +149,28 @@ def attach_support(
         )
     for name in MEASURES:
         result.vertex[name] = o3d.core.Tensor.from_numpy(getattr(support, name)[:, np.newaxis].copy())
+    result.vertex.colors = o3d.core.Tensor.from_numpy(colours)
+    return result
+
+
+def support_colours(
+    support: Support,
+    *,
+    measure: str = "distance",
+    colour_map: str = COLOUR_MAP,
+    limits: tuple[float, float] | None = None,
+) -> npt.NDArray[np.float32]:
+    """Return the (n, 3) colours, from 0 to 1, of one measure of vertices' support; arguments are `attach_support`'s."""
+    require_choice(measure, MEASURES, "measure")
+    require_choice(colour_map, colormaps, "colour_map")
     values = getattr(support, measure)
     known = values[np.isfinite(values)]
     low, high = limits or (0.0, float(np.quantile(known, SHOWN)) if len(known) else 1.0)
     require_positive(high - low, "limits: their difference")
     share = np.clip((np.where(np.isfinite(values), values, high) - low) / (high - low), 0.0, 1.0)
-    colours = np.asarray(colormaps[colour_map](share)[:, :3], dtype=np.float32)
-    result.vertex.colors = o3d.core.Tensor.from_numpy(np.ascontiguousarray(colours))
-    return result
+    steps = colormaps[colour_map].N
+    table = np.ascontiguousarray(colormaps[colour_map](np.arange(steps))[:, :3], dtype=np.float32)
+    return table[np.minimum((share * steps).astype(np.int64), steps - 1)]
 
 
 def _parts(mesh: Any) -> tuple[FloatArray, npt.NDArray[np.int64]]:
@@ -160,13 +183,15 @@ def _parts(mesh: Any) -> tuple[FloatArray, npt.NDArray[np.int64]]:
 
 def _feet(field: Field, data: FloatArray, longest: float) -> FloatArray:
     """Return x − F ∇F/|∇F|² at points, but no farther than `longest` from them, where it means little."""
-    value, slope = np.asarray(field(data)), np.asarray(field.gradient(data))
+    value, slope = values_and_gradients(field, data)
     steep = np.maximum(np.linalg.norm(require_finite(slope, "field gradients"), axis=1), np.finfo(np.float64).tiny)
     far = require_finite(value, "field values") / np.maximum(steep, np.abs(value) / longest)
     return np.asarray(data - (far / steep)[:, np.newaxis] * slope)
 
 
-def _sums(vertices: FloatArray, data: FloatArray, squares: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
+def _sums(
+    vertices: FloatArray, data: FloatArray, squares: FloatArray, radius: float, progress: Progress | None
+) -> tuple[FloatArray, FloatArray]:
     """Return Σ φ and Σ φ q of `sum_near` at the vertices, data and squares q in any order."""
     low = data.min(axis=0)
     cells = np.floor((data - low) / radius)
@@ -178,7 +203,9 @@ def _sums(vertices: FloatArray, data: FloatArray, squares: FloatArray, radius: f
     order = np.argsort(keys, kind="stable")
     grid, sites, moments = (keys[order], low, shape), data[order], squares[order]
     weight, moment = np.empty(len(vertices)), np.empty(len(vertices))
-    run_blocks(
-        lambda a, b: sum_near(a, b, vertices, sites, moments, grid, radius, weight, moment), len(vertices), BLOCK
-    )
+
+    def task(start: int, stop: int) -> None:
+        sum_near(start, stop, vertices, sites, moments, grid, radius, weight, moment)
+
+    run_blocks(task, len(vertices), BLOCK, progress)
     return weight, moment

@@ -133,6 +133,38 @@ def find_start(keys, key):
 
 
 @njit(nogil=True, cache=True)
+def voxel_of(place, grid):
+    """Return the number of the voxel that holds a place, z running fastest, or −1 outside the `grid`."""
+    low, shape, side = grid
+    key = np.int64(0)
+    for axis in range(3):
+        steps = math.floor((place[axis] - low[axis]) / side)
+        if not 0 <= steps < shape[axis]:
+            return np.int64(-1)
+        key = key * shape[axis] + np.int64(steps)
+    return key
+
+
+@njit(nogil=True, cache=True)
+def number_voxels(start, stop, places, grid, keys):
+    """Write the numbers of the voxels that hold places, in a grid of (low (3,), shape (3,), side)."""
+    for n in range(start, stop):
+        keys[n] = voxel_of(places[n], grid)
+
+
+@njit(nogil=True, cache=True)
+def find_voxels(start, stop, places, grid, keys, found):
+    """Write which places lie in one of the voxels `keys`, which rise."""
+    last, held = np.int64(-1), False
+    for n in range(start, stop):
+        key = voxel_of(places[n], grid)
+        if key != last:
+            at = find_start(keys, key)
+            last, held = key, at < len(keys) and keys[at] == key
+        found[n] = held
+
+
+@njit(nogil=True, cache=True)
 def sum_near(start, stop, vertices, points, squares, grid, radius, weight, moment):
     """Write Σ φ(|v − x_j|/radius) and Σ φ(|v − x_j|/radius) q_j over the points, φ(r) = (1 − r)⁴ (4 r + 1).
 

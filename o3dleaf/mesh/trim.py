@@ -1,13 +1,11 @@
 """Cutting a surface off where it goes on past its data: no invented surface, and no hole in a random cloud."""
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from o3dleaf.checks import FloatArray, as_number, as_weights, require_positive
+from o3dleaf.checks import FloatArray, as_number, require_positive
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.mesh.adjacency import list_ends
@@ -21,9 +19,10 @@ from o3dleaf.mesh.arrays import (
     triangle_areas,
 )
 from o3dleaf.mesh.deviation import distance_to_mesh
+from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of, surely_near
 from o3dleaf.mesh.support_loops import find_front, least_distances, spread_front
-from o3dleaf.mesh.topology import EdgeTable, label_triangles
-from o3dleaf.parallel import run_blocks
+from o3dleaf.mesh.topology import EdgeTable, label_nodes, label_triangles
+from o3dleaf.parallel import Progress, run_blocks
 
 FACTOR = 3.0
 """Radius of the largest empty circle that is closed, in spacings: of five million random points, one in ten thousand
@@ -31,9 +30,6 @@ clouds holds a larger one, N π r² exp(−π r²) of them."""
 
 MARGIN = 0.5
 """How far the surface goes on past its outermost data, in spacings: the mean distance of an edge from random points."""
-
-NEIGHBOURS = 12
-"""Points whose distance tells the spacing; off by 1/(2 √12), 14 %, at one random point, before averaging."""
 
 CHOICE = 16
 """Nearest points among which the one is sought that is nearest but for noise."""
@@ -64,6 +60,8 @@ def trim_to_support(
     factor: float = FACTOR,
     margin: float = MARGIN,
     noise: float | None = None,
+    tree: cKDTree | None = None,
+    progress: Progress | None = None,
 ) -> o3d.geometry.TriangleMesh:
     r"""Return a mesh without what no data support: cut off past the rim of open data, untouched where they are closed.
 
@@ -90,6 +88,10 @@ def trim_to_support(
         Distance of the rim from the outermost data in spacings, below `factor`.
     noise : float, optional
         Distance along the normal that does not count; left out, three standard deviations of the data off the mesh.
+    tree : scipy.spatial.cKDTree, optional
+        Of the points, where there is one.
+    progress : callable, optional
+        ``progress(done, total)`` in vertices whose distance from the data is known.
 
     Returns
     -------
@@ -111,85 +113,37 @@ def trim_to_support(
     data = points_of(points, least=NEIGHBOURS + 1 if spacing is None else 1)
     if not 0 <= as_number(margin, "margin") < require_positive(factor, "factor"):
         raise InputError(f"margin: is {margin:g}; give 0 or more, and less than the factor, {factor:g}")
-    tree = cKDTree(data)
-    steps = _spacings(data, spacing, tree)
-    far, nearest = tree.query(vertices, workers=-1)
-    ratio, local = far / steps[nearest], steps[nearest]
-    if ratio.max() > factor:
-        mesh_normals = _normals(vertices, triangles)
-        allowed = _measure_noise(vertices, triangles, data) if noise is None else as_number(noise, "noise")
-        doubtful = np.flatnonzero(ratio > factor / 2)
-        ratio[doubtful] = _refine(vertices[doubtful], mesh_normals[doubtful], data, steps, tree, allowed)
-    if ratio.max() > factor:
-        kept = _roll(vertices, triangles, ratio, local, factor, factor - margin)
-        vertices, triangles = cut_below(vertices, triangles, kept)
-    vertices, triangles = _drop_unsupported(vertices, triangles, data, steps)
+    tree = cKDTree(data) if tree is None else tree
+    cloud = Data(data, spacings_of(data, spacing, tree), tree)
+    allowed = None if noise is None else as_number(noise, "noise")
+    vertices, triangles = _cut_off(vertices, triangles, cloud, (factor, factor - margin), allowed, progress)
+    vertices, triangles = _drop_unsupported(vertices, triangles, data, cloud.steps)
     return build_mesh(vertices, triangles)
 
 
-def near_data(
-    points: CloudLike, spacing: float | npt.ArrayLike | None = None, *, factor: float = FACTOR + 1
-) -> Callable[[FloatArray], BoolArray]:
-    """Return the function that says which places (n, 3) lie within `factor` spacings of data.
-
-    What `extract_band` takes as `within` so that `trim_to_support` finds the surface far enough, and no farther,
-    where points lie dense and where they lie thin.
-
-    Parameters
-    ----------
-    points : (n, 3) array_like or Open3D point cloud
-    spacing : float or (n,) array_like, optional
-        As for `trim_to_support`.
-    factor : float
-        One more than that of `trim_to_support`.
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be meant.
-    """
-    require_positive(factor, "factor")
-    data = points_of(points, least=NEIGHBOURS + 1 if spacing is None else 1)
-    tree = cKDTree(data)
-    steps = _spacings(data, spacing, tree)
-
-    def near(places: FloatArray) -> BoolArray:
-        far, nearest = tree.query(places, workers=-1)
-        return np.asarray(far <= factor * steps[nearest])
-
-    return near
-
-
-def local_spacing(points: CloudLike) -> FloatArray:
-    r"""Return the (n,) spacings 1/√(points per unit area) of a cloud on a surface, one for each point.
-
-    :math:`s = r_k \sqrt{\pi/k}` from the distance r_k to the k-th neighbour, k = 12, which holds for random points and
-    for lattices alike; then the neighbours' median, and the mean of theirs.
-
-    Parameters
-    ----------
-    points : (n, 3) array_like or Open3D point cloud
-
-    Raises
-    ------
-    InputError
-        If there are fewer than 13 points, one is not finite, or 13 lie in one place.
-    """
-    data = points_of(points, least=NEIGHBOURS + 1)
-    return _spacings(data, None, cKDTree(data))
-
-
-def _spacings(data: FloatArray, spacing: float | npt.ArrayLike | None, tree: cKDTree) -> FloatArray:
-    """Return the (n,) spacings of the data, given or found."""
-    if spacing is not None:
-        given = np.broadcast_to(np.asarray(spacing, dtype=np.float64), len(data)) if np.ndim(spacing) == 0 else spacing
-        return as_weights(given, len(data), "spacing")
-    far, near = tree.query(data, NEIGHBOURS + 1, workers=-1)
-    found = far[:, NEIGHBOURS] * np.sqrt(np.pi / NEIGHBOURS)
-    found = np.asarray(np.median(found[near], axis=1)[near].mean(axis=1))
-    if not found.min() > 0:
-        raise InputError(f"points: {NEIGHBOURS + 1} lie in one place; remove repeated ones")
-    return found
+def _cut_off(
+    vertices: FloatArray,
+    triangles: IntArray,
+    data: Data,
+    reach: tuple[float, float],
+    noise: float | None,
+    progress: Progress | None,
+) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without what comes within `reach[1]` spacings of a ball's centre, its radius `reach[0]`."""
+    factor = reach[0]
+    open_ = np.flatnonzero(~surely_near(data.points, factor * float(data.steps.min()))(vertices))
+    far, nearest = nearest_of(data.tree, vertices[open_], progress)
+    if not (far > factor * data.steps[nearest]).any():
+        return vertices, triangles
+    far, nearest = nearest_of(data.tree, vertices, progress)
+    ratio, local = far / data.steps[nearest], data.steps[nearest]
+    mesh_normals = _normals(vertices, triangles)
+    allowed = _measure_noise(vertices, triangles, data.points) if noise is None else noise
+    doubtful = np.flatnonzero(ratio > factor / 2)
+    ratio[doubtful] = _refine(vertices[doubtful], mesh_normals[doubtful], data, allowed)
+    if not ratio.max() > factor:
+        return vertices, triangles
+    return cut_below(vertices, triangles, _roll(vertices, triangles, ratio, local, *reach))
 
 
 def _normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
@@ -205,15 +159,11 @@ def _measure_noise(vertices: FloatArray, triangles: IntArray, data: FloatArray) 
     return float(NOISE * 1.4826 * np.median(distance_to_mesh(vertices, triangles, some)))
 
 
-def _refine(
-    vertices: FloatArray, normals: FloatArray, data: FloatArray, steps: FloatArray, tree: cKDTree, noise: float
-) -> FloatArray:
+def _refine(vertices: FloatArray, normals: FloatArray, data: Data, noise: float) -> FloatArray:
     """Return the distances in spacings from the data without the noise along the normals."""
-    near = tree.query(vertices, min(CHOICE, len(data)), workers=-1)[1].reshape(len(vertices), -1)
-    least = np.empty(len(vertices))
-    run_blocks(
-        lambda i, j: least_distances(i, j, vertices, normals, data, steps, near, noise, least), len(least), BLOCK
-    )
+    near = data.tree.query(vertices, min(CHOICE, len(data.points)), workers=-1)[1].reshape(len(vertices), -1)
+    least, of = np.empty(len(vertices)), (data.points, data.steps, near)
+    run_blocks(lambda i, j: least_distances(i, j, vertices, normals, *of, noise, least), len(least), BLOCK)
     return least
 
 
@@ -278,10 +228,12 @@ def _drop_unsupported(
     """Return the mesh without the pieces that too few data are nearest to."""
     if not len(triangles):
         raise ReconstructionError("trim_to_support: no part of the mesh is near the points; are they in one unit?")
+    # Of a manifold pieces share no vertex; to see that there is but one, no table of edges is needed.
+    joined = label_nodes(triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel(), len(vertices))[triangles[:, 0]]
+    if (joined == joined[0]).all():
+        return vertices, triangles
     piece = label_triangles(triangles)
     pieces = int(piece.max()) + 1
-    if pieces == 1:
-        return vertices, triangles
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[triangles.ravel()] = np.repeat(piece, 3)
     nearest = cKDTree(vertices).query(data, workers=-1)[1]

@@ -17,6 +17,8 @@ ROUNDS = 4
 
 RIDGE = 1e-3
 """Share of the points' number added to the curvatures' diagonal: planes stay planes where few points say more."""
+LEAST_RIDGE = 1e-12
+"""The same for the plane, so that points on a line have one."""
 
 ONE_SHEET = (1.5, 0.005)
 """Two sheets are one if a quadric's misfit to both is below so many of the larger of their own, and so much of the
@@ -99,7 +101,10 @@ def connect(rows, normals, near, calm, cosine, labels):
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def fit_quadric(points, normals, chosen):
-    """Return (centre, frame, coefficients, scale) of z = q(u, v) over the mean plane of the chosen points."""
+    """Return (centre, frame, coefficients, scale) of z = q(u, v) over the mean plane of the chosen points.
+
+    Of none it is infinitely far from everywhere, of a single point the plane through it.
+    """
     centre, up = np.zeros(3), np.zeros(3)
     count = 0
     for i in range(len(points)):
@@ -107,6 +112,10 @@ def fit_quadric(points, normals, chosen):
             count += 1
             centre += points[i]
             up += normals[i]
+    if count == 0 or up @ up == 0.0:
+        nowhere = np.zeros(6)
+        nowhere[0] = np.inf
+        return centre, np.eye(3), nowhere, 1.0
     centre /= count
     up /= math.sqrt(up @ up)
     frame = np.zeros((3, 3))
@@ -119,7 +128,7 @@ def fit_quadric(points, normals, chosen):
     for i in range(len(points)):
         if chosen[i]:
             spread += np.sum((points[i] - centre) ** 2)
-    scale = math.sqrt(spread / count)
+    scale = math.sqrt(spread / count) if spread > 0.0 else 1.0
     matrix, right, terms = np.zeros((6, 6)), np.zeros(6), np.ones(6)
     for i in range(len(points)):
         if chosen[i]:
@@ -129,8 +138,8 @@ def fit_quadric(points, normals, chosen):
                 right[row] += z * terms[row]
                 for column in range(6):
                     matrix[row, column] += terms[row] * terms[column]
-    for k in range(3, 6):
-        matrix[k, k] += RIDGE * count
+    for k in range(6):
+        matrix[k, k] += (RIDGE if k > 2 else LEAST_RIDGE) * count
     return centre, frame, np.linalg.solve(matrix, right), scale
 
 

@@ -39,7 +39,7 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
     Voxels of two standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
     """
-    voxel = PER_NOISE * estimate_noise(cloud.points)
+    voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
     if voxel <= cloud.spacing:
         return Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
     return merge_points(cloud.points, cloud.normals, voxel)
@@ -47,13 +47,12 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
 
 def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
     """Return constraints 0.7 spacings off the surface on both sides of every second point, the same each time."""
-    rows = np.sort(np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)])
-    found = off_surface_constraints(points, normals, OFF * spacing)
-    chosen = np.isin(found.base, rows)
-    return OffSurface(found.sites[chosen], found.values[chosen], found.base[chosen])
+    among = np.zeros(len(points), dtype=bool)
+    among[np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)]] = True
+    return off_surface_constraints(points, normals, OFF * spacing, among=among)
 
 
-def fit_surface(
+def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be replaced
     cloud: Merged,
     *,
     rho: Amount | None = "gcv",
@@ -63,6 +62,7 @@ def fit_surface(
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
+    spacing: float | None = None,
     unit: str | None = None,
     progress: Progress | None = None,
 ) -> PUInterpolant:
@@ -87,8 +87,10 @@ def fit_surface(
         As in `PUInterpolant.fit`.
     margin : float
         How far beyond the cloud's box the field is to reach, in the unit of the points.
+    spacing : float, optional
+        Median of 1/√(points per unit area); left out, that of `cloud_spacing`.
     """
-    spacing = cloud_spacing(cloud.points).median
+    spacing = cloud_spacing(cloud.points).median if spacing is None else spacing
     reach = max(margin, spacing) * np.array([[-1.0], [1.0]])
     options: dict[str, Any] = {
         "bounds": np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)]) + reach,

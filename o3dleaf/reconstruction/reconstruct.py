@@ -7,15 +7,18 @@ from typing import Any, Literal
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.checks import require_positive
+from o3dleaf.checks import FloatArray, require_positive
 from o3dleaf.cloud.merging import Merged
+from o3dleaf.cloud.neighbours import Neighbourhoods, nearest_neighbours
 from o3dleaf.cloud.oriented import OrientedCloud, prepare_cloud
+from o3dleaf.cloud.spacing import cloud_spacing
 from o3dleaf.errors import CloudWarning
 from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
-from o3dleaf.mesh.support import Support, attach_support, support
-from o3dleaf.mesh.trim import local_spacing, near_data, trim_to_support
+from o3dleaf.mesh.near import local_spacing, near_data
+from o3dleaf.mesh.support import Support, attach_support, support, support_colours
+from o3dleaf.mesh.trim import trim_to_support
 from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
@@ -105,13 +108,15 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         If no surface is left.
     """
     log = journal or Journal()
-    with log.stage("prepare cloud"):
-        cloud = prepare(pcd)
+    with log.stage("prepare cloud") as progress:
+        cloud = prepare_cloud(pcd, progress=progress) if prepare is prepare_cloud else prepare(pcd)
     for line in decisions(cloud):
         log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
     with log.stage("merge points"):
         merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-        each = local_spacing(merged.points)
+        near, median = surroundings(cloud, merged.points)
+        each, tree = local_spacing(merged.points, (near.distance, near.row)), near.tree
+        del cloud, near  # sixteen neighbours of each point, the largest arrays of the job
         apart = float(np.median(each))
     with log.stage("fit balls") as progress:
         field = fit_surface(
@@ -123,6 +128,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             creases=creases,
             points_per_ball=points_per_ball,
             margin=MARGIN * float(each.max()),
+            spacing=median,
             unit=unit,
             progress=progress,
         )
@@ -132,20 +138,29 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             field,
             step,
             merged.points,
-            within=near_data(merged.points, each),
+            within=near_data(merged.points, each, tree=tree),
             features=isinstance(field.local, CreasedSplines),
             progress=progress,
         )
-    with log.stage("trim to data"):
-        mesh = trim(mesh, merged.points, each) if trim else mesh
+    with log.stage("trim to data") as progress:
+        # Our own steps share the tree.
+        ours = {"tree": tree, "progress": progress} if trim is trim_to_support else {}
+        mesh = trim(mesh, merged.points, each, **ours) if trim else mesh
     with log.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     if measure is None:
         return mesh, field
-    with log.stage("measure support"):
-        return coloured(
-            mesh, support(mesh, merged.points, field, spacing=apart), measure, tensor=hasattr(pcd, "point")
-        ), field
+    with log.stage("measure support") as progress:
+        found = support(mesh, merged.points, field, spacing=apart, tree=tree, progress=progress)
+        return coloured(mesh, found, measure, tensor=hasattr(pcd, "point")), field
+
+
+def surroundings(cloud: OrientedCloud, points: FloatArray) -> tuple[Neighbourhoods, float]:
+    """Return neighbourhoods and median spacing of the points that are fitted, the cloud's own if they are its."""
+    if cloud.near and points is cloud.points:
+        return cloud.near, cloud.spacing
+    near = nearest_neighbours(points)
+    return near, cloud_spacing(points, near).median
 
 
 def mesh_step(spacing: float, count: int) -> float:
@@ -170,8 +185,7 @@ def decisions(cloud: OrientedCloud) -> tuple[str, ...]:
 
 def coloured(mesh: Mesh, found: Support, measure: str, *, tensor: bool) -> Any:
     """Return the mesh in the colours of a measure of its support; as a tensor mesh, with all of it as attributes."""
-    told = attach_support(mesh, found, measure=measure)
     if tensor:
-        return told
-    mesh.vertex_colors = o3d.utility.Vector3dVector(told.vertex.colors.numpy().astype(np.float64))
+        return attach_support(mesh, found, measure=measure)
+    mesh.vertex_colors = o3d.utility.Vector3dVector(support_colours(found, measure=measure).astype(np.float64))
     return mesh

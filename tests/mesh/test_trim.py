@@ -7,9 +7,10 @@ from mesh_fields import joined, sphere
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.mesh.arrays import mesh_arrays
 from o3dleaf.mesh.isosurface import extract_isosurface
+from o3dleaf.mesh.near import local_spacing, near_data
 from o3dleaf.mesh.quality import mesh_report
 from o3dleaf.mesh.topology import EdgeTable
-from o3dleaf.mesh.trim import cut_below, local_spacing, near_data, trim_to_support
+from o3dleaf.mesh.trim import cut_below, trim_to_support
 from tolerances import BOX_INDEPENDENCE, RIM_OF_DATA, TRIMMED_AREA
 
 
