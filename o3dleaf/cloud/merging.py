@@ -6,6 +6,10 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray, as_points, require_positive
 from o3dleaf.cloud.cells import Cells
+from o3dleaf.cloud.neighbours import nearest_neighbours
+
+TAIL = 0.1
+"""Share of its neighbours' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
 
 
 class Merged(NamedTuple):
@@ -52,3 +56,15 @@ def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged
     )
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     return Merged(mean, unit, count.astype(np.float64))
+
+
+def leave_out_tails(merged: Merged) -> Merged:
+    """Return the means without those that stand for a tenth of the points that their neighbours stand for, or fewer.
+
+    What the neighbours stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such voxels hold the tails of the noise: the normal of a single point three deviations off says nothing, and a
+    hundred others hold the surface.
+    """
+    around = nearest_neighbours(merged.points).row
+    near = merged.weights[around]
+    kept = merged.weights > TAIL * (near * near).sum(axis=1) / near.sum(axis=1)
+    return Merged(*(part[kept] for part in merged))

@@ -46,7 +46,7 @@ LEAST_SHARE = 0.05
 LEAST_DENSITY = 0.25
 """A piece goes if fewer points than this share of its area over spacing² are nearest to it."""
 
-LEAST_POINTS = 8
+LEAST_POINTS = 24
 """A piece also goes if fewer points are nearest to it: so few are strays, no surface."""
 
 BLOCK = 1 << 14
@@ -71,7 +71,7 @@ def trim_to_support(
     narrower than the ball makes a hole: a closing of the data, or an α-shape of the surface, with α = `factor`.
 
     Triangles are cut along the rim, which runs in straight lines between their edges; vertices that stay do not
-    move. Of several pieces those go to which fewer than eight points are nearest, or less than a quarter of
+    move. Of several pieces those go to which fewer than 24 points are nearest, or less than a quarter of
     those that their area ought to have.
 
     Parameters

@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud.constraints import OffSurface, off_surface_constraints
-from o3dleaf.cloud.merging import Merged, merge_points
+from o3dleaf.cloud.merging import Merged, leave_out_tails, merge_points
 from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import OrientedCloud
 from o3dleaf.cloud.spacing import cloud_spacing
@@ -42,7 +42,7 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
     voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
     if voxel <= cloud.spacing:
         return Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-    return merge_points(cloud.points, cloud.normals, voxel)
+    return leave_out_tails(merge_points(cloud.points, cloud.normals, voxel))
 
 
 def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
