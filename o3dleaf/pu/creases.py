@@ -216,10 +216,11 @@ def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: I
 
 
 def _suspects(cover: Cover, cloud: _Cloud, owners: IntArray) -> IntArray:
-    """Return the balls that hold constraints of points which are not calm."""
+    """Return the balls that hold constraints of points which are not calm; not those that only borrow theirs."""
     rough = np.zeros(len(owners))
     rough[cloud.rows] = ~cloud.calm
-    return np.flatnonzero(np.add.reduceat(rough[owners[cover.members]], cover.offsets[:-1]) > 0)
+    hold = cloud.tree.query_ball_point(cover.centres, cover.radii, workers=-1, return_length=True) > 0
+    return np.flatnonzero(hold & (np.add.reduceat(rough[owners[cover.members]], cover.offsets[:-1]) > 0))
 
 
 class _Belonging(NamedTuple):

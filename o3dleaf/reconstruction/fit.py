@@ -73,8 +73,8 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     cloud : Merged
         Points, outward normals, and how many measured points each stands for.
     rho, smoothing
-        As in `PUInterpolant.fit`. "gcv" is what a sample of balls agrees on, and then each ball's own choice around
-        that, points being left out with all constraints made from them.
+        As in `PUInterpolant.fit`. "gcv" is what a sample of balls agrees on and, where there is noise, each ball's own
+        choice around that, points being left out with all constraints made from them.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
         normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
@@ -106,11 +106,12 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
         options.setdefault("points_per_ball", SMALL_BALLS)
     off = constraints(cloud.points, cloud.normals, spacing)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
+    settled = {"gcv": "gcv" if clean else "gcv-per-ball"}
     return PUInterpolant.fit(
         np.concatenate([cloud.points, off.sites]),
         np.concatenate([np.zeros(len(cloud.points)), off.values]),
-        rho="gcv-per-ball" if rho == "gcv" else rho,
-        smoothing="gcv-per-ball" if smoothing == "gcv" else smoothing,
+        rho=settled.get(rho, rho),
+        smoothing=settled.get(smoothing, smoothing),
         owners=owners,
         weights=cloud.weights[owners],
         normals=cloud.normals[owners],

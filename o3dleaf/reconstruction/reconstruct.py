@@ -28,7 +28,7 @@ from o3dleaf.reconstruction.fit import Constrain, constrain, fit_surface, merge_
 Mesh = o3d.geometry.TriangleMesh
 FINEST = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
-ENOUGH = 1_000_000
+ENOUGH = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
@@ -166,7 +166,7 @@ def surroundings(cloud: OrientedCloud, points: FloatArray) -> tuple[Neighbourhoo
 def mesh_step(spacing: float, count: int) -> float:
     """Return the step of the mesh of a cloud of `count` points 1/√(points per unit area) = `spacing` apart.
 
-    It is 0.6 spacings; where that would make more than a million triangles, more, but not more than one spacing.
+    It is 0.6 spacings; where that would make more than 200,000 triangles, more, but not more than one spacing.
     """
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / ENOUGH), FINEST, 1.0))
 
