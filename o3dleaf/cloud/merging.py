@@ -61,8 +61,9 @@ def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged
 def leave_out_tails(merged: Merged) -> Merged:
     """Return the means without those that stand for a tenth of the points that their neighbours stand for, or fewer.
 
-    What the neighbours stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such voxels hold the tails of the noise: the normal of a single point three deviations off says nothing, and a
-    hundred others hold the surface.
+    What the neighbours stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such
+    voxels hold the tails of the noise: the normal of a single point three deviations off says nothing, and a hundred
+    others hold the surface.
     """
     around = nearest_neighbours(merged.points).row
     near = merged.weights[around]

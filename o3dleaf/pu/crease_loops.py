@@ -284,6 +284,17 @@ def find_sheets(rows, points, normals, near, calm, half):
 
 
 @njit(nogil=True, cache=True)
+def find_sheets_of(first, rows, points, normals, near, calm, half):
+    """Return what `find_sheets` says of each run rows[first[k]:first[k + 1]].
+
+    Many at once, since between compiled calls threads wait for one another.
+    """
+    return [
+        find_sheets(rows[first[k] : first[k + 1]], points, normals, near, calm, half) for k in range(first.size - 1)
+    ]
+
+
+@njit(nogil=True, cache=True)
 def order_sheets(labels, away, sheets, joins):
     """Order the sheets so that each is joined to those before it by minimum (−1) or maximum (1); return what is mixed.
 

@@ -21,6 +21,8 @@ from o3dleaf.rbf.smoothing import Smoothing
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
 BoolArray = npt.NDArray[np.bool_]
+Sheets = tuple[IntArray, BoolArray, FloatArray, FloatArray]
+"""What `find_sheets` returns: sheet of each point, whether it lies on it, distances and normals by sheet."""
 
 ANGLE = 30.0
 """Degrees by which normals turn across what "auto" calls a crease."""
@@ -41,6 +43,9 @@ ROUNDS = 3
 """Times that normals are averaged over neighbours that agree: noise goes, creases stay."""
 
 BLOCK = 1 << 12
+
+AT_ONCE = 32
+"""Balls whose sheets are found in one compiled call."""
 
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
@@ -204,14 +209,22 @@ def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: I
     found: dict[int, Split] = {}
 
     def task(start: int, stop: int) -> None:
+        helds, arounds = [], []
         for ball in asked[start:stop]:
             members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
             inside = np.unique(belonging.surface_of[owners[members]])
-            split = _split(inside[inside >= 0], cover.centres[ball], cover.radii[ball], cloud, belonging)
+            helds.append(inside[inside >= 0])
+            arounds.append(_around(helds[-1], cover.centres[ball], cover.radii[ball], cloud))
+        first = np.concatenate([[0], np.cumsum([len(rows) for rows in arounds])])
+        sheets = crease_loops.find_sheets_of(
+            first, np.concatenate(arounds), cloud.points, cloud.normals, cloud.near, cloud.calm, cloud.half
+        )
+        for ball, held, rows, found_there in zip(asked[start:stop], helds, arounds, sheets, strict=True):
+            split = _split(held, rows, found_there, cover.centres[ball], cloud, belonging)
             if split is not None:
                 found[int(ball)] = split
 
-    run_blocks(task, len(asked), 4)
+    run_blocks(task, len(asked), AT_ONCE)
     return _replace(cover, found) if found else None
 
 
@@ -248,16 +261,25 @@ class _Belonging(NamedTuple):
         return np.sort(rows[~self.off[rows] | np.repeat(trusted, counts)])
 
 
-def _split(held: IntArray, centre: FloatArray, radius: float, cloud: _Cloud, belonging: _Belonging) -> Split | None:
-    """Return the sheets of a ball that holds constraints of the measured points `held`; None for one sheet."""
+def _around(held: IntArray, centre: FloatArray, radius: float, cloud: _Cloud) -> IntArray:
+    """Return the rising rows of the measured points in a ball, a little larger than what holds the points `held`."""
+    if not len(held):
+        return held
+    reach = BEYOND * max(radius, np.linalg.norm(cloud.points[held] - centre, axis=1).max())
+    return np.sort(np.array(cloud.tree.query_ball_point(centre, reach), dtype=np.int64))
+
+
+def _split(
+    held: IntArray, rows: IntArray, found: Sheets, centre: FloatArray, cloud: _Cloud, belonging: _Belonging
+) -> Split | None:
+    """Return the sheets of a ball that holds constraints of the measured points `held`; None for one sheet.
+
+    `found` is what `find_sheets` says of the points `rows` around it.
+    """
     if not len(held):
         return None
-    reach = BEYOND * max(radius, np.linalg.norm(cloud.points[held] - centre, axis=1).max())
-    rows = np.sort(np.array(cloud.tree.query_ball_point(centre, reach), dtype=np.int64))
+    labels, lying, away, outward = found
     inside = np.isin(rows, held)
-    labels, lying, away, outward = crease_loops.find_sheets(
-        rows, cloud.points, cloud.normals, cloud.near, cloud.calm, cloud.half
-    )
     sheets = np.unique(labels[inside])
     if len(sheets) < 2 or sheets[0] < 0 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
         return None

@@ -106,12 +106,12 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
         options.setdefault("points_per_ball", SMALL_BALLS)
     off = constraints(cloud.points, cloud.normals, spacing)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
-    settled = {"gcv": "gcv" if clean else "gcv-per-ball"}
+    gcv: Amount = "gcv" if clean else "gcv-per-ball"
     return PUInterpolant.fit(
         np.concatenate([cloud.points, off.sites]),
         np.concatenate([np.zeros(len(cloud.points)), off.values]),
-        rho=settled.get(rho, rho),
-        smoothing=settled.get(smoothing, smoothing),
+        rho=gcv if rho == "gcv" else rho,
+        smoothing=gcv if smoothing == "gcv" else smoothing,
         owners=owners,
         weights=cloud.weights[owners],
         normals=cloud.normals[owners],
