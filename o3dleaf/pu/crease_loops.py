@@ -192,7 +192,7 @@ def relabel(labels, gone, into, last):
             labels[i] = gone
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def misfit(points, normals, chosen):
     """Return the root mean square distance of the chosen points from their quadric, and its scale."""
     quadric = fit_quadric(points, normals, chosen)
@@ -203,7 +203,7 @@ def misfit(points, normals, chosen):
     return math.sqrt(total / np.sum(chosen)), quadric[3]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def unite(points, normals, labels, count):
     """Unite sheets that one quadric fits as well as each its own; return how many are left."""
     first = 0
@@ -222,7 +222,7 @@ def unite(points, normals, labels, count):
     return count
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def measure(points, normals, chosen, away, outward):
     """Write distances of all points from the quadric of the chosen ones, and its normals there; return its reach."""
     quadric = fit_quadric(points, normals, chosen)
@@ -233,7 +233,7 @@ def measure(points, normals, chosen, away, outward):
     return STRAY * math.sqrt(total / np.sum(chosen)) + ONE_SHEET[1] * quadric[3]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def find_sheets(rows, points, normals, near, calm, half):
     """Return the (n,) sheet of each point, whether it lies on it, (sheets, n) distances and (sheets, n, 3) normals.
 
@@ -283,7 +283,7 @@ def find_sheets(rows, points, normals, near, calm, half):
     return labels, lying, away[:count], outward[:count]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def find_sheets_of(first, rows, points, normals, near, calm, half):
     """Return what `find_sheets` says of each run rows[first[k]:first[k + 1]].
 
@@ -294,7 +294,7 @@ def find_sheets_of(first, rows, points, normals, near, calm, half):
     ]
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def order_sheets(labels, away, sheets, joins):
     """Order the sheets so that each is joined to those before it by minimum (−1) or maximum (1); return what is mixed.
 

@@ -190,7 +190,7 @@ def count_cells(cells, count):
 
 @njit(nogil=True, cache=True)
 def move_to_halves(cells, points, rows, axis, middle):
-    """Replace the cell of each point by rows[cell], its number among the cells that are halved, plus theirs if above."""
+    """Replace each point's cell by rows[cell], its number among the cells that are halved, plus theirs if above."""
     for i in range(cells.size):
         if cells[i] >= 0:
             row = rows[cells[i]]

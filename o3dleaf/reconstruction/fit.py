@@ -26,7 +26,7 @@ OFF = 0.7
 CLEAN = 0.1
 """Noise in spacings up to which a cloud is clean. Of others creases are not looked for: of normals that turn, some
 only seem to."""
-SMALL_BALLS = (100, 200)
+SMALL_BALLS = (75, 150)
 """Constraints of a ball of a clean cloud, for which larger ones only cost more; noise wants more to be told from."""
 
 Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
