@@ -57,8 +57,7 @@ from .mesh.inspection import Inspection as Inspection
 from .mesh.files import write_triangle_mesh as write_triangle_mesh
 from .cloud.noise import estimate_noise as estimate_noise
 from .reconstruction.fit import merge_noise as merge_noise
-from .reconstruction.fit import constrain_in_pairs as constrain_in_pairs
-from .reconstruction.fit import constrain_in_turn as constrain_in_turn
+from .reconstruction.fit import constrain as constrain
 from .reconstruction.fit import fit_surface as fit_surface
 from .reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .remeshing.remesh import remesh as remesh

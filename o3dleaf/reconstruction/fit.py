@@ -20,13 +20,15 @@ PER_NOISE = 2.0
 """Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
 corners off, narrower ones leave the fit with more points than tell it anything."""
 SHARE = 2
-"""One point in so many has constraints off the surface where there is noise: they only tell inside from outside."""
+"""One point in so many has constraints off the surface: they only tell inside from outside."""
+ROUNDING = 1e-9
+"""Share of a distance that is no shortening of it."""
 OFF = 0.7
 """Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
 CLEAN = 0.1
 """Noise in spacings up to which a cloud is clean. Of others creases are not looked for: of normals that turn, some
 only seem to."""
-SMALL_BALLS = (75, 150)
+SMALL_BALLS = (100, 200)
 """Constraints of a ball of a clean cloud, for which larger ones only cost more; noise wants more to be told from."""
 
 Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
@@ -45,27 +47,10 @@ def merge_noise(cloud: OrientedCloud) -> Merged:
     return leave_out_tails(merge_points(cloud.points, cloud.normals, voxel))
 
 
-def constrain_in_pairs(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
+def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
     """Return constraints 0.7 spacings off the surface on both sides of every second point, the same each time.
 
-    Pairs tell the slope of the field at each point that has them, which noise makes its neighbours contradict.
-
-    Parameters
-    ----------
-    points, normals : (n, 3) ndarray
-        On the surface; outward unit normals there.
-    spacing : float
-        1/√(points per unit area), in the unit of the points.
-    """
-    among = np.zeros(len(points), dtype=bool)
-    among[np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)]] = True
-    return off_surface_constraints(points, normals, OFF * spacing, among=among)
-
-
-def constrain_in_turn(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
-    """Return constraints 0.7 spacings off the surface, outside of one half of the points and inside of the other.
-
-    As many as `constrain_in_pairs` makes, but no point is without: where sheets are close each of them is held.
+    Points that another sheet leaves less room have theirs all the same, nearer: each of close sheets is held.
 
     Parameters
     ----------
@@ -75,8 +60,10 @@ def constrain_in_turn(points: FloatArray, normals: FloatArray, spacing: float) -
         1/√(points per unit area), in the unit of the points.
     """
     found = off_surface_constraints(points, normals, OFF * spacing)
-    outside = np.random.default_rng(0).random(len(points)) < 1 / 2
-    kept = (found.values < 0) == outside[found.base]
+    chosen = np.zeros(len(points), dtype=bool)
+    chosen[np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)]] = True
+    chosen[found.base[np.abs(found.values) < (1 - ROUNDING) * OFF * spacing]] = True
+    kept = chosen[found.base]
     return OffSurface(found.sites[kept], found.values[kept], found.base[kept])
 
 
@@ -86,7 +73,7 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     rho: Amount | None = "gcv",
     smoothing: Amount | None = None,
     local: str | OrientedFitter = "rbf",
-    constraints: Constrain | None = None,
+    constraints: Constrain = constrain,
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
@@ -106,9 +93,8 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
         What lives in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
         normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
-    constraints : callable, optional
-        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf"; left out, `constrain_in_turn` of a clean
-        cloud and `constrain_in_pairs` of one whose noise is above a tenth of the spacing.
+    constraints : callable
+        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     creases : "auto", False or float
         Sharp creases, for "rbf": see `PUInterpolant.fit`. "auto" looks for them where the noise is below a tenth of
         the spacing.
@@ -133,8 +119,6 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     clean = estimate_noise(cloud.points) <= CLEAN * spacing
     if clean:
         options.setdefault("points_per_ball", SMALL_BALLS)
-    if constraints is None:
-        constraints = constrain_in_turn if clean else constrain_in_pairs
     off = constraints(cloud.points, cloud.normals, spacing)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
     gcv: Amount = "gcv" if clean else "gcv-per-ball"

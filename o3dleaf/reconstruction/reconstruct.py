@@ -23,7 +23,7 @@ from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
-from o3dleaf.reconstruction.fit import Constrain, fit_surface, merge_noise
+from o3dleaf.reconstruction.fit import Constrain, constrain, fit_surface, merge_noise
 
 Mesh = o3d.geometry.TriangleMesh
 FINEST = 0.6
@@ -48,7 +48,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     unit: str | None = None,
     prepare: Callable[[CloudLike], OrientedCloud] = prepare_cloud,
     merge: Callable[[OrientedCloud], Merged] | None = merge_noise,
-    constraints: Constrain | None = None,
+    constraints: Constrain = constrain,
     trim: Callable[..., Mesh] | None = trim_to_support,
     clean: Callable[[Mesh], Mesh] | None = None,
     measure: str | None = "distance",
@@ -79,8 +79,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         ``prepare(cloud) -> OrientedCloud``: what is wrong with the cloud goes, every point has an outward normal.
     merge : callable or None
         ``merge(cloud) -> Merged``: points averaged where noise is thicker than the spacing. None: as they are.
-    constraints : callable, optional
-        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf", in place of `fit_surface`'s own.
+    constraints : callable
+        ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     trim : callable or None
         ``trim(mesh, points, spacings) -> mesh``: what no data support goes. None: the surface ends four
         spacings past the data.

@@ -163,7 +163,7 @@ def test_every_step_can_be_replaced(sphere):
     steps = {
         "prepare": spy("prepare", o3l.prepare_cloud),
         "merge": spy("merge", o3l.merge_noise),
-        "constraints": spy("constraints", o3l.constrain_in_pairs),
+        "constraints": spy("constraints", o3l.constrain),
         "trim": spy("trim", o3l.trim_to_support),
         "clean": spy("clean", o3l.clean_mesh),
     }
