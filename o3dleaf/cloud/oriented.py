@@ -19,6 +19,8 @@ from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, held_normals, held_points
 from o3dleaf.parallel import Progress
 
+UNUSABLE = 0.1
+"""Share of given normals on the wrong side of a noisy cloud beyond which their directions are not believed either."""
 LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
 
@@ -111,6 +113,13 @@ def prepare_cloud(
     spacing = median_spacing(surfels.spacing).median
     if directions is not None:
         unit, notes = check_normals(points, directions[kept], surfels, near.row, orient=orient is not None)
+        turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(directions[kept]), unit) < 0))
+        if orient is not None and len(surfels.points) < len(points) and UNUSABLE < turned < 1 - UNUSABLE:
+            unit, more = _found(points, surfels, estimate, orient)
+            notes = (
+                f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew",
+                *more,
+            )
     else:
         unit, notes = _found(points, surfels, estimate, orient)
     order, count = np.argsort(kept), len(points)
