@@ -4,7 +4,8 @@ python scripts/bench_peers.py [--json FILE] [--shapes ...] [--points ...] [--noi
 
 Every method gets the same points and the same normals: those of the truth on a clean cloud, on a noisy one Open3D's PCA
 normals (30 neighbours) turned to the truth's side. Scans keep their own normals, unless neighbours are at odds.
-Lattices, octrees and first balls have the spacing of the cloud, sqrt(area / points). Each call has a process of its
+The peers' lattices, octrees and first balls have the spacing of the cloud, sqrt(area / points), octrees the next finer
+power of two; ours is called with nothing but the cloud and takes 0.6 to 1 of it. Each call has a process of its
 own; seconds and peak_mb (resident memory beyond what was there before) are those of the call alone, after a warm-up on
 a small ball, so that imports and compilation are not counted. Accuracy: mean distance to the truth, closest points by
 formula or Newton's method, of 200,000 points of the mesh, and completeness: of as many points of the truth to the mesh;

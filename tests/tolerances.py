@@ -461,6 +461,9 @@ NEAREST = 1e-9
 
 SPACING = 0.1
 """16 neighbours: 4 % too close at random, 6 % too wide on a lattice, found; one neighbour miscounted is 3 % more."""
+
+# --- solids and the bench of the peers ---
+
 SOLID_FOOT = 1e-12
 """Newton's method goes on to rounding; found 2e-14. Where the last steps had to descend, 1e-8 was left."""
 
@@ -488,7 +491,7 @@ ONE_PASS = 1e-11
 # --- reconstruction ---
 
 NOISE_SHARE = 0.15
-"""Of 400 places the median is off by a twentieth; patches up to 2.5 σ wide hold back a tenth. Found 0.11 at most."""
+"""Of 400 places the median is off by a twentieth; patches up to 4.5 σ wide hold back a tenth. Found 0.11 at most."""
 
 MERGED = 1e-10
 """Means of thousands of numbers of order one: rounding alone."""

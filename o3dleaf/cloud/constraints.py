@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_mask, as_points, as_values, require_choice
+from o3dleaf.checks import FloatArray, as_points, as_values, require_choice
 from o3dleaf.cloud import loops
 from o3dleaf.cloud.cells import Cells
 from o3dleaf.cloud.neighbours import IndexArray
@@ -48,7 +48,6 @@ def off_surface_constraints(
     *,
     sides: str = "both",
     floor: float = FLOOR,
-    among: npt.ArrayLike | None = None,
 ) -> OffSurface:
     """Return sites x_i ± d_i n_i with values ∓d_i that stay on their own side of every other sheet.
 
@@ -71,8 +70,6 @@ def off_surface_constraints(
         Which offsets are made; all outer ones come first, in the order of the points.
     floor : float
         A site nearer than this share of `distance` is left out.
-    among : (n,) array_like of bool, optional
-        The points that have sites; left out, all. The others only keep sites from coming too near.
 
     Raises
     ------
@@ -94,35 +91,30 @@ def off_surface_constraints(
     chosen = SIDES[require_choice(sides, SIDES, "sides")]
     if not len(x):
         return OffSurface(np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))
-    asked = np.ones(len(x), dtype=bool) if among is None else as_mask(among, (len(x),), "among")
-    step = np.minimum(wanted[:, np.newaxis], SHARE * _empty_balls(x, n, asked, 3 * float(wanted.max())))
-    kept = [np.flatnonzero(asked & (step[:, side] >= floor * wanted)) for side in chosen]
+    step = np.minimum(wanted[:, np.newaxis], SHARE * _empty_balls(x, n, 3 * float(wanted.max())))
+    kept = [np.flatnonzero(step[:, side] >= floor * wanted) for side in chosen]
     value = [(1.0 if side else -1.0) * step[rows, side] for side, rows in zip(chosen, kept, strict=True)]
     base, values = np.concatenate(kept), np.concatenate(value)
     return OffSurface(x[base] - values[:, np.newaxis] * n[base], values, base)
 
 
-def _empty_balls(points: FloatArray, normals: FloatArray, asked: npt.NDArray[np.bool_], reach: float) -> FloatArray:
+def _empty_balls(points: FloatArray, normals: FloatArray, reach: float) -> FloatArray:
     """Return the (n, 2) radii, outward and inward, of balls that touch each point and no other sheet within `reach`.
-
-    Those of points that are not `asked` (n,) for are infinite.
 
     Where many points lie within reach only some are looked at, and all of them within a half, a quarter, ... of it.
     """
     radius = np.full((len(points), 2), np.inf)
     thinning = 2
     while thinning > 1:
-        thinning = _shrink_balls(points, normals, asked, reach, radius)
+        thinning = _shrink_balls(points, normals, reach, radius)
         reach /= 2
     return radius
 
 
-def _shrink_balls(
-    points: FloatArray, normals: FloatArray, asked: npt.NDArray[np.bool_], reach: float, radius: FloatArray
-) -> int:
+def _shrink_balls(points: FloatArray, normals: FloatArray, reach: float, radius: FloatArray) -> int:
     """Shrink the (n, 2) radii to what lies within `reach`, and return the thinning of what was looked at."""
     cells = Cells.sort(points, reach)
-    x, n, wanted = points[cells.order], normals[cells.order], asked[cells.order]
+    x, n = points[cells.order], normals[cells.order]
     # A point sees the nine or so cells of its sheet that surround it.
     crowd = 9 * float(np.median(np.repeat(cells.last - cells.first, cells.last - cells.first)))
     thinning = max(1, round(crowd / PAIRS))
@@ -131,7 +123,7 @@ def _shrink_balls(
 
     def task(start: int, stop: int) -> None:
         stretch = cells.first, cells.last, cells.number, witnesses, cells.shape
-        loops.empty_balls(x, n, wanted, *stretch, SAME_SHEET, start, stop, found)
+        loops.empty_balls(x, n, *stretch, SAME_SHEET, start, stop, found)
 
     run_blocks(task, len(cells.number), CELLS_A_BLOCK)
     radius[cells.order] = np.minimum(radius[cells.order], found)

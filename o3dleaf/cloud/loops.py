@@ -108,22 +108,18 @@ def cell_keys(points, low, size, shape):
 
 
 @njit(nogil=True, cache=True)
-def empty_balls(points, normals, asked, first, last, cells, witnesses, shape, turn, start, stop, radius):
+def empty_balls(points, normals, first, last, cells, witnesses, shape, turn, start, stop, radius):
     """Write the radii (n, 2: outward, inward) of the largest balls that touch each point along its normal, empty.
 
     A ball of radius r touches x_i along n_i and passes through x_j where r = |e|² / (2 |e · n_i|), e = x_j - x_i.
     Points whose normals have n_i . n_j > `turn` belong to the same sheet and are passed over. `points` and `normals`
-    are sorted by cell; cell `cells[c]` holds rows `first[c]` to `last[c]`, of which `witnesses` are looked at. Of
-    points that are not `asked` (n,) for the radii are infinite.
+    are sorted by cell; cell `cells[c]` holds rows `first[c]` to `last[c]`, of which `witnesses` are looked at.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
     for c in range(start, stop):
         runs = beside(cells[c], cells, first, last, shape, witnesses, lows, highs)
         for i in range(first[c], last[c]):
             out, inner = np.inf, np.inf
-            if not asked[i]:
-                radius[i, 0], radius[i, 1] = out, inner
-                continue
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
             for run in range(runs):
                 for w in range(lows[run], highs[run]):

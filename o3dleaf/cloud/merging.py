@@ -31,7 +31,7 @@ def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged
     ----------
     points, normals : (n, 3) ndarray
     size : float
-        Edge of a voxel; voxels lie at the whole multiples of it.
+        Edge of a voxel; the voxels begin at the cloud's lower corner.
 
     Raises
     ------

@@ -115,6 +115,10 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     with log.stage("merge points"):
         merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
         near, median = surroundings(cloud, merged.points)
+        if len(merged.points) < len(cloud.points):
+            log.note(
+                f"noise is thicker than the spacing: {len(cloud.points):,} points make {len(merged.points):,} means"
+            )
         each, tree = local_spacing(merged.points, (near.distance, near.row)), near.tree
         del cloud, near  # sixteen neighbours of each point, the largest arrays of the job
         apart = float(np.median(each))

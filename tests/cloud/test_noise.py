@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from o3dleaf import InputError, estimate_noise, merge_points, samples
+from o3dleaf.cloud.merging import Merged, leave_out_tails
 from o3dleaf.cloud.spacing import cloud_spacing
 from tolerances import MERGED, NOISE_SHARE
 
@@ -83,3 +84,14 @@ def test_voxels_that_cannot_be_meant(size, why):
     points, normals = samples.Sphere().sample(100, seed=9)
     with pytest.raises(InputError, match=why):
         merge_points(1e6 * points, normals, size)
+
+
+def test_tails_go_and_thin_parts_stay():
+    """Single points beside means of twenty are left out; as single, among their like, they stay."""
+    rng = np.random.default_rng(10)
+    dense, thin = rng.uniform(size=(400, 3)) * [1, 1, 0], rng.uniform(size=(400, 3)) * [1, 1, 0] + [5, 0, 0]
+    astray = dense[:20] + [0, 0, 0.02]
+    points = np.vstack([dense, astray, thin])
+    weights = np.concatenate([np.full(400, 20.0), np.ones(20), np.ones(400)])
+    kept = leave_out_tails(Merged(points, np.tile([0.0, 0, 1], (820, 1)), weights))
+    np.testing.assert_array_equal(kept.points, np.vstack([dense, thin]))

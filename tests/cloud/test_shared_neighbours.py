@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cloud_shapes import block, slab, torus
-from o3dleaf.cloud import cloud_spacing, neighbours, off_surface_constraints
+from cloud_shapes import torus
+from o3dleaf.cloud import cloud_spacing, neighbours
 from o3dleaf.cloud.neighbours import nearest_neighbours
 from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import prepare_cloud
@@ -45,12 +45,3 @@ def test_neighbourhoods_handed_on_are_those_of_the_points():
         assert some.spacing == cloud_spacing(some.points).median
         assert estimate_noise(some.points, some.near.tree) == estimate_noise(some.points)
     assert (cloud.repeated, cloud.non_finite, cloud.stray) == (50, 1, 1)
-
-
-def test_constraints_among_some_are_some_of_all():
-    for points, normals in (block(3000), slab(3000)):
-        among = np.random.default_rng(1).random(len(points)) < 0.25
-        some = off_surface_constraints(points, normals, 0.3, among=among)
-        every = off_surface_constraints(points, normals, 0.3)
-        for one, other in zip(some, every, strict=True):
-            assert np.array_equal(one, other[among[every.base]])

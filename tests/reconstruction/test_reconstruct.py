@@ -209,6 +209,20 @@ def test_no_surface_is_an_error():
         assert "\n" not in str(caught.value)
 
 
+def test_constraints_of_every_second_point_and_where_sheets_are_close():
+    """Of a sphere half of the points have sites; of two sheets nearer than three times the distance, all."""
+    points, normals = samples.Sphere().sample(2_000, seed=6)
+    spacing = cloud_spacing(points).median
+    found = o3l.constrain(points, normals, spacing)
+    assert len(np.unique(found.base)) == 1_000
+    rng = np.random.default_rng(7)
+    side = np.repeat([-1.0, 1.0], 1_000)
+    sheets = np.column_stack([rng.uniform(size=(2_000, 2)), side * 0.01])
+    facing = np.column_stack([np.zeros((2_000, 2)), side])
+    close = o3l.constrain(sheets, facing, 0.03)
+    assert len(np.unique(close.base[close.values > 0])) > 1_900
+
+
 def test_the_step_of_the_mesh():
     """0.6 spacings of a small cloud, one of a large one, and 200,000 triangles between."""
     assert mesh_step(2.0, 5_000) == pytest.approx(1.2)
