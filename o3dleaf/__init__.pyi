@@ -38,6 +38,7 @@ from .mesh.isosurface import extract_isosurface as extract_isosurface
 from .mesh.band import extract_band as extract_band
 from .mesh.near import local_spacing as local_spacing
 from .mesh.near import near_data as near_data
+from .mesh.footing import turned_over as turned_over
 from .mesh.trim import trim_to_support as trim_to_support
 from .mesh.support import support as support
 from .mesh.support import Support as Support

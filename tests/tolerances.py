@@ -209,6 +209,9 @@ ASKED_PER_CELL = 2.2
 """Points that a band asks for, a crossed cell: two layers of corners; found 2.0 on a sphere.
 Sampling the neighbours of every crossed cell makes 4."""
 
+FLAP = 2.0
+"""Spacings about its outermost data that a rim may be: RIM_OF_DATA's 0.75, and two mesh steps of 0.6; found 1.6."""
+
 RIM_OF_DATA = (0.4, 0.75)
 """Spacings between a trimmed sheet's rim and the edge of its random points, mean of the size and outermost: found 0.25
 and 0.62; the ball's own circle, without the way back, ends 2.5 further out."""

@@ -27,11 +27,12 @@ BATCH = 1 << 18
 
 
 class Data(NamedTuple):
-    """The points (n, 3) that a surface was made from, their spacings (n,), and their tree."""
+    """The points (n, 3) that a surface was made from, their spacings (n,), their tree, and their normals if known."""
 
     points: FloatArray
     steps: FloatArray
     tree: cKDTree
+    normals: FloatArray | None = None
 
 
 def near_data(

@@ -1,40 +1,9 @@
-"""The compiled loops of support: distances to data, along a mesh and to a front, and sums over the data nearby."""
+"""The compiled loops of support: distances to a front along a mesh, and sums over the data nearby."""
 
 import math
 
 import numpy as np
 from numba import njit
-
-
-@njit(nogil=True, cache=True)
-def least_distances(start, stop, vertices, normals, points, spacing, nearest, noise, least):
-    """Write how far each vertex is from the nearest of some points, in the points' own spacings.
-
-    Of the distance along the vertex's normal, `noise` does not count.
-
-    Parameters
-    ----------
-    vertices, normals : (n, 3) ndarrays
-    points : (m, 3) ndarray
-    spacing : (m,) ndarray
-    nearest : (n, k) ndarray of int64
-        The points to choose from.
-    noise : float
-    least : (n,) ndarray
-        Filled at start:stop.
-    """
-    for n in range(start, stop):
-        best = np.inf
-        for j in nearest[n]:
-            square, along = 0.0, 0.0
-            for axis in range(3):
-                offset = points[j, axis] - vertices[n, axis]
-                square += offset * offset
-                along += offset * normals[n, axis]
-            counted = max(abs(along) - noise, 0.0)
-            far = math.sqrt(max(square - along * along, 0.0) + counted * counted) / spacing[j]
-            best = min(best, far)
-        least[n] = best
 
 
 @njit(nogil=True, cache=True)

@@ -5,10 +5,9 @@ import numpy.typing as npt
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from o3dleaf.checks import FloatArray, as_number, require_positive
+from o3dleaf.checks import FloatArray, as_normals, as_number, require_positive
 from o3dleaf.errors import InputError, ReconstructionError
 from o3dleaf.geometry import CloudLike, points_of
-from o3dleaf.mesh.adjacency import list_ends
 from o3dleaf.mesh.arrays import (
     BoolArray,
     IntArray,
@@ -19,10 +18,11 @@ from o3dleaf.mesh.arrays import (
     triangle_areas,
 )
 from o3dleaf.mesh.deviation import distance_to_mesh
-from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of, surely_near
-from o3dleaf.mesh.support_loops import find_front, least_distances, spread_front
-from o3dleaf.mesh.topology import EdgeTable, label_nodes, label_triangles
-from o3dleaf.parallel import Progress, run_blocks
+from o3dleaf.mesh.footing import Surface, Surroundings, distance_along, vertex_normals
+from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of
+from o3dleaf.mesh.support_loops import find_front, spread_front
+from o3dleaf.mesh.topology import label_nodes, label_triangles
+from o3dleaf.parallel import Progress
 
 FACTOR = 3.0
 """Radius of the largest empty circle that is closed, in spacings: of five million random points, one in ten thousand
@@ -30,9 +30,6 @@ clouds holds a larger one, N π r² exp(−π r²) of them."""
 
 MARGIN = 0.5
 """How far the surface goes on past its outermost data, in spacings: the mean distance of an edge from random points."""
-
-CHOICE = 16
-"""Nearest points among which the one is sought that is nearest but for noise."""
 
 NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
@@ -49,8 +46,6 @@ LEAST_DENSITY = 0.25
 LEAST_POINTS = 24
 """A piece also goes if fewer points are nearest to it: so few are strays, no surface."""
 
-BLOCK = 1 << 14
-
 
 def trim_to_support(
     mesh: MeshLike,
@@ -60,6 +55,7 @@ def trim_to_support(
     factor: float = FACTOR,
     margin: float = MARGIN,
     noise: float | None = None,
+    normals: npt.ArrayLike | None = None,
     tree: cKDTree | None = None,
     progress: Progress | None = None,
 ) -> o3d.geometry.TriangleMesh:
@@ -69,6 +65,9 @@ def trim_to_support(
     there is a hole or an end of the data, and what comes within `factor` − `margin` of its centres, along the mesh,
     goes. The rim is then `margin` spacings past the outermost points, as smooth as the ball's path, and no gap
     narrower than the ball makes a hole: a closing of the data, or an α-shape of the surface, with α = `factor`.
+    Farther than a spacing from the data it is the way along the mesh that counts, and where normals are given, data
+    that face the other way hold nothing: a flap that curls back over the data goes, and so does what runs beside the
+    data of another sheet.
 
     Triangles are cut along the rim, which runs in straight lines between their edges; vertices that stay do not
     move. Of several pieces those go to which fewer than 24 points are nearest, or less than a quarter of
@@ -88,6 +87,8 @@ def trim_to_support(
         Distance of the rim from the outermost data in spacings, below `factor`.
     noise : float, optional
         Distance along the normal that does not count; left out, three standard deviations of the data off the mesh.
+    normals : (n, 3) array_like, optional
+        Outward normals of the points.
     tree : scipy.spatial.cKDTree, optional
         Of the points, where there is one.
     progress : callable, optional
@@ -114,7 +115,8 @@ def trim_to_support(
     if not 0 <= as_number(margin, "margin") < require_positive(factor, "factor"):
         raise InputError(f"margin: is {margin:g}; give 0 or more, and less than the factor, {factor:g}")
     tree = cKDTree(data) if tree is None else tree
-    cloud = Data(data, spacings_of(data, spacing, tree), tree)
+    facing = None if normals is None else as_normals(normals, data)
+    cloud = Data(data, spacings_of(data, spacing, tree), tree, facing)
     allowed = None if noise is None else as_number(noise, "noise")
     vertices, triangles = _cut_off(vertices, triangles, cloud, (factor, factor - margin), allowed, progress)
     vertices, triangles = _drop_unsupported(vertices, triangles, data, cloud.steps)
@@ -131,26 +133,14 @@ def _cut_off(
 ) -> tuple[FloatArray, IntArray]:
     """Return the mesh without what comes within `reach[1]` spacings of a ball's centre, its radius `reach[0]`."""
     factor = reach[0]
-    open_ = np.flatnonzero(~surely_near(data.points, factor * float(data.steps.min()))(vertices))
-    far, nearest = nearest_of(data.tree, vertices[open_], progress)
-    if not (far > factor * data.steps[nearest]).any():
-        return vertices, triangles
     far, nearest = nearest_of(data.tree, vertices, progress)
-    ratio, local = far / data.steps[nearest], data.steps[nearest]
-    mesh_normals = _normals(vertices, triangles)
-    allowed = _measure_noise(vertices, triangles, data.points) if noise is None else noise
-    doubtful = np.flatnonzero(ratio > factor / 2)
-    ratio[doubtful] = _refine(vertices[doubtful], mesh_normals[doubtful], data, allowed)
+    surface = Surface(vertices, triangles, vertex_normals(vertices, triangles), far, nearest)
+    ratio = distance_along(surface, data, noise or 0.0, 2 * factor)
+    if noise is None and ratio.max() > factor:
+        ratio = distance_along(surface, data, _measure_noise(vertices, triangles, data.points), 2 * factor)
     if not ratio.max() > factor:
         return vertices, triangles
-    return cut_below(vertices, triangles, _roll(vertices, triangles, ratio, local, *reach))
-
-
-def _normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Return the (n, 3) unit normals of the vertices."""
-    mesh = build_mesh(vertices, triangles)
-    mesh.compute_vertex_normals()
-    return np.array(mesh.vertex_normals)
+    return cut_below(vertices, triangles, _roll(vertices, triangles, ratio, data.steps[nearest], *reach))
 
 
 def _measure_noise(vertices: FloatArray, triangles: IntArray, data: FloatArray) -> float:
@@ -159,27 +149,15 @@ def _measure_noise(vertices: FloatArray, triangles: IntArray, data: FloatArray) 
     return float(NOISE * 1.4826 * np.median(distance_to_mesh(vertices, triangles, some)))
 
 
-def _refine(vertices: FloatArray, normals: FloatArray, data: Data, noise: float) -> FloatArray:
-    """Return the distances in spacings from the data without the noise along the normals."""
-    near = data.tree.query(vertices, min(CHOICE, len(data.points)), workers=-1)[1].reshape(len(vertices), -1)
-    least, of = np.empty(len(vertices)), (data.points, data.steps, near)
-    run_blocks(lambda i, j: least_distances(i, j, vertices, normals, *of, noise, least), len(least), BLOCK)
-    return least
-
-
 def _roll(
     vertices: FloatArray, triangles: IntArray, ratio: FloatArray, local: FloatArray, factor: float, reach: float
 ) -> FloatArray:
     """Return (n,) how far each vertex is beyond what the ball takes away, in spacings; below 0 it goes."""
     front, of_triangle = np.empty((len(triangles), 2, 3)), np.empty(len(triangles), dtype=np.int64)
     lines = find_front(triangles, vertices, ratio, factor, front, of_triangle)
-    ends = EdgeTable.of(triangles).ends.astype(np.int64)
-    begin, at_vertex = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(ends.size, dtype=np.int64)
-    list_ends(ends, begin, at_vertex)
-    owner = np.repeat(np.arange(len(vertices)), np.diff(begin))
-    around = ends[at_vertex].sum(axis=1) - owner
+    found = front[:lines], of_triangle[:lines]
     distance = np.full(len(vertices), np.inf)
-    spread_front(vertices, triangles, front[:lines], of_triangle[:lines], begin, around, reach * local, distance)
+    spread_front(vertices, triangles, *found, *Surroundings.of(triangles, len(vertices)), reach * local, distance)
     # Vertices farther than the ball was asked to look are all alike.
     signed = np.minimum(distance / local, 2 * factor)
     return np.where(ratio > factor, -signed, signed) - reach

@@ -16,6 +16,7 @@ from o3dleaf.errors import CloudWarning
 from o3dleaf.geometry import CloudLike
 from o3dleaf.journal import Journal
 from o3dleaf.mesh.band import extract_band
+from o3dleaf.mesh.footing import turned_over
 from o3dleaf.mesh.near import local_spacing, near_data
 from o3dleaf.mesh.support import Support, attach_support, support, support_colours
 from o3dleaf.mesh.trim import trim_to_support
@@ -34,6 +35,9 @@ PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
 MARGIN = 4.0
 """Spacings that the surface is followed beyond its data, one more than the widest gap that is closed."""
+
+TURNED = 1e-3
+"""Share of the surface that may face away from its data without a word: what noise does to single vertices."""
 
 
 def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each of which can be replaced
@@ -111,7 +115,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     with log.stage("prepare cloud") as progress:
         cloud = prepare_cloud(pcd, progress=progress) if prepare is prepare_cloud else prepare(pcd)
     for line in decisions(cloud):
-        log.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=2)
+        _tell(line, journal)
     with log.stage("merge points"):
         merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
         near, median = surroundings(cloud, merged.points)
@@ -147,9 +151,16 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             progress=progress,
         )
     with log.stage("trim to data") as progress:
-        # Our own steps share the tree.
-        ours = {"tree": tree, "progress": progress} if trim is trim_to_support else {}
+        # Our own step shares what is known of the cloud.
+        ours = {"normals": merged.normals, "tree": tree, "progress": progress} if trim is trim_to_support else {}
         mesh = trim(mesh, merged.points, each, **ours) if trim else mesh
+        turned = turned_over(mesh, merged.points, merged.normals, tree)
+    if turned.mean() > TURNED:
+        _tell(
+            f"{100 * turned.mean():.2g} % of the surface faces away from all data near it: it joins sheets that face "
+            "the same way and lie close together, such as two scans of one sheet that do not fit",
+            journal,
+        )
     with log.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     if measure is None:
@@ -157,6 +168,11 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     with log.stage("measure support") as progress:
         found = support(mesh, merged.points, field, spacing=apart, tree=tree, progress=progress)
         return coloured(mesh, found, measure, tensor=hasattr(pcd, "point")), field
+
+
+def _tell(line: str, journal: Journal | None) -> None:
+    """Note a decision in the journal or, without one, warn of it at the line that called the job."""
+    journal.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=3)
 
 
 def surroundings(cloud: OrientedCloud, points: FloatArray) -> tuple[Neighbourhoods, float]:

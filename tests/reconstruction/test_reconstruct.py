@@ -223,6 +223,20 @@ def test_constraints_of_every_second_point_and_where_sheets_are_close():
     assert len(np.unique(close.base[close.values > 0])) > 1_900
 
 
+def test_sheets_that_face_the_same_way_are_not_joined_without_a_word():
+    """Of two scans of one sheet, four spacings apart, the surface that ran back between them goes, with a word."""
+    rng = np.random.default_rng(8)
+    xy = rng.uniform([0, 0], [1, 2], size=(2, 800, 2)) + [[[0.0, 0]], [[0.5, 0]]]
+    points = np.concatenate([np.column_stack([part, np.full(800, z)]) for part, z in zip(xy, (0, 0.2), strict=True)])
+    with pytest.warns(CloudWarning, match="faces away from all data"):
+        mesh, _ = create_from_point_cloud_rbfpu(legacy(points, np.tile([0.0, 0, 1], (1600, 1))), measure=None)
+    x, y, z = np.asarray(mesh.vertices).T
+    amid = (x > 0.65) & (x < 0.85) & (np.abs(y - 1) < 0.8)
+    assert ((np.abs(z) < 0.03) | (np.abs(z - 0.2) < 0.03))[amid].all()
+    assert (z[amid] < 0.1).any()
+    assert (z[amid] > 0.1).any()
+
+
 def test_the_step_of_the_mesh():
     """0.6 spacings of a small cloud, one of a large one, and 200,000 triangles between."""
     assert mesh_step(2.0, 5_000) == pytest.approx(1.2)
