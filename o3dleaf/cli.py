@@ -195,14 +195,14 @@ def reconstruct(
     quiet: Quiet = False,
 ) -> None:
     """Make a surface of any point cloud: open where the data are open, closed where they are closed."""
-    from o3dleaf.cloud_run import CloudRun
+    from o3dleaf.cloud_run import CloudRun, in_a_line
 
     set_num_threads_if(threads)
     job = CloudRun(cloud, output, spacing, number_or_word(rho), local, not keep_all, measure, unit, model, picture)
     with shown(quiet=quiet) as journal:
         found = job.run(journal)
     if not quiet:
-        typer.echo(found)
+        typer.echo(f"{output}: {in_a_line(found)}")
 
 
 @app.command()

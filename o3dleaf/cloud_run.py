@@ -94,3 +94,22 @@ class CloudRun:
     @property
     def _in_unit(self) -> str:
         return f" / {self.unit}" if self.unit and self.measure != "weight" else ""
+
+
+def in_a_line(found: MeshReport) -> str:
+    """Return what a surface is, in one line for a terminal."""
+    square = f" {found.unit}²" if found.unit else ""
+    parts = (
+        f"{found.triangles:,} triangles",
+        _counted(found.components, "piece"),
+        _counted(found.boundary_loops, "rim") if found.boundary_loops else "closed",
+        "genus unknown" if found.genus is None else f"genus {found.genus}",
+        "manifold" if found.manifold else "not manifold",
+        f"crosses itself {_counted(found.self_intersections, 'time')}" if found.self_intersections else "no crossings",
+        f"area {found.area:,.5g}{square}",
+    )
+    return ", ".join(parts)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count:,} {what}" + "s" * (count != 1)

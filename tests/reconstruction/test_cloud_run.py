@@ -27,6 +27,7 @@ def test_all_that_a_run_writes(run, scan, tmp_path):
     done = run("reconstruct", scan, "-o", mesh, *options)
     assert done.returncode == 0, done.stderr
     assert "1 not finite" in done.stderr
+    assert "1 piece, closed, genus 1, manifold, no crossings, area" in done.stdout
     written = o3d.t.io.read_point_cloud(str(mesh))
     assert {"distance", "weight", "residual", "colors"} <= set(dict(written.point.items()))
     field = o3l.load(model)
