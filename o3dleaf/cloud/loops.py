@@ -241,3 +241,35 @@ def smooth_normals(points, normals, rows, noise, start, stop, smoothed):
         least = diagonalise(matrix, axes, values)
         for a in range(3):
             smoothed[i, a] = axes[a, least]
+
+
+@njit(nogil=True, cache=True)
+def find_lone(normals, rows, least):
+    """Return the points whose normals face against most of their neighbours', in patches of fewer than `least`.
+
+    A patch is what can be reached from neighbour to neighbour whose normals face each other's way.
+    """
+    count, edges = rows.shape
+    against = np.zeros(count, np.bool_)
+    for i in range(count):
+        opposed = 0
+        for m in range(1, edges):
+            opposed += _facing(normals, i, rows[i, m]) < 0.0
+        against[i] = 2 * opposed > edges - 1
+    lone, patch = np.zeros(count, np.bool_), np.empty(least, np.int64)
+    for i in np.flatnonzero(against):
+        patch[0], size, at = i, 1, 0
+        while at < size < least:
+            for m in range(1, edges):
+                j = rows[patch[at], m]
+                if _facing(normals, patch[at], j) >= 0.0 and size < least and not (patch[:size] == j).any():
+                    patch[size] = j
+                    size += 1
+            at += 1
+        lone[i] = size < least
+    return np.flatnonzero(lone)
+
+
+@njit(nogil=True, inline="always")
+def _facing(normals, i, j):
+    return normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]

@@ -13,12 +13,17 @@ SURE = 0.7
 MAJORITY = 0.8
 """Share of at least `QUORUM` votes against a normal from which on it is turned round."""
 QUORUM = 6
+LONE = 8
+"""Normals that face one another's way and against all around them, from which on they may be a sheet."""
 ROUNDS = 5
 """Turning one normal may decide the next; five rounds settle patches of a few points and cannot eat into a sheet."""
 
 
 def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) -> tuple[FloatArray, int, float]:
-    """Turn normals round that their neighbours contradict, round after round.
+    """Turn normals round that their neighbours contradict, round after round, then what faces against all around it.
+
+    Votes are mirrored between points, so that the two sides of a thin sheet do not contradict one another. A point that
+    noise has lifted off its sheet looks like such a side; but fewer than eight of them are none.
 
     Parameters
     ----------
@@ -42,6 +47,10 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
         if not wrong.any():
             break
         sign[wrong] *= -1
+        against = _votes(points, sign[:, np.newaxis] * normals, rows)
+    lone = loops.find_lone(sign[:, np.newaxis] * normals, rows, LONE)
+    if len(lone):
+        sign[lone] *= -1
         against = _votes(points, sign[:, np.newaxis] * normals, rows)
     return sign[:, np.newaxis] * normals, int(np.sum(sign < 0)), _share_against(against)
 

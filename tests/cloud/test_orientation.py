@@ -5,6 +5,8 @@ import pytest
 from cloud_shapes import block, slab, sphere, torus
 from o3dleaf.cloud import estimate_normals, orient_normals, prepare_cloud
 from o3dleaf.cloud.enclosure import enclosing_signs
+from o3dleaf.cloud.neighbours import nearest_neighbours
+from o3dleaf.cloud.normals import repair_normals
 from o3dleaf.errors import InputError, OrientationError
 from o3dleaf.parallel import get_num_threads, set_num_threads
 from tolerances import ALMOST_ALL, GROUPS_ANGLE, ON_SURFACE
@@ -183,7 +185,11 @@ def test_the_normals_of_real_figures_are_recovered(real_scan, name):
 def test_real_leaves_are_open_sheets(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"{name}.ply"))
     cloud.normals = o3d.utility.Vector3dVector()
-    assert "open sheet" in prepare_cloud(cloud).notes[0]
+    found = prepare_cloud(cloud)
+    assert "open sheet" in found.notes[0]
+    # Neighbours seen from each point: none is alone on its side.
+    facing = np.einsum("ia,ika->ik", found.normals, found.normals[found.near.row[:, 1:]])
+    assert (facing > 0).any(axis=1).all()
 
 
 def test_the_two_walls_of_a_thin_shell_face_out_of_it_and_into_its_cavity():
@@ -201,3 +207,16 @@ def test_noise_on_a_thin_sheet_is_averaged_on_each_of_its_sides():
     assert right(cloud.normals, normals) > 0.99
     angle = np.degrees(np.arccos(np.median(np.einsum("ij,ij->i", cloud.normals, normals))))
     assert angle < GROUPS_ANGLE
+
+
+@pytest.mark.parametrize(("side", "turned"), [(2, True), (3, False)])
+def test_points_lifted_off_a_sheet_are_no_sheet_but_a_patch_is(side, turned):
+    """Four points above a sheet that face down to it are noise; nine may be a sheet, and keep their side."""
+    ticks = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), axis=-1).reshape(-1, 3)
+    patch = np.stack(np.meshgrid(np.arange(side), np.arange(side), [0.8]), axis=-1).reshape(-1, 3) + [8.5, 8.5, 0]
+    points = np.vstack([ticks, patch])
+    normals = np.tile([0.0, 0, 1], (len(points), 1))
+    normals[400:, 2] = -1
+    found = repair_normals(points, normals, nearest_neighbours(points).row)[0]
+    assert (found[:400, 2] == 1).all()
+    assert (found[400:, 2] == (1 if turned else -1)).all()
