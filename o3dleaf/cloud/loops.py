@@ -254,11 +254,13 @@ def find_lone(normals, rows, least):
     for i in range(count):
         opposed = 0
         for m in range(1, edges):
-            opposed += _facing(normals, i, rows[i, m]) < 0.0
+            if _facing(normals, i, rows[i, m]) < 0.0:
+                opposed += 1
         against[i] = 2 * opposed > edges - 1
     lone, patch = np.zeros(count, np.bool_), np.empty(least, np.int64)
-    for i in np.flatnonzero(against):
-        patch[0], size, at = i, 1, 0
+    for centre in np.flatnonzero(against):
+        patch[0] = centre
+        size, at = 1, 0
         while at < size < least:
             for m in range(1, edges):
                 j = rows[patch[at], m]
@@ -266,7 +268,7 @@ def find_lone(normals, rows, least):
                     patch[size] = j
                     size += 1
             at += 1
-        lone[i] = size < least
+        lone[centre] = size < least
     return np.flatnonzero(lone)
 
 
