@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import IllPosedError
 from o3dleaf.rbf import columns, solve
