@@ -5,8 +5,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
@@ -16,87 +14,13 @@ from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalSplines, blend_balls
 from o3dleaf.pu.loops import CreasedBalls
+from o3dleaf.pu.sheets import Belonging, BoolArray, Cloud, Pieces, Splits, Surface, ball_arrays, find_splits, replace
 from o3dleaf.rbf.kernels import Polyharmonic
 from o3dleaf.rbf.smoothing import Smoothing
 from o3dleaf.rbf.tail import IntArray, tail_exponents
 
-BoolArray = npt.NDArray[np.bool_]
-Sheets = tuple[IntArray, BoolArray, FloatArray, FloatArray]
-"""What `find_sheets` returns: sheet of each point, whether it lies on it, distances and normals by sheet."""
-
-ANGLE = 30.0
-"""Degrees by which normals turn across what "auto" calls a crease."""
-
-NEIGHBOURS = 8
-"""Neighbours that a calm point agrees with; as many join it to its sheet."""
-
-BEYOND = 1.5
-"""Radius, in that of a ball's farthest point, of what its sheets are looked for in: they come in from outside."""
-
-LEAST_POINTS = 40
-"""Points that a sheet is fitted to, from beyond the ball where it holds fewer."""
-
-LEAST_SITES = 4
-"""Constraints off the surface that a sheet needs: with fewer, its inside is not told from its outside."""
-
-ROUNDS = 3
-"""Times that normals are averaged over neighbours that agree: noise goes, creases stay."""
-
-BLOCK = 1 << 12
-
-AT_ONCE = 32
-"""Balls whose sheets are found in one compiled call."""
-
-LOST = 0.03
-"""Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was not found."""
-
-
-class Surface(NamedTuple):
-    """What creases are found from.
-
-    Attributes
-    ----------
-    rows : (m,) int64 ndarray
-        Rows of the constraints that are measured points.
-    normals : (m, 3) ndarray
-        Outward unit normals there.
-    angle : float
-        Degrees.
-    """
-
-    rows: IntArray
-    normals: FloatArray
-    angle: float
-
-    @property
-    def half(self) -> float:
-        """The cosine of half the angle."""
-        return float(np.cos(np.radians(self.angle / 2)))
-
-
-class Pieces(NamedTuple):
-    """The sheets of balls, end to end.
-
-    Attributes
-    ----------
-    cover : Cover
-        A ball for each sheet, where that of the sheet is.
-    first : (M + 1,) int64 ndarray
-        Ball i has the sheets ``first[i]:first[i + 1]``.
-    joins : (P,) int64 ndarray
-        How a sheet is joined to those before it: −1, minimum (convex); 1, maximum (concave); 0, the first of a ball.
-    """
-
-    cover: Cover
-    first: IntArray
-    joins: IntArray
-
-
-class Split(NamedTuple):
-    """The sheets of one ball: the rows of the constraints of each, in order, and how each is joined to those before."""
-
-    members: list[IntArray]
-    joins: IntArray
+AT_ONCE = 4
+"""Balls that are judged in one compiled call."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,29 +68,6 @@ class _Data(NamedTuple):
     calm: BoolArray
 
 
-class _Cloud(NamedTuple):
-    """The measured points, their normals averaged over neighbours that agree, the neighbours, and who is calm."""
-
-    rows: IntArray
-    points: FloatArray
-    normals: FloatArray
-    near: IntArray
-    calm: BoolArray
-    half: float
-    tree: cKDTree
-
-    @classmethod
-    def of(cls, surface: Surface, points: FloatArray) -> "_Cloud":
-        x, normals = points[surface.rows], surface.normals
-        tree = cKDTree(x)
-        near = tree.query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
-        calm = np.empty(len(x), dtype=bool)
-        for _ in range(ROUNDS):
-            normals = crease_loops.average_alike(normals, near, surface.half)
-        run_blocks(lambda i, j: crease_loops.find_calm(i, j, normals, near, surface.half, calm), len(x), BLOCK)
-        return cls(surface.rows, x, normals, near, calm, surface.half, tree)
-
-
 def fit_creased(
     cover: Cover,
     points: FloatArray,
@@ -181,13 +82,14 @@ def fit_creased(
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
-    cloud = _Cloud.of(surface, points)
-    pieces = _find_pieces(cover, cloud, _Belonging.of(surface.rows, owners, values), owners)
-    if pieces is not None:
+    cloud = Cloud.of(surface, points)
+    splits = find_splits(cover, cloud, Belonging.of(surface.rows, owners, values))
+    pieces = None
+    if len(splits.balls):
         calm = np.zeros(len(points), dtype=bool)
         calm[surface.rows] = cloud.calm
         data = _Data(points, values, np.ones(len(points)) if trust is None else trust, owners, calm)
-        pieces, smoothing = _keep_better(cover, data, pieces, kernel, degree, smoothing)
+        pieces, smoothing = _keep_better(cover, data, splits, kernel, degree, smoothing)
     fit = partial(LocalSplines.fit, points=points, values=values, kernel=kernel, degree=degree, smoothing=smoothing)
     if pieces is None:
         return fit(cover, trust=trust, owners=owners, progress=progress)
@@ -203,131 +105,15 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
     return np.repeat(np.where(counts > 1, least, most), counts)
 
 
-def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray) -> Pieces | None:
-    """Return the cover with each ball split that holds several sheets, or None if none does."""
-    asked = _suspects(cover, cloud, owners)
-    found: dict[int, Split] = {}
-
-    def task(start: int, stop: int) -> None:
-        helds, arounds = [], []
-        for ball in asked[start:stop]:
-            members = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]]
-            inside = np.unique(belonging.surface_of[owners[members]])
-            helds.append(inside[inside >= 0])
-            arounds.append(_around(helds[-1], cover.centres[ball], cover.radii[ball], cloud))
-        first = np.concatenate([[0], np.cumsum([len(rows) for rows in arounds])])
-        sheets = crease_loops.find_sheets_of(
-            first, np.concatenate(arounds), cloud.points, cloud.normals, cloud.near, cloud.calm, cloud.half
-        )
-        for ball, held, rows, found_there in zip(asked[start:stop], helds, arounds, sheets, strict=True):
-            split = _split(held, rows, found_there, cover.centres[ball], cloud, belonging)
-            if split is not None:
-                found[int(ball)] = split
-
-    run_blocks(task, len(asked), AT_ONCE)
-    return _replace(cover, found) if found else None
-
-
-def _suspects(cover: Cover, cloud: _Cloud, owners: IntArray) -> IntArray:
-    """Return the balls that hold constraints of points which are not calm; not those that only borrow theirs."""
-    rough = np.zeros(len(owners))
-    rough[cloud.rows] = ~cloud.calm
-    hold = cloud.tree.query_ball_point(cover.centres, cover.radii, workers=-1, return_length=True) > 0
-    return np.flatnonzero(hold & (np.add.reduceat(rough[owners[cover.members]], cover.offsets[:-1]) > 0))
-
-
-class _Belonging(NamedTuple):
-    """Which constraints belong to which measured point: `rows[first[p]:first[p + 1]]` to point p."""
-
-    surface_of: IntArray
-    first: IntArray
-    rows: IntArray
-    off: BoolArray
-
-    @classmethod
-    def of(cls, surface: IntArray, owners: IntArray, values: FloatArray) -> "_Belonging":
-        surface_of = np.full(len(owners), -1, dtype=np.int64)
-        surface_of[surface] = np.arange(len(surface))
-        number = surface_of[owners]
-        rows = np.argsort(number, kind="stable")
-        first = np.searchsorted(number[rows], np.arange(len(surface) + 1))
-        return cls(surface_of, first, rows, values != 0)
-
-    def constraints(self, chosen: IntArray, trusted: BoolArray) -> IntArray:
-        """Return the rising rows of all constraints of measured points, those off the surface of trusted ones alone."""
-        counts = self.first[chosen + 1] - self.first[chosen]
-        at = np.repeat(self.first[chosen] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-        rows = self.rows[at]
-        return np.sort(rows[~self.off[rows] | np.repeat(trusted, counts)])
-
-
-def _around(held: IntArray, centre: FloatArray, radius: float, cloud: _Cloud) -> IntArray:
-    """Return the rising rows of the measured points in a ball, a little larger than what holds the points `held`."""
-    if not len(held):
-        return held
-    reach = BEYOND * max(radius, np.linalg.norm(cloud.points[held] - centre, axis=1).max())
-    return np.sort(np.array(cloud.tree.query_ball_point(centre, reach), dtype=np.int64))
-
-
-def _split(
-    held: IntArray, rows: IntArray, found: Sheets, centre: FloatArray, cloud: _Cloud, belonging: _Belonging
-) -> Split | None:
-    """Return the sheets of a ball that holds constraints of the measured points `held`; None for one sheet.
-
-    `found` is what `find_sheets` says of the points `rows` around it.
-    """
-    if not len(held):
-        return None
-    labels, lying, away, outward = found
-    inside = np.isin(rows, held)
-    sheets = np.unique(labels[inside])
-    if len(sheets) < 2 or sheets[0] < 0 or np.count_nonzero(inside & ~lying) > LOST * np.count_nonzero(inside):
-        return None
-    agreeing = np.einsum("ia,ia->i", outward[labels, np.arange(len(rows))], cloud.normals[rows])
-    joins = np.empty(len(sheets), dtype=np.int64)
-    if crease_loops.order_sheets(labels, away, sheets, joins) > crease_loops.MIXED:
-        return None
-    far = np.linalg.norm(cloud.points[rows] - centre, axis=1)
-    parts = []
-    for sheet in sheets:
-        own = np.flatnonzero(labels == sheet)
-        order = own[np.lexsort((far[own], ~inside[own]))]
-        chosen = order[: max(LEAST_POINTS, np.count_nonzero(inside[own]))]
-        part = belonging.constraints(rows[chosen], agreeing[chosen] >= cloud.half)
-        if np.count_nonzero(belonging.off[part]) < LEAST_SITES:
-            return None
-        parts.append(part)
-    return Split(parts, joins)
-
-
-def _replace(cover: Cover, found: dict[int, Split]) -> Pieces:
-    """Return the cover with some of its balls replaced by their sheets."""
-    counts = np.ones(len(cover.radii), dtype=np.int64)
-    for ball, (parts, _) in found.items():
-        counts[ball] = len(parts)
-    first = np.concatenate([[0], np.cumsum(counts)])
-    ball_of = np.repeat(np.arange(len(counts)), counts)
-    members, joins = [], np.zeros(first[-1], dtype=np.int64)
-    for ball in range(len(counts)):
-        if ball in found:
-            members += found[ball][0]
-            joins[first[ball] : first[ball + 1]] = found[ball][1]
-        else:
-            members.append(cover.members[cover.offsets[ball] : cover.offsets[ball + 1]])
-    offsets = np.concatenate([[0], np.cumsum([len(part) for part in members])])
-    over = Cover(cover.centres[ball_of], cover.radii[ball_of], cover.bounds, offsets, np.concatenate(members))
-    return Pieces(over, first, joins)
-
-
 def _keep_better(
-    cover: Cover, data: _Data, pieces: Pieces, kernel: Polyharmonic, degree: int, rule: Smoothing
+    cover: Cover, data: _Data, splits: Splits, kernel: Polyharmonic, degree: int, rule: Smoothing
 ) -> tuple[Pieces | None, Smoothing]:
     """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
     points, values, trust, owners, _ = data
-    exponents, terms = tail_exponents(3, degree), _terms(pieces, kernel, degree)
+    pieces, exponents = replace(cover, splits), tail_exponents(3, degree)
+    terms = _terms(pieces, kernel, degree)
     tail = (exponents, int(terms.min()))
-    balls = np.flatnonzero(np.diff(pieces.first) > 1)
-    better = np.zeros(len(balls), dtype=bool)
+    better = np.zeros(len(splits.balls), dtype=bool)
     with single_threaded_blas():
         chosen, amounts = choose_amounts(
             pieces.cover,
@@ -342,26 +128,13 @@ def _keep_better(
         )
         own = None if amounts is None else amounts[pieces.first[:-1]]
         diagonals = (chosen.diagonals(cover.counts, own), chosen.diagonals(pieces.cover.counts, amounts))
-        whole, split = (_arrays(over) for over in (cover, pieces.cover))
+        whole, split = ball_arrays(cover), (ball_arrays(pieces.cover), pieces.joins)
+        judged = data, whole, split, tail, kernel.power, diagonals
 
         def task(start: int, stop: int) -> None:
-            for at in range(start, stop):
-                ball = balls[at]
-                parts = ((pieces.first[ball], pieces.first[ball + 1]), split, pieces.joins)
-                better[at] = crease_loops.judge(ball, data, whole, parts, tail, kernel.power, diagonals)
+            crease_loops.judge_balls(start, stop, splits.balls, pieces.first, *judged, better)
 
-        run_blocks(task, len(balls), 1)
+        run_blocks(task, len(better), AT_ONCE)
     if not better.any():
         return None, rule
-    kept = {}
-    for ball in balls[better]:
-        first, last = pieces.first[ball], pieces.first[ball + 1]
-        kept[int(ball)] = Split(
-            [pieces.cover.members[slice(*pieces.cover.offsets[p : p + 2])] for p in range(first, last)],
-            pieces.joins[first:last],
-        )
-    return _replace(cover, kept), chosen if better.all() else rule
-
-
-def _arrays(cover: Cover) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
-    return cover.centres, cover.radii, cover.offsets, cover.members
+    return replace(cover, splits.only(better)), chosen if better.all() else rule

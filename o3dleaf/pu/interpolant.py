@@ -30,10 +30,11 @@ from o3dleaf.parallel import Progress
 from o3dleaf.pu.appraisal import Appraisal, appraise_balls
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
-from o3dleaf.pu.creases import ANGLE, Surface, fit_creased
+from o3dleaf.pu.creases import fit_creased
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.pu.local import LocalFields, LocalFits, LocalSplines
 from o3dleaf.pu.oriented import OrientedFitter
+from o3dleaf.pu.sheets import ANGLE, Surface
 from o3dleaf.pu.trial import as_fitter
 from o3dleaf.pu.voxels import VoxelCover, VoxelValues, fit_splines
 from o3dleaf.rbf.kernels import Polyharmonic, as_degree, as_kernel

@@ -26,6 +26,9 @@ from o3dleaf.rbf.tail import IntArray, tail_exponents
 
 BLEND_BLOCK = 4096
 
+AT_ONCE = 4
+"""Balls that are fitted in one compiled call: between calls threads wait for one another."""
+
 
 class LocalFits(Protocol):
     """The local fits of a cover: all that the partition of unity needs to know of them."""
@@ -115,7 +118,7 @@ class LocalSplines:
             def task(start: int, stop: int) -> None:
                 loops.fit_balls(start, stop, points, values, weights, balls, tail, kernel.power, diagonal, *filled)
 
-            run_blocks(task, count, 1, progress if amounts is None else None)
+            run_blocks(task, count, AT_ONCE, progress if amounts is None else None)
         kept = None if trust is None else trust[cover.members]
         places = points.shape[1] * cover.offsets[:-1]
         return cls(kernel, rule, cover.offsets, places, *model, exponents, ranks, dropped, amounts, kept)

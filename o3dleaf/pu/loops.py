@@ -20,8 +20,9 @@ from o3dleaf.rbf.shared import shared_squares
 from o3dleaf.rbf.solve import solve_local
 from o3dleaf.rbf.spectrum import held_out_squares, spectra
 
-LEAF_IMAGES = 8
-"""A box that this few balls reach into is not split further."""
+LEAF_IMAGES = 32
+"""A box that this few balls reach into is not split further: what a point asks of balls that do not hold it costs less
+than points that meet a ball by ones and twos."""
 
 LEAF_SIDE = 0.5
 """Nor is one whose longest side is below this share of its smallest ball's radius."""

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import IllPosedError
 from o3dleaf.rbf import columns, solve
@@ -50,11 +48,7 @@ class LocalFactor:
         lower, fit = solve.cholesky(matrix[rank:, rank:].copy())
         if not fit:
             raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
-        triangle = np.zeros((len(betas), len(betas)))
-        for k, beta in enumerate(betas):
-            triangle[:k, k] = -beta * (triangle[:k, :k] @ (vectors[:k] @ vectors[k]))
-            triangle[k, k] = beta
-        return cls(vectors, triangle, right, basis, matrix[:rank, rank:].copy(), lower)
+        return cls(vectors, solve.block_reflector(vectors, betas), right, basis, matrix[:rank, rank:].copy(), lower)
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the (m, n) λ and the (m, q) a of (m, n) values."""

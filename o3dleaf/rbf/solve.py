@@ -15,8 +15,14 @@ RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
 (or a quadric) to within rounding at coordinates 10⁶ times the ball's size."""
 
+SURE = 1e6
+"""Bound on the condition of a tail below which its rank is full without a look at its singular values."""
+
 ROWS = 64
 """Rows of a tall system that are reduced at once: with the triangle they stay in the nearest cache."""
+
+TILE = 16
+"""Rows and columns of a matrix that are transposed at once."""
 
 SINGULAR = 3e-14
 """Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
@@ -28,15 +34,26 @@ def radial_matrix(points, power):
     """Return A with A_ij = φ(|z_i − z_j|), symmetric, zero on the diagonal."""
     count = points.shape[1]
     matrix = np.zeros((count, count))
-    z = np.empty(points.shape[0])
+    z, squared = np.empty(points.shape[0]), np.empty(count)
     for i in range(count):
         for axis in range(z.size):
             z[axis] = points[axis, i]
-        squared_distances(z, points, i, matrix[i])
-        radial_values(power, matrix[i], i, matrix[i])
-        for j in range(i):
-            matrix[j, i] = matrix[i, j]
+        # Not in place: the compiler cannot tell that one entry needs no other, and takes them one by one.
+        squared_distances(z, points, i, squared)
+        radial_values(power, squared, i, matrix[i])
+    mirror(matrix)
     return matrix
+
+
+@njit(nogil=True, cache=True)
+def mirror(matrix):
+    """Write what is below the diagonal above it, in tiles that stay in the nearest cache."""
+    count = len(matrix)
+    for top in range(0, count, TILE):
+        for left in range(0, top + 1, TILE):
+            for i in range(top, min(top + TILE, count)):
+                for j in range(left, min(left + TILE, i)):
+                    matrix[j, i] = matrix[i, j]
 
 
 @njit(nogil=True, cache=True)
@@ -129,8 +146,8 @@ def restrict_tail(tail, frame):
     factored = tail.copy()
     vectors, betas = householder(factored)
     rank, basis = columns, np.eye(columns)
-    if columns > 0:
-        steps = min(tail.shape[0], columns)
+    steps = min(tail.shape[0], columns)
+    if columns > steps or not norm(factored) * inverse_norm(factored) * norm(frame) * inverse_norm(frame) < SURE:
         _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) @ frame, False)
         rank = 0
         for value in singular:
@@ -143,24 +160,69 @@ def restrict_tail(tail, frame):
     return vectors, betas, np.triu(factored[:rank, :rank]), basis
 
 
+@njit(nogil=True, cache=True)
+def norm(triangle):
+    """Return the Frobenius norm of the square upper triangle R at the top of an array."""
+    return math.sqrt(np.sum(np.triu(triangle[: triangle.shape[1]]) ** 2))
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def inverse_norm(triangle):
+    """Return the Frobenius norm of R⁻¹, the square upper triangle R at the top of an array; infinite or NaN for none.
+
+    |R| |R⁻¹| is no less than the quotient of the extreme singular values: a full rank is told without them.
+    """
+    size = triangle.shape[1]
+    column, total = np.empty(size), 0.0
+    for at in range(size):
+        for k in range(at, -1, -1):
+            column[k] = 1.0 if k == at else 0.0
+            for j in range(k + 1, at + 1):
+                column[k] -= triangle[k, j] * column[j]
+            column[k] /= triangle[k, k]
+            total += column[k] * column[k]
+    return math.sqrt(total)
+
+
+@njit(nogil=True, cache=True)
+def block_reflector(vectors, betas):
+    """Return the (q, q) upper triangle T of the product I − Yᵀ T Y of the reflectors, the first one leftmost.
+
+    Y are the rows `vectors` (Schreiber and Van Loan 1989).
+    """
+    triangle, products = np.diag(betas), vectors @ vectors.T
+    for k in range(len(betas)):
+        for i in range(k):
+            triangle[i, k] = -betas[k] * dot(triangle[i, i:k], products[i:k, k], k - i)
+    return triangle
+
+
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
 def reflect_both_sides(matrix, vectors, betas, forward):
-    """Replace the symmetric `matrix` by Qᵀ A Q (forward) or Q A Qᵀ, one reflector, a rank-two update, after another."""
-    count, steps = len(matrix), len(vectors)
-    product = np.empty(count)
-    for step in range(steps):
-        k = step if forward else steps - 1 - step
-        v, beta = vectors[k], betas[k]
-        for i in range(count):
-            product[i] = beta * dot(matrix[i], v, count)
-        half = 0.5 * beta * dot(product, v, count)
-        for i in range(count):
-            product[i] -= half * v[i]
-        for i in range(count):
-            vi, wi = v[i], product[i]
-            row = matrix[i]
-            for j in range(count):
-                row[j] -= vi * product[j] + wi * v[j]
+    """Replace the symmetric `matrix` by Qᵀ A Q (forward) or Q A Qᵀ, all reflectors at once.
+
+    With S = T (forward) or Tᵀ, see `block_reflector`, it is A − Yᵀ W − Wᵀ Y, W = Z − ½ Sᵀ (Y Zᵀ) Y, Z = Sᵀ Y A.
+    """
+    steps, count = vectors.shape
+    if steps == 0:
+        return
+    triangle = block_reflector(vectors, betas)
+    turned = np.ascontiguousarray(triangle.T) if forward else triangle
+    images = turned @ (vectors @ matrix)
+    images -= 0.5 * (turned @ (vectors @ images.T)) @ vectors
+    for i in range(count):
+        row = matrix[i]
+        for k in range(0, steps - 1, 2):
+            # Two at a time: half of the loads and stores.
+            v, w, other, image = vectors[k], images[k], vectors[k + 1], images[k + 1]
+            vi, wi, other_i, image_i = v[i], w[i], other[i], image[i]
+            for j in range(i + 1):
+                row[j] -= vi * w[j] + wi * v[j] + other_i * image[j] + image_i * other[j]
+        if steps % 2:
+            v, w = vectors[steps - 1], images[steps - 1]
+            for j in range(i + 1):
+                row[j] -= v[i] * w[j] + w[i] * v[j]
+    mirror(matrix)
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
@@ -226,6 +288,31 @@ def solve_positive(matrix, right):
             dropped += 1
     right[:] = vectors @ coefficients
     return dropped
+
+
+@njit(nogil=True, cache=True)
+def solve_few(matrix, right):
+    """Do what `solve_positive` does for a few unknowns, for which calling LAPACK takes longer than solving."""
+    count, least, lower = len(matrix), SINGULAR * np.trace(matrix), matrix.copy()
+    for i in range(count):
+        for j in range(i + 1):
+            for k in range(j):
+                lower[i, j] -= lower[i, k] * lower[j, k]
+            if j < i:
+                lower[i, j] /= lower[j, j]
+            elif lower[i, i] > least:
+                lower[i, i] = math.sqrt(lower[i, i])
+            else:
+                return solve_positive(matrix, right)
+    for i in range(count):
+        for k in range(i):
+            right[i] -= lower[i, k] * right[k]
+        right[i] /= lower[i, i]
+    for i in range(count - 1, -1, -1):
+        for k in range(i + 1, count):
+            right[i] -= lower[k, i] * right[k]
+        right[i] /= lower[i, i]
+    return 0
 
 
 @njit(nogil=True, cache=True)

@@ -15,7 +15,7 @@ from o3dleaf.rbf.solve import (
     reflect,
     reflect_both_sides,
     restrict_tail,
-    solve_positive,
+    solve_few,
     tail_matrix,
 )
 
@@ -105,29 +105,43 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts, b
         reflect(basis[k], vectors, betas, False)
     coefficients = basis @ (values * roots)
     basis = np.ascontiguousarray(basis.T)
+    inverses = 1.0 / (eigenvalues.reshape(-1, 1) + amounts)
+    pulled = (basis * coefficients) @ inverses
     squares, judged = np.zeros(amounts.size), 0.0
     for owner in range(count):
         rows = np.flatnonzero(owners == owner)
         if owners[owner] != owner or count - rows.size < 2 * rank:
             continue
         judged += np.sum(roots[rows] ** 2)
-        kind = rows.size - 1
-        if kind < groups.size:
-            groups[kind] += 1
+        block = group_blocks(basis[rows], inverses)
+        if rows.size <= groups.size:
+            groups[rows.size - 1] += 1
+            for at in range(amounts.size):
+                blocks[rows.size - 1, at, : rows.size, : rows.size] += amounts[at] * block[at]
         for at in range(amounts.size):
-            inverse = 1.0 / (eigenvalues + amounts[at])
-            block, right = np.empty((rows.size, rows.size)), np.empty(rows.size)
-            for i in range(rows.size):
-                scaled = basis[rows[i]] * inverse
-                right[i] = dot(scaled, coefficients, free)
-                for j in range(rows.size):
-                    block[i, j] = dot(scaled, basis[rows[j]], free)
-            if kind < groups.size:
-                blocks[kind, at, : rows.size, : rows.size] += amounts[at] * block
-            solve_positive(block, right)
-            for i in range(rows.size):
-                squares[at] += right[i] ** 2
+            right = pulled[rows, at]
+            solve_few(block[at], right)
+            squares[at] += np.sum(right * right)
     return squares, judged
+
+
+@njit(nogil=True, cache=True)
+def group_blocks(basis, inverses):
+    """Return the (m, g, g) blocks Σ_k u_ik u_jk / (e_k + s) of the rows (g, n) of the basis, for each of m columns."""
+    size, free = basis.shape
+    products, row = np.empty((size * (size + 1) // 2, free)), 0
+    for i in range(size):
+        for j in range(i + 1):
+            for k in range(free):
+                products[row, k] = basis[i, k] * basis[j, k]
+            row += 1
+    found, row = products @ inverses, 0
+    block = np.empty((inverses.shape[1], size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            block[:, i, j] = block[:, j, i] = found[row]
+            row += 1
+    return block
 
 
 @njit(nogil=True, cache=True)
