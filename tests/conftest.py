@@ -3,7 +3,6 @@
 import fcntl
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -32,7 +31,7 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded
     if hasattr(config, "workerinput"):
-        folder = Path(tempfile.gettempdir()) / f"o3dleaf-{config.workerinput['testrunuid']}"
+        folder = Path(config.getoption("basetemp")).parent / "compiling"
         folder.mkdir(exist_ok=True)
         Dispatcher.compile = alone(Dispatcher.compile, folder)
 
