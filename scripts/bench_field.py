@@ -72,7 +72,7 @@ def rate_rows(leaf, flat):
 
 
 def distance_rows(leaf, near, far, mesh):
-    """Return the rows of the signed distance, near, far and both: index and queries, scene and queries."""
+    """Return the rows of the signed distance, near, far and both, index and scene with their queries; and the scene."""
     half = len(near) // 2
     kinds = {"near": near, "far": far, "both": np.concatenate([near[:half], far[:half]])}
     leaf.signed_distance(near[:10], closed=True)
@@ -98,8 +98,7 @@ def distance_rows(leaf, near, far, mesh):
         f"triangles: {scene_build:.2f} s, {kept:.0f} MB, {kept / ours:.0f} times as much; with the mesh "
         f"{kept + parts / 2**20:.0f} MB"
     )
-    beside(leaf, scene, mesh)
-    return rows
+    return rows, scene
 
 
 def held(leaf, points):
@@ -113,10 +112,10 @@ def held(leaf, points):
         tracemalloc.stop()
 
 
-def beside(leaf, scene, mesh):
+def beside(leaf, scene, mesh, count):
     """Print how far the distances are apart at vertices of the mesh, moved by a few micrometres."""
     rng, vertices = np.random.default_rng(1), mesh.vertex.positions.numpy()
-    points = vertices[rng.integers(len(vertices), size=100_000)] + rng.normal(scale=0.01, size=(100_000, 3))
+    points = vertices[rng.integers(len(vertices), size=count)] + rng.normal(scale=0.01, size=(count, 3))
     found = leaf.signed_distance(points, closed=True)
     expected = scene.compute_signed_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
     error = np.abs(found - expected) * 1000
@@ -190,7 +189,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     rng, quick = np.random.default_rng(0), options.quick
     leaf = o3l.load(options.leaf) if options.leaf else make_leaf(quick)
-    count = 10_000 if quick else 1_000_000
+    count = 2_000 if quick else 1_000_000
     flat = spread(leaf, count, rng)
     rows = rate_rows(leaf, flat)
     if options.mesh:
@@ -199,7 +198,9 @@ def main(arguments=None):
         mesh = closed_mesh(leaf, QUICK_SPACING if quick else options.spacing)
     box = leaf.bounds
     far = box.mean(axis=0) + 3 * np.ptp(box, axis=0) * (rng.random((count, 3)) - 0.5)
-    rows += distance_rows(leaf, leaf.blade.lift(flat), far, mesh)
+    distances, scene = distance_rows(leaf, leaf.blade.lift(flat), far, mesh)
+    rows += distances
+    beside(leaf, scene, mesh, 2000 if quick else 100_000)
     agreement(leaf, 2000 if quick else 200_000, rng)
     show("The field of the multi-scale leaf", rows, "peer")
     if options.json:

@@ -1,5 +1,7 @@
 """What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped."""
 
+import fcntl
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,6 +10,9 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 from hypothesis import settings
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+from threadpoolctl import threadpool_limits
 
 REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -15,6 +20,41 @@ REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 # deadline, because the first call of a compiled function compiles it.
 settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("repeatable")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give BLAS one thread, since there is a worker a core, and let workers share what Numba compiles.
+
+    BLAS threads that find no core free wait for one another in circles of their own: an eigenvalue problem of 4 s takes
+    130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
+    threadpool_limits(1, user_api="blas")  # what is loaded
+    if hasattr(config, "workerinput"):
+        folder = Path(config.getoption("basetemp")).parent / "compiling"
+        folder.mkdir(exist_ok=True)
+        Dispatcher.compile = alone(Dispatcher.compile, folder)
+
+
+def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., object]:
+    """Return Numba's `compile` under a lock a function, a file in `folder`.
+
+    No two wait for one another: the lock of a function is held while those that it calls are compiled, never the other
+    way round, and by no thread but the one that Numba lets compile.
+    """
+
+    def compile_alone(function: Dispatcher, signature: object) -> object:
+        if function.stats.cache_path is None:  # not kept on disk, so nothing to read
+            return compile_here(function, signature)
+        name = f"{function.py_func.__module__}.{function.py_func.__qualname__}"
+        with global_compiler_lock, (folder / name).open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                return compile_here(function, signature)
+            finally:
+                fcntl.flock(lock, fcntl.LOCK_UN)  # by name: a child that was forked meanwhile would keep it
+
+    return compile_alone
 
 
 @pytest.fixture(autouse=True)

@@ -167,7 +167,9 @@ def cell_triangles(method, code, fractions, places, triangles):
     """
     count = COUNTS[method, code]
     if method == TETRAHEDRA:
-        triangles[:count] = IN_TETRAHEDRA[code, :count]
+        for n in range(count):
+            for corner in range(3):
+                triangles[n, corner] = IN_TETRAHEDRA[code, n, corner]
         return count
     loop = np.empty(12, dtype=np.int64)
     at = written = 0
@@ -206,7 +208,8 @@ def cut_loop(loop, places, length, triangles, count):
         length -= 1
         for k in range(ear, length):
             loop[k] = loop[k + 1]
-            places[k] = places[k + 1]
+            for axis in range(3):
+                places[k, axis] = places[k + 1, axis]
     for corner in range(3):
         triangles[count, corner] = CUBE_EDGES[loop[corner]]
     return count + 1

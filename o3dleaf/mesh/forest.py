@@ -108,7 +108,8 @@ def bound_leaves(boxes, depth, start, stop, nodes):
 def bound_nodes(nodes):
     """Fill the boxes of all nodes above the leaves."""
     for node in range(len(nodes) // 2 - 1, 0, -1):
-        nodes[node] = nodes[2 * node]
+        for side in range(6):
+            nodes[node, side] = nodes[2 * node, side]
         _widen(nodes[node], nodes[2 * node + 1])
 
 

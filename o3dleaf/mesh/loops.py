@@ -116,7 +116,9 @@ def march_planes(method, values, inside, planes, offsets, mesh):
                         low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
                         triangles[row, corner] = numbers[low & 1, j + (low >> 1 & 1), k + (low >> 2), direction]
                     row += 1
-        numbers[0] = numbers[1]
+        below, above = numbers[0].reshape(-1), numbers[1].reshape(-1)
+        for n in range(below.size):
+            below[n] = above[n]
 
 
 @njit(nogil=True, cache=True)

@@ -14,7 +14,7 @@ from numba.extending import overload
 from o3dleaf.pu.jets import add_product, divide, scale_jets
 from o3dleaf.pu.weights import weight_jets
 from o3dleaf.rbf.held_out import held_out
-from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, tail_derivatives
+from o3dleaf.rbf.loops import jet_size, local_jets, lower_exponents, put, tail_derivatives
 from o3dleaf.rbf.potential import potential_jets
 from o3dleaf.rbf.shared import shared_squares
 from o3dleaf.rbf.solve import solve_local
@@ -250,9 +250,9 @@ def fit_balls(start, stop, points, values, trust, cover, tail, power, smoothing,
         local, data = gather(points, values, members[first:last], centres[ball], radii[ball])
         diagonal = smoothing[ball] / radii[ball] ** power / trust[members[first:last]]
         lam, coefficients, rank, lost = solve_local(local, data, exponents[: terms[ball]], power, diagonal)
-        sites[dimension * first : dimension * last] = local.ravel()
-        weights[first:last] = lam
-        tails[ball, : terms[ball]] = coefficients
+        put(local.ravel(), sites[dimension * first : dimension * last])
+        put(lam, weights[first:last])
+        put(coefficients, tails[ball])
         ranks[ball] = rank
         dropped[ball] = lost
 

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.pu.weights import wendland
+from o3dleaf.rbf.loops import put
 from o3dleaf.rbf.potential import (
     curl_free,
     gradient_spectrum,
@@ -83,10 +84,10 @@ def fit_potentials(start, stop, points, normals, cover, exponents, power, method
         ridge = unit_ridge(method, amount, radius, power)
         lam, moment, tail, lost = fit_potential(method, local, gradients, exponents, power, ridge, step)
         # F = R F̃(z) has unit slopes in both coordinates.
-        sites[dimension * first : dimension * last] = local.ravel()
-        weights[first:last] = radius * lam
-        moments[dimension * first : dimension * last] = radius * moment.ravel()
-        tails[ball] = radius * tail
+        put(local.ravel(), sites[dimension * first : dimension * last])
+        put(radius * lam, weights[first:last])
+        put(radius * moment.ravel(), moments[dimension * first : dimension * last])
+        put(radius * tail, tails[ball])
         dropped[ball] = lost
 
 
@@ -121,7 +122,7 @@ def fit_polynomials(start, stop, points, normals, cover, exponents, step, tails,
         rows, radius = members[offsets[ball] : offsets[ball + 1]], radii[ball]
         local, gradients = gather_oriented(points, normals, rows, centres[ball], radius)
         tail, ranks[ball], _ = fit_polynomial(local, gradients, exponents, step)
-        tails[ball] = radius * tail
+        put(radius * tail, tails[ball])
 
 
 @njit(nogil=True, cache=True)

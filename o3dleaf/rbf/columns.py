@@ -16,7 +16,8 @@ def solve_lower(lower, right):
     for start in range(0, len(lower), BLOCK):
         stop = min(start + BLOCK, len(lower))
         if start > 0:
-            right[start:stop] -= np.ascontiguousarray(lower[start:stop, :start]) @ right[:start]
+            rows = right[start:stop]
+            rows -= np.ascontiguousarray(lower[start:stop, :start]) @ right[:start]
         for i in range(start, stop):
             row = right[i]
             for k in range(start, i):
@@ -30,7 +31,8 @@ def solve_upper(lower, right):
     for start in range((len(lower) - 1) // BLOCK * BLOCK, -1, -BLOCK):
         stop = min(start + BLOCK, len(lower))
         if stop < len(lower):
-            right[start:stop] -= np.ascontiguousarray(lower[stop:, start:stop].T) @ right[stop:]
+            rows = right[start:stop]
+            rows -= np.ascontiguousarray(lower[stop:, start:stop].T) @ right[stop:]
         for i in range(stop - 1, start - 1, -1):
             row = right[i]
             for k in range(i + 1, stop):
@@ -43,14 +45,15 @@ def solve_columns(reflectors, triangle, right, basis, above, cholesky, values):
     """Return the (n, m) λ and the (q, m) a of (n, m) values, which are overwritten."""
     rank = len(right)
     values -= reflectors.T @ (triangle.T @ (reflectors @ values))
-    weights = np.zeros_like(values)
-    weights[rank:] = values[rank:]
+    weights = values.copy()
+    weights[:rank] = 0.0
     solve_lower(cholesky, weights[rank:])
     solve_upper(cholesky, weights[rank:])
     reduced = values[:rank] - above @ weights[rank:]
     for i in range(rank - 1, -1, -1):
+        row = reduced[i]
         for k in range(i + 1, rank):
-            reduced[i] -= right[i, k] * reduced[k]
-        reduced[i] /= right[i, i]
+            row -= right[i, k] * reduced[k]
+        row /= right[i, i]
     weights -= reflectors.T @ (triangle @ (reflectors @ weights))
     return weights, basis @ reduced

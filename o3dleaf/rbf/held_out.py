@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
+from o3dleaf.rbf.loops import put
 from o3dleaf.rbf.solve import SINGULAR, cholesky, project, reflect_both_sides, solve_positive
 
 
@@ -19,7 +20,8 @@ def positive_inverse(matrix):
     least = SINGULAR * np.trace(matrix)
     half = vectors.copy()
     for i in range(len(matrix)):
-        half[:, i] *= 1 / math.sqrt(eigenvalues[i]) if eigenvalues[i] > least else 0.0
+        column = half[:, i]
+        column *= 1 / math.sqrt(eigenvalues[i]) if eigenvalues[i] > least else 0.0
     return half @ np.ascontiguousarray(half.T)
 
 
@@ -34,7 +36,9 @@ def held_out(points, values, exponents, power, diagonal, groups):
     count, rank = len(values), len(triangle)
     inverse = np.zeros((count, count))
     if rank < count:
-        inverse[rank:, rank:] = positive_inverse(matrix[rank:, rank:].copy())
+        free = positive_inverse(matrix[rank:, rank:].copy())
+        for i in range(count - rank):
+            put(free[i], inverse[rank + i, rank:])
     reflect_both_sides(inverse, vectors, betas, False)
     pulled = inverse @ values
     errors = np.full(count, np.nan)
@@ -49,5 +53,6 @@ def held_out(points, values, exponents, power, diagonal, groups):
             for j in range(rows.size):
                 block[i, j] = inverse[rows[i], rows[j]]
         solve_positive(block, right)
-        errors[rows] = right
+        for i in range(rows.size):
+            errors[rows[i]] = right[i]
     return errors

@@ -181,6 +181,16 @@ def tail_jets(z, count, coefficients, lowered, terms, jets):
                     jet[i] += coefficient * term[i]
 
 
+@njit(nogil=True, cache=True)
+def put(source, target):
+    """Copy `source` (n,) into `target`.
+
+    Numba compiles a message about shapes into every function that assigns to a slice, and into all that call it.
+    """
+    for i in range(len(source)):
+        target[i] = source[i]
+
+
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
 def dot(a, b, count):
     """Return Σ a_j b_j over the first `count` entries."""

@@ -17,6 +17,7 @@ from o3dleaf.rbf.loops import (
     REASSOCIATE,
     dot,
     lower_exponents,
+    put,
     radial_bends,
     radial_slopes,
     radial_values,
@@ -44,7 +45,7 @@ def oriented_matrix(points, power):
         radial_values(power, squared, count, value)
         radial_slopes(power, squared, count, slope)
         radial_bends(power, squared, count, bend)
-        matrix[i, :count] = value
+        put(value, matrix[i, :count])
         for a in range(dimension):
             start = (1 + a) * count
             row, below = matrix[i, start : start + count], matrix[start + i]
@@ -94,7 +95,7 @@ def hermite(points, gradients, exponents, power, ridge):
     for i in range(len(matrix)):
         matrix[i, i] += ridge[0] if i < count else ridge[1]
     right = np.zeros(len(matrix))
-    right[count:] = gradients.ravel()
+    put(gradients.ravel(), right[count:])
     found, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
     return found[:count].copy(), found[count:].copy().reshape(gradients.shape), coefficients, dropped
 
@@ -112,7 +113,8 @@ def curl_free(points, gradients, exponents, power, ridge, exact):
     few = exponents[: np.sum(np.sum(exponents, axis=1) <= power // 2)]
     parts = radial_matrix(points, power), tail_matrix(points, few), natural_monomials(points, few)
     weights, correction, _, lost = solve_system(*parts, -heights)
-    tail[: len(few)] += correction
+    for k in range(len(few)):
+        tail[k] += correction[k]
     return weights, moments, tail, dropped + lost
 
 
@@ -127,7 +129,7 @@ def potential(points, gradients, exponents, power, ridge):
     frame = natural_monomials(points, exponents)[1:, 1:].copy()
     moments, slopes, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
     heights, coefficients = np.empty(count), np.zeros(len(exponents))
-    coefficients[1:] = slopes
+    put(slopes, coefficients[1:])
     for i in range(count):
         heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i], coefficients, len(coefficients))
     coefficients[0] = -np.mean(heights)
@@ -141,7 +143,7 @@ def hermite_spectrum(points, gradients, exponents, power, step):
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
     roots, right = np.full(len(matrix), step), np.zeros((1, len(matrix)))
     roots[:count] = 1.0
-    right[0, count:] = gradients.ravel()
+    put(gradients.ravel(), right[0, count:])
     return coefficients_of(right, roots, decompose_system(matrix, tail, natural_monomials(points, exponents), roots))
 
 
@@ -248,9 +250,11 @@ def moving_polynomial(points, gradients, trust, step, exponents):
     rows, right = oriented_tail(points, exponents), np.zeros((1 + dimension) * count)
     for j in range(count):
         root = math.sqrt(trust[j])
-        rows[j] *= root
+        row = rows[j]
+        row *= root
         for a in range(dimension):
             at = (1 + a) * count + j
-            rows[at] *= root * step
+            row = rows[at]
+            row *= root * step
             right[at] = root * step * gradients[a, j]
     return least_squares(rows, natural_monomials(points, exponents), right)

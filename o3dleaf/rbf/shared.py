@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.rbf.loops import REASSOCIATE, dot
+from o3dleaf.rbf.loops import REASSOCIATE, dot, put
 from o3dleaf.rbf.solve import natural_monomials, project_system, radial_matrix, reflect, tail_matrix
 
 RESIDUAL = 1e-2
@@ -66,7 +66,8 @@ def shared_squares(points, values, roots, exponents, power, owners, amounts, inv
     """
     matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
     for i in range(len(roots)):
-        tail[i] *= roots[i]
+        row = tail[i]
+        row *= roots[i]
         for j in range(len(roots)):
             matrix[i, j] *= roots[i] * roots[j]
     matrix, vectors, betas, triangle, _ = project_system(matrix, tail, natural_monomials(points, exponents))
@@ -74,8 +75,9 @@ def shared_squares(points, values, roots, exponents, power, owners, amounts, inv
     rotated = values * roots
     reflect(rotated, vectors, betas, True)
     pulled = np.zeros((amounts.size, count))
-    pulled[:, rank:] = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], amounts)
+    free = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], amounts)
     for at in range(amounts.size):
+        put(free[at], pulled[at, rank:])
         reflect(pulled[at], vectors, betas, False)
     order = np.argsort(owners, kind="mergesort")
     squares, judged, first = np.zeros(amounts.size), 0.0, 0

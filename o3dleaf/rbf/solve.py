@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.rbf.loops import REASSOCIATE, dot, monomial, radial_values, squared_distances
+from o3dleaf.rbf.loops import REASSOCIATE, dot, monomial, put, radial_values, squared_distances
 
 RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
@@ -148,7 +148,7 @@ def restrict_tail(tail, frame):
     rank, basis = columns, np.eye(columns)
     steps = min(tail.shape[0], columns)
     if columns > steps or not norm(factored) * inverse_norm(factored) * norm(frame) * inverse_norm(frame) < SURE:
-        _, singular, rows = np.linalg.svd(np.triu(factored[:steps]) @ frame, False)
+        _, singular, rows = np.linalg.svd(upper(factored[:steps]) @ frame, False)
         rank = 0
         for value in singular:
             if value > RANK_TOLERANCE * singular[0]:
@@ -157,13 +157,23 @@ def restrict_tail(tail, frame):
             basis = frame @ np.ascontiguousarray(rows[:rank].T)
             factored = tail @ basis
             vectors, betas = householder(factored)
-    return vectors, betas, np.triu(factored[:rank, :rank]), basis
+    return vectors, betas, upper(factored[:rank, :rank]), basis
+
+
+@njit(nogil=True, cache=True)
+def upper(matrix):
+    """Return `np.triu` of a matrix, which Numba compiles for seconds."""
+    found = np.zeros(matrix.shape)
+    for i in range(matrix.shape[0]):
+        for j in range(i, matrix.shape[1]):
+            found[i, j] = matrix[i, j]
+    return found
 
 
 @njit(nogil=True, cache=True)
 def norm(triangle):
     """Return the Frobenius norm of the square upper triangle R at the top of an array."""
-    return math.sqrt(np.sum(np.triu(triangle[: triangle.shape[1]]) ** 2))
+    return math.sqrt(np.sum(upper(triangle[: triangle.shape[1]]) ** 2))
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -286,7 +296,7 @@ def solve_positive(matrix, right):
         else:
             coefficients[i] = 0.0
             dropped += 1
-    right[:] = vectors @ coefficients
+    put(vectors @ coefficients, right)
     return dropped
 
 
@@ -371,7 +381,7 @@ def solve_projected(values, projected):
     rotated = values.copy()
     reflect(rotated, vectors, betas, True)
     weights = np.zeros(count)
-    weights[rank:] = rotated[rank:]
+    put(rotated[rank:], weights[rank:])
     dropped = solve_positive(matrix[rank:, rank:].copy(), weights[rank:])
     reduced = np.empty(rank)
     for k in range(rank):
@@ -397,11 +407,13 @@ def reduce_rows(rows, right):
     stack, side = np.zeros((columns + ROWS, columns)), np.zeros(columns + ROWS)
     for start in range(0, count, ROWS):
         filled = columns + min(ROWS, count - start)
-        stack[columns:filled] = rows[start : start + ROWS]
-        side[columns:filled] = right[start : start + ROWS]
+        for i in range(columns, filled):
+            put(rows[start + i - columns], stack[i])
+        put(right[start : start + ROWS], side[columns:filled])
         vectors, betas = householder(stack[:filled])
         reflect(side[:filled], vectors, betas, True)
-        stack[:columns] = np.triu(stack[:columns])
+        for i in range(columns):
+            stack[i, :i] = 0.0
     return stack[:columns].copy(), side[:columns].copy()
 
 

@@ -7,7 +7,7 @@ symmetric, with s alone on the diagonal. On the null space of the tail U E Uᵀ 
 import numpy as np
 from numba import njit
 
-from o3dleaf.rbf.loops import dot
+from o3dleaf.rbf.loops import dot, put
 from o3dleaf.rbf.solve import (
     SINGULAR,
     natural_monomials,
@@ -40,7 +40,8 @@ def decompose(points, roots, exponents, power):
 def decompose_system(matrix, tail, frame, roots):
     """Return what `decompose` does, of any A and P, which are overwritten."""
     for i in range(len(roots)):
-        tail[i] *= roots[i]
+        row = tail[i]
+        row *= roots[i]
         for j in range(len(roots)):
             matrix[i, j] *= roots[i] * roots[j]
     vectors, betas, triangle, _ = restrict_tail(tail, frame)
@@ -100,8 +101,8 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts, b
     count, free = len(values), len(eigenvalues)
     rank = count - free
     basis = np.zeros((free, count))
-    basis[:, rank:] = eigenvectors.T
     for k in range(free):
+        put(eigenvectors[:, k], basis[k, rank:])
         reflect(basis[k], vectors, betas, False)
     coefficients = basis @ (values * roots)
     basis = np.ascontiguousarray(basis.T)
@@ -177,7 +178,7 @@ def appraise(points, weights, roots, exponents, power, smoothing):
     column = np.empty(count)
     for k in range(free):
         column[:rank] = 0.0
-        column[rank:] = eigenvectors[:, k]
+        put(eigenvectors[:, k], column[rank:])
         reflect(column, vectors, betas, False)
         apart += column * column
         diagonal += column * column / shifted[k]
