@@ -9,12 +9,17 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
+from o3dleaf.parallel import Progress, finish, share_out
 from o3dleaf.pu import loops
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.rbf.tail import IntArray
 
 SMALLEST_CELL = 1e-14
 """Share of the largest coordinate that a cell may shrink to: a hundred roundings. What it holds then coincides."""
+
+SHARES = (1, 4, 4, 4, 2)
+"""About how long the tree of the points, the halving, the index of the balls, their points and those that they borrow
+take."""
 
 LEAF_POINTS = 32
 """Points of a leaf of the tree that counts what balls hold, hundreds at a time."""
@@ -48,7 +53,12 @@ class Cover:
 
     @classmethod
     def indexed(
-        cls, points: FloatArray, bounds: FloatArray, points_per_ball: tuple[int, int], overlap: float
+        cls,
+        points: FloatArray,
+        bounds: FloatArray,
+        points_per_ball: tuple[int, int],
+        overlap: float,
+        progress: Progress | None = None,
     ) -> tuple["Cover", BallIndex]:
         """Cover `bounds` by balls that hold at most ``points_per_ball[1]`` of the points; return also their index.
 
@@ -63,16 +73,22 @@ class Cover:
             If too many points coincide.
         """
         least, most = points_per_ball
+        planting, halving, indexing, sorting, borrowing = share_out(progress, *SHARES)
         # Halves by place, not by number: made in a third of the time, and a ball meets fewer leaves.
         tree = cKDTree(points, leafsize=LEAF_POINTS, balanced_tree=False, compact_nodes=False)
+        finish(planting)
         low, high = _halve_until_small(tree, points, bounds, most, overlap)
+        finish(halving)
         centres, radii = _circumscribe(low, high, overlap)
         index = BallIndex.build(centres, radii, bounds)
+        finish(indexing)
         offsets, members = index.members(points)
+        finish(sorting)
         least = min(least, len(points))
         few = np.flatnonzero(np.diff(offsets) < least)
         _, nearest = tree.query(centres[few], k=np.arange(1, least + 1), workers=-1)
         offsets, members = _replace_rows(offsets, members, few, np.sort(nearest, axis=1))
+        finish(borrowing)
         return cls(centres, radii, bounds, offsets, members), index
 
     @property

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
+from o3dleaf.parallel import Progress, finish, run_blocks, share_out, single_threaded_blas
 from o3dleaf.pu import crease_loops
 from o3dleaf.pu.choice import choose_amounts
 from o3dleaf.pu.cover import Cover
@@ -41,6 +41,9 @@ LEAST_SITES = 4
 
 ROUNDS = 3
 """Times that normals are averaged over neighbours that agree: noise goes, creases stay."""
+
+SHARES = (4, 1, 2, 8)
+"""About how long neighbours, sheets, the judging of splits and the fit take."""
 
 BLOCK = 1 << 12
 
@@ -181,18 +184,20 @@ def fit_creased(
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
+    calming, finding, judging, solving = share_out(progress, *SHARES)
     cloud = _Cloud.of(surface, points)
-    pieces = _find_pieces(cover, cloud, _Belonging.of(surface.rows, owners, values), owners)
+    finish(calming)
+    pieces = _find_pieces(cover, cloud, _Belonging.of(surface.rows, owners, values), owners, finding)
     if pieces is not None:
         calm = np.zeros(len(points), dtype=bool)
         calm[surface.rows] = cloud.calm
         data = _Data(points, values, np.ones(len(points)) if trust is None else trust, owners, calm)
-        pieces, smoothing = _keep_better(cover, data, pieces, kernel, degree, smoothing)
+        pieces, smoothing = _keep_better(cover, data, pieces, kernel, degree, smoothing, progress=judging)
     fit = partial(LocalSplines.fit, points=points, values=values, kernel=kernel, degree=degree, smoothing=smoothing)
     if pieces is None:
-        return fit(cover, trust=trust, owners=owners, progress=progress)
+        return fit(cover, trust=trust, owners=owners, progress=solving)
     terms = _terms(pieces, kernel, degree)
-    splines = fit(pieces.cover, trust=trust, owners=owners, terms=terms, progress=progress)
+    splines = fit(pieces.cover, trust=trust, owners=owners, terms=terms, progress=solving)
     return CreasedSplines(splines, pieces.first, pieces.joins)
 
 
@@ -203,7 +208,9 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
     return np.repeat(np.where(counts > 1, least, most), counts)
 
 
-def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray) -> Pieces | None:
+def _find_pieces(
+    cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: IntArray, progress: Progress | None
+) -> Pieces | None:
     """Return the cover with each ball split that holds several sheets, or None if none does."""
     asked = _suspects(cover, cloud, owners)
     found: dict[int, Split] = {}
@@ -224,7 +231,7 @@ def _find_pieces(cover: Cover, cloud: _Cloud, belonging: "_Belonging", owners: I
             if split is not None:
                 found[int(ball)] = split
 
-    run_blocks(task, len(asked), AT_ONCE)
+    run_blocks(task, len(asked), AT_ONCE, progress)
     return _replace(cover, found) if found else None
 
 
@@ -320,7 +327,14 @@ def _replace(cover: Cover, found: dict[int, Split]) -> Pieces:
 
 
 def _keep_better(
-    cover: Cover, data: _Data, pieces: Pieces, kernel: Polyharmonic, degree: int, rule: Smoothing
+    cover: Cover,
+    data: _Data,
+    pieces: Pieces,
+    kernel: Polyharmonic,
+    degree: int,
+    rule: Smoothing,
+    *,
+    progress: Progress | None,
 ) -> tuple[Pieces | None, Smoothing]:
     """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
     points, values, trust, owners, _ = data
@@ -350,7 +364,7 @@ def _keep_better(
                 parts = ((pieces.first[ball], pieces.first[ball + 1]), split, pieces.joins)
                 better[at] = crease_loops.judge(ball, data, whole, parts, tail, kernel.power, diagonals)
 
-        run_blocks(task, len(balls), 1)
+        run_blocks(task, len(balls), 1, progress)
     if not better.any():
         return None, rule
     kept = {}
