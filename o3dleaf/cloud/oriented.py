@@ -167,12 +167,13 @@ def _without_stray(
 ) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
     """Return those of `rows` that are no stray points, and their neighbourhoods."""
     points = held[rows]
-    whole, rest = share_out(progress, 1, 1)
+    whole, linking, rest = share_out(progress, 4, 1, 4)
     near = nearest_neighbours(points, progress=whole)
     if find_stray is None:
         return rows, near
     # Our own step shares its neighbourhoods with the next ones.
     stray = stray_among(near) if find_stray is find_stray_points else find_stray(points)
+    finish(linking)
     if not stray.any():
         return rows, near
     kept = rows[~stray]

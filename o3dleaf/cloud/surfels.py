@@ -68,7 +68,7 @@ class Surfels:
         if thinning:
             flatness = flatness_of(points[thinned(len(points), thinning)])
         else:
-            thinning, flatness = surface_scale(points, rows)
+            thinning, flatness = surface_scale(points, rows, scaling)
         finish(scaling)
         if thinning == 1:
             near = nearest_neighbours(points, progress=finding).row if rows is None else rows
@@ -120,7 +120,9 @@ def thinned(count: int, thinning: int) -> IndexArray:
     return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
 
 
-def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[int, float]:
+def surface_scale(
+    points: FloatArray, rows: IndexArray | None = None, progress: Progress | None = None
+) -> tuple[int, float]:
     """Return how many times a cloud (n, 3) is to be thinned for its neighbourhoods to be flat, and their flatness.
 
     It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighbourhoods of
@@ -134,6 +136,8 @@ def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[i
             scale, flat = thinning, coarser
         else:
             break
+        if progress:
+            progress(thinning - 1, thinning)  # each look is at half as many points
         thinning *= 2
     return scale, flat
 

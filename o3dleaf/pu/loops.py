@@ -23,8 +23,9 @@ from o3dleaf.rbf.spectrum import held_out_squares, spectra
 LEAF_IMAGES = 8
 """A box that this few balls reach into is not split further."""
 
-LEAF_SIDE = 0.5
-"""Nor is one whose longest side is below this share of its smallest ball's radius."""
+LEAF_SIDE = 2.0
+"""Nor is one whose longest side is below this many radii of its smallest ball: smaller boxes have shorter lists, but
+their many lists and nodes cost more to make and to fetch, and queries come in shorter strips."""
 
 ABREAST = 8
 
