@@ -41,6 +41,12 @@ def merge_noise(cloud: OrientedCloud, *, progress: Progress | None = None) -> Me
 
     Voxels of two standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+    progress : callable, optional
+        ``progress(done, total)``, in shares of the work.
     """
     measuring, merging, trimming = share_out(progress, 1, 3, 1)
     voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
