@@ -13,7 +13,7 @@ from o3dleaf.checks import FloatArray, as_points, require_choice, require_finite
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field, values_and_gradients
 from o3dleaf.geometry import CloudLike, points_of
-from o3dleaf.mesh.arrays import MeshLike, mesh_arrays, tensor_mesh
+from o3dleaf.mesh.arrays import IntArray, MeshLike, mesh_arrays, tensor_mesh
 from o3dleaf.mesh.deviation import nearest_on_mesh
 from o3dleaf.mesh.near import BATCH, local_spacing, nearest_of
 from o3dleaf.mesh.support_loops import sum_near
@@ -103,9 +103,14 @@ def support(
         raise InputError("support: vertices alone tell no distance of the data from the surface; give the field too")
     standing, finding, summing = share_out(progress, 3, 1, 2)
     reach = REACH * step
-    feet = _feet(field, data, reach, standing) if field is not None else nearest_on_mesh(vertices, triangles, data)
+    known = cKDTree(data) if tree is None else tree
+    feet = (
+        _feet(field, data, known.indices, reach, standing)
+        if field is not None
+        else nearest_on_mesh(vertices, triangles, data)
+    )
     finish(standing)
-    distance = nearest_of(cKDTree(data) if tree is None else tree, vertices, finding)[0]
+    distance = nearest_of(known, vertices, finding)[0]
     weight, moment = _sums(vertices, feet, ((data - feet) ** 2).sum(axis=1), reach, summing)
     spoken = weight > 0
     residual = np.full(len(vertices), np.nan)
@@ -184,14 +189,18 @@ def _parts(mesh: Any) -> tuple[FloatArray, npt.NDArray[np.int64]]:
     return as_points(mesh, "vertices", dim=3), np.empty((0, 3), dtype=np.int64)
 
 
-def _feet(field: Field, data: FloatArray, longest: float, progress: Progress | None) -> FloatArray:
-    """Return x − F ∇F/|∇F|² at points, but no farther than `longest` from them, where it means little."""
+def _feet(field: Field, data: FloatArray, order: IntArray, longest: float, progress: Progress | None) -> FloatArray:
+    """Return x − F ∇F/|∇F|² at points, but no farther than `longest` from them, where it means little.
+
+    Asked in the `order` of a tree, points that share balls are asked for at once.
+    """
     feet = np.empty_like(data)
     for i, j in blocks(len(data), BATCH):
-        value, slope = values_and_gradients(field, data[i:j])
+        rows = order[i:j]
+        value, slope = values_and_gradients(field, data[rows])
         steep = np.maximum(np.linalg.norm(require_finite(slope, "field gradients"), axis=1), np.finfo(np.float64).tiny)
         far = require_finite(value, "field values") / np.maximum(steep, np.abs(value) / longest)
-        feet[i:j] = data[i:j] - (far / steep)[:, np.newaxis] * slope
+        feet[rows] = data[rows] - (far / steep)[:, np.newaxis] * slope
         if progress:
             progress(j, len(data))
     return feet
