@@ -119,11 +119,17 @@ def _circumscribe(low: FloatArray, high: FloatArray, overlap: float) -> tuple[Fl
     return (low + high) / 2, np.where(radii > 0, radii, 1.0)
 
 
+def _along(places: FloatArray) -> IntArray:
+    """Return the order of a tree: places that follow one another in a question find their answers near in memory."""
+    return np.asarray(cKDTree(places).indices, dtype=np.int64)
+
+
 def _nearest(tree: cKDTree, places: FloatArray, count: int, progress: Progress | None) -> IntArray:
     """Return the rising rows (n, count) of the points that are nearest to each of the (n, d) places."""
-    rows = np.empty((len(places), count), dtype=np.int64)
+    rows, order = np.empty((len(places), count), dtype=np.int64), _along(places)
     for i, j in blocks(len(places), BATCH):
-        rows[i:j] = np.sort(tree.query(places[i:j], k=np.arange(1, count + 1), workers=-1)[1], axis=1)
+        asked = order[i:j]
+        rows[asked] = np.sort(tree.query(places[asked], k=np.arange(1, count + 1), workers=-1)[1], axis=1)
         if progress:
             progress(j, len(places))
     return rows
@@ -141,6 +147,7 @@ def _halve_until_small(
         # A ball holds its cell, so that only balls of cells with few points need to be counted.
         large = loops.count_cells(cells, len(low)) > most
         asked = np.flatnonzero(~large)
+        asked = asked[_along(centres[asked])]
         large[asked] = tree.query_ball_point(centres[asked], radii[asked], workers=-1, return_length=True) > most
         done.append((low[~large], high[~large]))
         if not large.any():
