@@ -159,14 +159,18 @@ class _Cloud(NamedTuple):
     tree: cKDTree
 
     @classmethod
-    def of(cls, surface: Surface, points: FloatArray) -> "_Cloud":
+    def of(cls, surface: Surface, points: FloatArray, progress: Progress | None = None) -> "_Cloud":
+        planting, finding, *averaging, calming = share_out(progress, 1, 2, *ROUNDS * [1], 1)
         x, normals = points[surface.rows], surface.normals
         tree = cKDTree(x)
+        finish(planting)
         near = tree.query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
+        finish(finding)
         calm = np.empty(len(x), dtype=bool)
-        for _ in range(ROUNDS):
+        for averaged in averaging:
             normals = crease_loops.average_alike(normals, near, surface.half)
-        run_blocks(lambda i, j: crease_loops.find_calm(i, j, normals, near, surface.half, calm), len(x), BLOCK)
+            finish(averaged)
+        run_blocks(lambda i, j: crease_loops.find_calm(i, j, normals, near, surface.half, calm), len(x), BLOCK, calming)
         return cls(surface.rows, x, normals, near, calm, surface.half, tree)
 
 
@@ -185,8 +189,7 @@ def fit_creased(
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
     calming, finding, judging, solving = share_out(progress, *SHARES)
-    cloud = _Cloud.of(surface, points)
-    finish(calming)
+    cloud = _Cloud.of(surface, points, calming)
     pieces = _find_pieces(cover, cloud, _Belonging.of(surface.rows, owners, values), owners, finding)
     if pieces is not None:
         calm = np.zeros(len(points), dtype=bool)
