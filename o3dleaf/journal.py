@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, share_out
 
 
 def _silent(done: int, total: int) -> None:
@@ -25,11 +25,15 @@ class Journal:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[Progress]:
-        """Run a stage: ``with journal.stage("fit") as progress: ...``; the time is kept even if it fails."""
+        """Run a stage: ``with journal.stage("fit") as progress: ...``; the time is kept even if it fails.
+
+        What is told to `progress` reaches `show` as shares of the stage, and never goes back.
+        """
         start = time.perf_counter()
         try:
             with self.show(name) as progress:
-                yield progress
+                (told,) = share_out(progress, 1)
+                yield told or _silent
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 

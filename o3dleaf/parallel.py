@@ -23,6 +23,9 @@ Progress = Callable[[int, int], None]
 PERIOD = 0.02
 """Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
 
+WHOLE = 100_000
+"""What work that consists of several steps is told in: finer than any bar."""
+
 
 class _Here(threading.local):
     """What is true of the calling thread."""
@@ -75,6 +78,43 @@ def set_num_threads(threads: int) -> None:
     if threads < 1:
         raise InputError(f"threads: is {threads}; give 1 or more")
     _pool.resize(threads)
+
+
+def share_out(progress: Progress | None, *shares: float) -> tuple[Progress | None, ...]:
+    """Return a progress for each of the steps that a work consists of, one after another; without one, None for each.
+
+    A step tells its own ``(done, total)``; the work is told of hundred thousandths of itself, and never of less than
+    before. What a step leaves untold counts as done when a later one begins to tell.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Of the whole work.
+    *shares : float
+        About how long each step takes, in any unit; 0 where it takes next to nothing.
+    """
+    if progress is None:
+        return (None,) * len(shares)
+    whole, ends = sum(shares), itertools.accumulate(shares)
+    told = -1
+
+    def part(start: float, share: float) -> Progress:
+        def tell(done: int, total: int) -> None:
+            nonlocal told
+            now = round(WHOLE * (start + share * (done / total if total else 1.0)) / whole)
+            if now > told:
+                told = now
+                progress(now, WHOLE)
+
+        return tell
+
+    return tuple(part(end - share, share) for share, end in zip(shares, ends, strict=True))
+
+
+def finish(progress: Progress | None) -> None:
+    """Tell that a step is done which tells nothing itself."""
+    if progress:
+        progress(1, 1)
 
 
 def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,7 +17,15 @@ from hypothesis import strategies as st
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from o3dleaf.errors import InputError
-from o3dleaf.parallel import blocks, get_num_threads, run_blocks, set_num_threads, single_threaded_blas
+from o3dleaf.parallel import (
+    WHOLE,
+    blocks,
+    get_num_threads,
+    run_blocks,
+    set_num_threads,
+    share_out,
+    single_threaded_blas,
+)
 from o3dleaf.rbf.interpolant import RBFInterpolant
 
 
@@ -26,6 +35,31 @@ def _two_threads():
     set_num_threads(2)
     yield
     set_num_threads(before)
+
+
+@given(
+    shares=st.lists(st.floats(0.01, 100), min_size=1, max_size=5),
+    told=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 7), st.integers(0, 7)), max_size=30),
+)
+def test_steps_that_share_a_bar_never_move_it_back_and_the_last_ends_it(shares, told):
+    seen = []
+    steps = share_out(lambda *at: seen.append(at), *shares)
+    for number, done, total in told:
+        steps[number % len(steps)](min(done, total), total)
+    steps[-1](1, 1)
+    assert {total for _, total in seen} == {WHOLE}
+    assert all(one < other for (one, _), (other, _) in pairwise(seen))
+    assert seen[-1] == (WHOLE, WHOLE)
+
+
+def test_a_step_moves_the_bar_by_its_share_and_shares_can_be_shared_out():
+    seen = []
+    first, second = share_out(lambda *at: seen.append(at[0] / at[1]), 1, 3)
+    early, late = share_out(second, 1, 1)
+    for step, done, total in ((first, 1, 2), (first, 2, 2), (early, 5, 10), (late, 0, 3), (late, 3, 3)):
+        step(done, total)
+    np.testing.assert_allclose(seen, [1 / 8, 1 / 4, 7 / 16, 5 / 8, 1], rtol=0, atol=2 / WHOLE)
+    assert share_out(None, 1, 3) == (None, None)
 
 
 @given(count=st.integers(0, 100), size=st.integers(1, 30))

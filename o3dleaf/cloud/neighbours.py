@@ -49,17 +49,24 @@ def nearest_neighbours(points: FloatArray, k: int = NEIGHBOURS, progress: Progre
     return Neighbourhoods(distance, row, tree)
 
 
-def rearranged(near: Neighbourhoods, order: IndexArray, tree: cKDTree) -> Neighbourhoods:
+def rearranged(
+    near: Neighbourhoods, order: IndexArray, tree: cKDTree, progress: Progress | None = None
+) -> Neighbourhoods:
     """Return the neighbourhoods of the same points in another order, of which `tree` is one."""
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     distance, row = np.empty_like(near.distance), np.empty_like(near.row)
-    run_blocks(partial(loops.take_rows, order, rank, near.distance, near.row, distance, row), len(order), BLOCK)
+    task = partial(loops.take_rows, order, rank, near.distance, near.row, distance, row)
+    run_blocks(task, len(order), BLOCK, progress)
     return Neighbourhoods(distance, row, tree)
 
 
-def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:
+def fit_planes(points: FloatArray, rows: IndexArray, progress: Progress | None = None) -> Planes:
     """Return the principal axes of the neighbourhoods `rows` (m, k) among `points` (n, 3)."""
     normal, variance = np.empty((len(rows), 3)), np.empty((len(rows), 3))
-    run_blocks(lambda start, stop: loops.principal_axes(points, rows, start, stop, normal, variance), len(rows), BLOCK)
+
+    def task(start: int, stop: int) -> None:
+        loops.principal_axes(points, rows, start, stop, normal, variance)
+
+    run_blocks(task, len(rows), BLOCK, progress)
     return Planes(normal, variance)

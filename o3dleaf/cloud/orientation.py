@@ -16,7 +16,7 @@ from o3dleaf.cloud.pieces import Pieces, join_neighbours
 from o3dleaf.cloud.surfels import FLAT, Surfels
 from o3dleaf.errors import InputError, OrientationError
 from o3dleaf.geometry import CloudLike, points_of
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, finish, run_blocks, share_out
 
 ROUGH = 0.3
 """Flatness above which normals of neighbours are averaged before they are compared."""
@@ -116,8 +116,10 @@ def turn_outward(points: FloatArray, normals: FloatArray, surfels: Surfels) -> O
     return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * normals, notes)
 
 
-def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
+def orient_surfels(points: FloatArray, surfels: Surfels, progress: Progress | None = None) -> Orientation:
     """Return outward normals at `points` (n, 3), those of the surfels blended, found on coarser ones if need be.
+
+    `progress` is told of shares of the work.
 
     Raises
     ------
@@ -129,13 +131,14 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighbourhoods "
             f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, or less noise"
         )
-    normals, enclosed, seam = _sides(surfels)
-    for _ in range(COARSER):
+    first, *again = share_out(progress, *(COARSER + 1) * [1])
+    normals, enclosed, seam = _sides(surfels, first)
+    for more in again:
         coarser = surfels.coarser(points) if enclosed < OPEN and seam > SEAM else None
         if coarser is None:
             break
         surfels = coarser
-        normals, enclosed, seam = _sides(surfels)
+        normals, enclosed, seam = _sides(surfels, more)
     if enclosed < OPEN and seam > SEAM:
         raise OrientationError(
             "cloud: its normals contradict one another along a line, as on a Moebius strip or where sheets branch; "
@@ -144,16 +147,19 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     return _parted(points, surfels, normals, _notes(surfels, enclosed, seam))
 
 
-def _sides(surfels: Surfels) -> tuple[FloatArray, float, float]:
+def _sides(surfels: Surfels, progress: Progress | None) -> tuple[FloatArray, float, float]:
     """Return the surfels' outward normals (m, 3), the mean winding number on them, and the length of their seam."""
     points, rows = surfels.points, surfels.rows
+    smoothing, joining, turning = share_out(progress, 1, 4, 1)
     found = _smoothed(surfels)
-    pieces = join_neighbours(points, found, rows if surfels.flatness > FLAT else rows[:, : CLEAN_EDGES + 1])
+    finish(smoothing)
+    pieces = join_neighbours(points, found, rows if surfels.flatness > FLAT else rows[:, : CLEAN_EDGES + 1], joining)
     agreed = pieces.sign[:, np.newaxis] * found
     area = surfels.total(surfels.spacing**2)
     sign, winding, gain = enclosing_signs(points, agreed, area, pieces.piece)
     _ask_neighbours(pieces, sign, gain)
     normals, _, conflict = repair_normals(points, sign[pieces.piece][:, np.newaxis] * agreed, rows)
+    finish(turning)
     enclosed = float(np.average(winding[pieces.piece], weights=area))
     return normals, enclosed, _longest_seam(points, normals, rows) if conflict else 0.0
 

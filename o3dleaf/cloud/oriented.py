@@ -17,10 +17,12 @@ from o3dleaf.cloud.stray import find_stray_points, stray_among
 from o3dleaf.cloud.surfels import Surfels
 from o3dleaf.errors import InputError
 from o3dleaf.geometry import CloudLike, held_normals, held_points
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, finish, share_out
 
 UNUSABLE = 0.1
 """Share of given normals on the wrong side of a noisy cloud beyond which their directions are not believed either."""
+SHARES = (3, 6, 3, 5, 3)
+"""About how long the steps of preparing a cloud take: sorting, neighbours, planes, sides, and the order restored."""
 LEAST_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
 
@@ -88,7 +90,7 @@ def prepare_cloud(
     orient : callable, optional
         ``orient(points, normals) -> Orientation``; None leaves normals as they were given or estimated.
     progress : callable, optional
-        ``progress(done, total)`` in points whose neighbours are known, most of the work where normals are given.
+        ``progress(done, total)``, in shares of the work.
 
     Raises
     ------
@@ -102,35 +104,38 @@ def prepare_cloud(
     directions = None if given is None else _held_array(given, "normals")
     if directions is not None and len(directions) != len(held):
         raise InputError(f"normals: {len(directions)} for {len(held)} points; give one a point")
+    sorting, finding, measuring, siding, ending = share_out(progress, *SHARES)
     finite = np.flatnonzero(np.isfinite(held).all(axis=1))
     distinct = finite[_first_of_each(held[finite])]
     _require_enough(len(distinct), len(held))
     # In the order of a tree, neighbours are close in memory, and each of the loops below runs up to twice as fast.
     tree = cKDTree(held[distinct])
-    kept, near = _without_stray(held, distinct[tree.indices], find_stray, progress)
+    finish(sorting)
+    kept, near = _without_stray(held, distinct[tree.indices], find_stray, finding)
     points = np.ascontiguousarray(held[kept])
-    surfels = Surfels.of(points, near.row)
+    surfels = Surfels.of(points, near.row, progress=measuring)
     spacing = median_spacing(surfels.spacing).median
     if directions is not None:
         unit, notes = check_normals(points, directions[kept], surfels, near.row, orient=orient is not None)
         turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(directions[kept]), unit) < 0))
         if orient is not None and len(surfels.points) < len(points) and UNUSABLE < turned < 1 - UNUSABLE:
-            unit, more = _found(points, surfels, estimate, orient)
+            unit, more = _found(points, surfels, estimate, orient, siding)
             notes = (
                 f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew",
                 *more,
             )
     else:
-        unit, notes = _found(points, surfels, estimate, orient)
+        unit, notes = _found(points, surfels, estimate, orient, siding)
+    finish(siding)
     order, count = np.argsort(kept), len(points)
     points, unit = points[order], unit[order]
     if voxel_size is not None:
         points, unit, _ = merge_points(points, unit, require_positive(voxel_size, "voxel_size"))
         _require_enough(len(points), count)
-        near = nearest_neighbours(points)
+        near = nearest_neighbours(points, progress=ending)
         spacing = median_spacing(Surfels.of(points, near.row).spacing).median
     else:
-        near = rearranged(near, order, tree if count == len(distinct) else cKDTree(points))
+        near = rearranged(near, order, tree if count == len(distinct) else cKDTree(points), ending)
     removed = len(held) - len(finite), len(finite) - len(distinct), len(distinct) - len(kept), count - len(points)
     return OrientedCloud(points, unit, spacing, *removed, notes, near)
 
@@ -162,16 +167,18 @@ def _without_stray(
 ) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
     """Return those of `rows` that are no stray points, and their neighbourhoods."""
     points = held[rows]
-    near = nearest_neighbours(points, progress=progress)
+    whole, linking, rest = share_out(progress, 4, 1, 4)
+    near = nearest_neighbours(points, progress=whole)
     if find_stray is None:
         return rows, near
     # Our own step shares its neighbourhoods with the next ones.
     stray = stray_among(near) if find_stray is find_stray_points else find_stray(points)
+    finish(linking)
     if not stray.any():
         return rows, near
     kept = rows[~stray]
     _require_enough(len(kept), len(held))
-    return kept, nearest_neighbours(held[kept])
+    return kept, nearest_neighbours(held[kept], progress=rest)
 
 
 def _require_enough(count: int, whole: int) -> None:
@@ -182,11 +189,13 @@ def _require_enough(count: int, whole: int) -> None:
         )
 
 
-def _found(points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None) -> Orientation:
+def _found(
+    points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None, progress: Progress | None
+) -> Orientation:
     """Return normals of a cloud that has none; our own steps share the surfels."""
     ours = estimate is estimate_normals
     if ours and orient is orient_normals:
-        return orient_surfels(points, surfels)
+        return orient_surfels(points, surfels, progress)
     normals = surfels.blend(points, surfels.planes.normal)[0] if ours else as_points(estimate(points), "normals", dim=3)
     if orient is None:
         return Orientation(normals, ())

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud import parity
 from o3dleaf.cloud.neighbours import BLOCK, IndexArray
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, finish, run_blocks, share_out
 
 SURE = 0.98
 """Agreement of two normals, straight and mirrored, from which one edge alone joins two points."""
@@ -47,23 +47,28 @@ class _Votes(NamedTuple):
     every: FloatArray
 
 
-def join_neighbours(points: FloatArray, normals: FloatArray, rows: IndexArray) -> Pieces:
+def join_neighbours(
+    points: FloatArray, normals: FloatArray, rows: IndexArray, progress: Progress | None = None
+) -> Pieces:
     """Find how normals (n, 3) must be turned to agree, piece by piece, with those of their neighbours `rows` (n, k).
 
     The vote on an edge is n_j · (n_i mirrored in the plane midway between the points). Sure edges join points, the
     surest first (Kruskal's algorithm, with signs); then pieces are joined whose votes, added up, decide.
     """
+    voting, joining, adding = share_out(progress, 1, 1, 3)
     n, edges = len(points), rows.shape[1] - 1
     vote, sure = np.empty((n, edges), np.float32), np.empty((n, edges), np.float32)
-    run_blocks(lambda i, j: parity.agreements(points, normals, rows, edges, i, j, vote, sure), n, BLOCK)
+    run_blocks(lambda i, j: parity.agreements(points, normals, rows, edges, i, j, vote, sure), n, BLOCK, voting)
     parent, sign = np.arange(n), np.ones(n, np.int8)
     parity.join_sure(rows, vote, sure, SURE, parent, sign)
     parity.flatten(parent, sign)
+    finish(joining)
     ends = np.repeat(np.arange(n), edges), rows[:, 1:].ravel()
     between = _votes_between(*ends, vote.ravel(), parent, sign)
     while _join_pieces(between, parent, sign):
         parity.flatten(parent, sign)
         between = _votes_between(*ends, vote.ravel(), parent, sign)
+    finish(adding)
     number, piece, size = np.unique(parent, return_inverse=True, return_counts=True)
     rank = np.empty(n, np.int64)
     rank[number[np.argsort(-size, kind="stable")]] = np.arange(len(number))

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud import loops
 from o3dleaf.cloud.neighbours import BLOCK, NEIGHBOURS, IndexArray, Planes, fit_planes, nearest_neighbours
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, finish, run_blocks, share_out
 
 FLAT = 0.2
 """Ratio of the standard deviations across and along a neighbourhood up to which it is a clean piece of a surface."""
@@ -52,26 +52,36 @@ class Surfels:
     flatness: float
 
     @classmethod
-    def of(cls, points: FloatArray, rows: IndexArray | None = None, thinning: int = 0) -> "Surfels":
+    def of(
+        cls,
+        points: FloatArray,
+        rows: IndexArray | None = None,
+        thinning: int = 0,
+        *,
+        progress: Progress | None = None,
+    ) -> "Surfels":
         """Find the scale at which `points` (n, 3) are a surface, or take groups of `thinning` points.
 
         `rows` (n, k) are the neighbours of the points, where they are known.
         """
+        scaling, finding, owning, grouping = share_out(progress, 2, 1, 3, 3)
         if thinning:
             flatness = flatness_of(points[thinned(len(points), thinning)])
         else:
-            thinning, flatness = surface_scale(points, rows)
+            thinning, flatness = surface_scale(points, rows, scaling)
+        finish(scaling)
         if thinning == 1:
-            near = nearest_neighbours(points).row if rows is None else rows
-            planes = fit_planes(points, near)
+            near = nearest_neighbours(points, progress=finding).row if rows is None else rows
+            planes = fit_planes(points, near, grouping)
             return cls(points, near, planes, np.arange(len(points)), spacings(planes, near.shape[1]), flatness)
         few = points[thinned(len(points), thinning)]
-        near = nearest_neighbours(few).row
+        near = nearest_neighbours(few, progress=finding).row
         spacing = spacings(fit_planes(few, near), near.shape[1]) / np.sqrt(thinning)
         owner = cKDTree(few).query(points, workers=-1)[1]
+        finish(owning)
         count = np.bincount(owner, minlength=len(few))  # no group is empty: each few point owns itself
         means = np.column_stack([np.bincount(owner, points[:, a], len(few)) for a in range(3)]) / count[:, np.newaxis]
-        near = nearest_neighbours(means).row
+        near = nearest_neighbours(means, progress=grouping).row
         planes = _group_planes(points - means[owner], owner, means, count, near)
         return cls(means, near, planes, owner, spacing[owner], flatness)
 
@@ -110,7 +120,9 @@ def thinned(count: int, thinning: int) -> IndexArray:
     return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
 
 
-def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[int, float]:
+def surface_scale(
+    points: FloatArray, rows: IndexArray | None = None, progress: Progress | None = None
+) -> tuple[int, float]:
     """Return how many times a cloud (n, 3) is to be thinned for its neighbourhoods to be flat, and their flatness.
 
     It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighbourhoods of
@@ -124,6 +136,8 @@ def surface_scale(points: FloatArray, rows: IndexArray | None = None) -> tuple[i
             scale, flat = thinning, coarser
         else:
             break
+        if progress:
+            progress(thinning - 1, thinning)  # each look is at half as many points
         thinning *= 2
     return scale, flat
 

@@ -12,10 +12,16 @@ from o3dleaf.errors import ReconstructionError
 from o3dleaf.field import Field, values_and_gradients
 from o3dleaf.mesh.arrays import BoolArray, build_mesh
 from o3dleaf.mesh.wavefront import Band
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, finish, share_out
 
 APART = 4
 """One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
+
+ASKED = 36
+"""Points of the lattice that a band asks for each seed used: 31 to 37, on clouds as dense as the lattice."""
+
+SHARES = (1, 8, 6)
+"""About how long seeds, growing and drawing take."""
 
 NEWTON_STEPS = 3
 """Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
@@ -68,7 +74,7 @@ def extract_band(
         kind are joined: creases of the field come out as edges, which marching cubes chamfers. Manifold all the
         same; triangles may cross where the field turns within a cell.
     progress : callable, optional
-        ``progress(done, total)`` in cells looked at; the total grows with the band.
+        ``progress(done, total)``, in shares of the work; how far the band will grow is guessed from the seeds.
 
     Returns
     -------
@@ -91,21 +97,36 @@ def extract_band(
     points, step, level = as_points(seeds, "seeds", dim=3, least=1), as_step(spacing), as_number(isovalue, "isovalue")
     allowed = _as_test(within, points)
     band = Band.around(points, field, level, step)
-    cells = band.cells_of(_toward_zero(field, _thin(points, step), level, SETTLED * float(step.min())))
+    seeding, growing, drawing = share_out(progress, *SHARES)
+    thin = _thin(points, step)
+    cells = band.cells_of(_toward_zero(field, thin, level, SETTLED * float(step.min())))
     if callable(within):
         cells = band.only(cells, allowed)
-    looked = 0
+    finish(seeding)
+    told = _growth(band, ASKED * len(thin), growing)
     while len(cells):
-        looked += len(cells)
-        cells = band.only(band.advance(cells), allowed)
-        if progress:
-            progress(looked, looked + len(cells))
+        cells = band.only(band.advance(cells, told), allowed)
+    finish(growing)
     if not band.found:
         raise ReconstructionError(
             f"seeds: none of {len(points)} leads to a cell that the surface {isovalue:g} crosses; give points near it, "
             "or a finer spacing"
         )
-    return build_mesh(*band.draw(sharpen=sharpen, ends=allowed is not None, features=features))
+    vertices, triangles = band.draw(sharpen=sharpen, ends=allowed is not None, features=features, progress=drawing)
+    finish(drawing)
+    return build_mesh(vertices, triangles)
+
+
+def _growth(band: Band, expected: int, progress: Progress | None) -> Progress | None:
+    """Return a progress for each wave of the band, of which about so many points of the lattice are `expected`."""
+    if progress is None:
+        return None
+
+    def told(done: int, total: int) -> None:
+        # The next wave is about as large.
+        progress(band.count - total + done, max(expected, band.count + total))
+
+    return told
 
 
 def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:

@@ -23,7 +23,7 @@ NEIGHBOURS = 12
 BLOCK = 1 << 14
 
 BATCH = 1 << 18
-"""Places that a tree is asked for at once."""
+"""Places that a tree or a field is asked for at once."""
 
 
 class Data(NamedTuple):

@@ -13,11 +13,11 @@ from o3dleaf.checks import FloatArray, as_points, require_choice, require_finite
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field, values_and_gradients
 from o3dleaf.geometry import CloudLike, points_of
-from o3dleaf.mesh.arrays import MeshLike, mesh_arrays, tensor_mesh
+from o3dleaf.mesh.arrays import IntArray, MeshLike, mesh_arrays, tensor_mesh
 from o3dleaf.mesh.deviation import nearest_on_mesh
-from o3dleaf.mesh.near import local_spacing, nearest_of
+from o3dleaf.mesh.near import BATCH, local_spacing, nearest_of
 from o3dleaf.mesh.support_loops import sum_near
-from o3dleaf.parallel import Progress, run_blocks
+from o3dleaf.parallel import Progress, blocks, finish, run_blocks, share_out
 
 REACH = 3.0
 """Radius in spacings within which data speak for a vertex: four of them in effect, some 28 in all."""
@@ -85,7 +85,7 @@ def support(
     tree : scipy.spatial.cKDTree, optional
         Of the points, where there is one.
     progress : callable, optional
-        ``progress(done, total)`` in points and vertices.
+        ``progress(done, total)``, in shares of the work.
 
     Raises
     ------
@@ -101,9 +101,17 @@ def support(
     step = float(np.median(local_spacing(data))) if spacing is None else require_positive(spacing, "spacing")
     if field is None and not len(triangles):
         raise InputError("support: vertices alone tell no distance of the data from the surface; give the field too")
-    feet = nearest_on_mesh(vertices, triangles, data) if field is None else _feet(field, data, REACH * step)
-    distance = nearest_of(cKDTree(data) if tree is None else tree, vertices)[0]
-    weight, moment = _sums(vertices, feet, ((data - feet) ** 2).sum(axis=1), REACH * step, progress)
+    standing, finding, summing = share_out(progress, 3, 1, 2)
+    reach = REACH * step
+    known = cKDTree(data) if tree is None else tree
+    feet = (
+        _feet(field, data, known.indices, reach, standing)
+        if field is not None
+        else nearest_on_mesh(vertices, triangles, data)
+    )
+    finish(standing)
+    distance = nearest_of(known, vertices, finding)[0]
+    weight, moment = _sums(vertices, feet, ((data - feet) ** 2).sum(axis=1), reach, summing)
     spoken = weight > 0
     residual = np.full(len(vertices), np.nan)
     residual[spoken] = np.sqrt(moment[spoken] / weight[spoken])
@@ -181,12 +189,21 @@ def _parts(mesh: Any) -> tuple[FloatArray, npt.NDArray[np.int64]]:
     return as_points(mesh, "vertices", dim=3), np.empty((0, 3), dtype=np.int64)
 
 
-def _feet(field: Field, data: FloatArray, longest: float) -> FloatArray:
-    """Return x − F ∇F/|∇F|² at points, but no farther than `longest` from them, where it means little."""
-    value, slope = values_and_gradients(field, data)
-    steep = np.maximum(np.linalg.norm(require_finite(slope, "field gradients"), axis=1), np.finfo(np.float64).tiny)
-    far = require_finite(value, "field values") / np.maximum(steep, np.abs(value) / longest)
-    return np.asarray(data - (far / steep)[:, np.newaxis] * slope)
+def _feet(field: Field, data: FloatArray, order: IntArray, longest: float, progress: Progress | None) -> FloatArray:
+    """Return x − F ∇F/|∇F|² at points, but no farther than `longest` from them, where it means little.
+
+    Asked in the `order` of a tree, points that share balls are asked for at once.
+    """
+    feet = np.empty_like(data)
+    for i, j in blocks(len(data), BATCH):
+        rows = order[i:j]
+        value, slope = values_and_gradients(field, data[rows])
+        steep = np.maximum(np.linalg.norm(require_finite(slope, "field gradients"), axis=1), np.finfo(np.float64).tiny)
+        far = require_finite(value, "field values") / np.maximum(steep, np.abs(value) / longest)
+        feet[rows] = data[rows] - (far / steep)[:, np.newaxis] * slope
+        if progress:
+            progress(j, len(data))
+    return feet
 
 
 def _sums(

@@ -22,7 +22,7 @@ from o3dleaf.mesh.footing import Surface, Surroundings, distance_along, vertex_n
 from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of
 from o3dleaf.mesh.support_loops import find_front, spread_front
 from o3dleaf.mesh.topology import label_nodes, label_triangles
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, finish, share_out
 
 FACTOR = 3.0
 """Radius of the largest empty circle that is closed, in spacings: of five million random points, one in ten thousand
@@ -92,7 +92,7 @@ def trim_to_support(
     tree : scipy.spatial.cKDTree, optional
         Of the points, where there is one.
     progress : callable, optional
-        ``progress(done, total)`` in vertices whose distance from the data is known.
+        ``progress(done, total)`` of the work.
 
     Returns
     -------
@@ -118,8 +118,10 @@ def trim_to_support(
     facing = None if normals is None else as_normals(normals, data)
     cloud = Data(data, spacings_of(data, spacing, tree), tree, facing)
     allowed = None if noise is None else as_number(noise, "noise")
-    vertices, triangles = _cut_off(vertices, triangles, cloud, (factor, factor - margin), allowed, progress)
+    cutting, dropping = share_out(progress, 3, 1)
+    vertices, triangles = _cut_off(vertices, triangles, cloud, (factor, factor - margin), allowed, cutting)
     vertices, triangles = _drop_unsupported(vertices, triangles, data, cloud.steps)
+    finish(dropping)
     return build_mesh(vertices, triangles)
 
 
@@ -133,11 +135,14 @@ def _cut_off(
 ) -> tuple[FloatArray, IntArray]:
     """Return the mesh without what comes within `reach[1]` spacings of a ball's centre, its radius `reach[0]`."""
     factor = reach[0]
-    far, nearest = nearest_of(data.tree, vertices, progress)
+    asking, holding, again = share_out(progress, 3, 1, 2)
+    far, nearest = nearest_of(data.tree, vertices, asking)
     surface = Surface(vertices, triangles, vertex_normals(vertices, triangles), far, nearest)
     ratio = distance_along(surface, data, noise or 0.0, 2 * factor)
+    finish(holding)
     if noise is None and ratio.max() > factor:
         ratio = distance_along(surface, data, _measure_noise(vertices, triangles, data.points), 2 * factor)
+    finish(again)
     if not ratio.max() > factor:
         return vertices, triangles
     return cut_below(vertices, triangles, _roll(vertices, triangles, ratio, data.steps[nearest], *reach))

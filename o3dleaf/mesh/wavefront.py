@@ -17,15 +17,18 @@ from o3dleaf.mesh.arrays import BoolArray, IntArray
 from o3dleaf.mesh.cells import COUNTS, CUBES
 from o3dleaf.mesh.clip import trim_to_manifold
 from o3dleaf.mesh.creases import BESIDE, LEAST_COSINE, join_creases, meet_planes
-from o3dleaf.parallel import blocks, run_blocks
+from o3dleaf.parallel import Progress, blocks, finish, run_blocks, share_out
 
 CornerArray: TypeAlias = npt.NDArray[np.int32]
 CodeArray: TypeAlias = npt.NDArray[np.uint8]
 Numbering: TypeAlias = tuple[IntArray, CodeArray]
 """Each point's first vertex, and the axes along which it has one."""
 
-BATCH = 1 << 20
+BATCH = 1 << 18
 """Points that a field is asked for at once."""
+
+SHARES = (1, 2, 3)
+"""About how long finding the vertices, sharpening them and joining them over creases take."""
 
 BLOCK = 1 << 14
 """Cells or vertices that one thread works on at a time."""
@@ -86,8 +89,11 @@ class Band:
         run_blocks(lambda i, j: loops.place_points(i, j, keys, beyond, self.base, self.step, points), len(keys), BLOCK)
         return points
 
-    def advance(self, cells: IntArray) -> IntArray:
-        """Look at new cells, keep those that the surface crosses, and return the rising keys of those beyond."""
+    def advance(self, cells: IntArray, progress: Progress | None = None) -> IntArray:
+        """Look at new cells, keep those that the surface crosses, and return the rising keys of those beyond.
+
+        `progress` is told of new points that the field was asked for.
+        """
         corners, asked, start = np.empty((len(cells), 8), dtype=np.int32), self.count, 0
         while start < len(cells):
             start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
@@ -96,6 +102,8 @@ class Band:
         for i, j in blocks(self.count - asked, BATCH):
             rows = slice(asked + i, asked + j)
             self.values[rows] = self._ask(self.positions(self.keys[rows]))
+            if progress:
+                progress(j, self.count - asked)
         codes = np.empty(len(cells), dtype=np.uint8)
         run_blocks(lambda i, j: loops.read_codes(i, j, self.values, corners, codes), len(cells), BLOCK)
         crossed = (codes > 0) & (codes < 255)
@@ -125,8 +133,11 @@ class Band:
         self.table = np.full(2 * room, -1, dtype=np.int32)
         loops.fill_table(self.table, self.keys, self.count)
 
-    def draw(self, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
+    def draw(
+        self, *, sharpen: bool, ends: bool, features: bool, progress: Progress | None = None
+    ) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles by the keys of points and cells, mended where a band `ends`."""
+        finding, sharpening, joining = share_out(progress, *SHARES)
         corners, codes = (np.concatenate(part) for part in zip(*self.found, strict=True))
         order = np.argsort(self.keys[corners[:, 0]])
         corners, codes = corners[order], codes[order]
@@ -138,13 +149,16 @@ class Band:
 
         run_blocks(find, len(codes), BLOCK)
         vertices = self._place(edges)
+        finish(finding)
         if sharpen:
             for i, j in blocks(many, BATCH):
                 between = self._ask(vertices[i:j])
                 loops.sharpen_fractions(i, j, edges.here, edges.there, between, edges.fraction)
+                if sharpening:
+                    sharpening(j, many)
             vertices = self._place(edges)
         if features:
-            vertices, triangles = self._crease(corners, codes, numbering, edges, vertices)
+            vertices, triangles = self._crease(corners, codes, numbering, edges, vertices, joining)
         else:
             triangles = _draw_smooth(corners, codes, numbering, edges.fraction)
         if not ends:
@@ -156,11 +170,22 @@ class Band:
         return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
 
     def _crease(
-        self, corners: CornerArray, codes: CodeArray, numbering: Numbering, edges: "_Edges", vertices: FloatArray
+        self,
+        corners: CornerArray,
+        codes: CodeArray,
+        numbering: Numbering,
+        edges: "_Edges",
+        vertices: FloatArray,
+        progress: Progress | None,
     ) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
-        slope = require_finite(np.asarray(self.field.gradient(vertices), dtype=np.float64), "field gradients")
-        normals = slope / np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)[:, np.newaxis]
+        normals = np.empty_like(vertices)
+        for i, j in blocks(len(vertices), BATCH):
+            slope = require_finite(np.asarray(self.field.gradient(vertices[i:j]), dtype=np.float64), "field gradients")
+            length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
+            normals[i:j] = slope / length[:, np.newaxis]
+            if progress:
+                progress(j, len(vertices))
         creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
 
         def count(start: int, stop: int) -> None:

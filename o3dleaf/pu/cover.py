@@ -9,12 +9,20 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
+from o3dleaf.parallel import Progress, blocks, finish, share_out
 from o3dleaf.pu import loops
 from o3dleaf.pu.index import BallIndex
 from o3dleaf.rbf.tail import IntArray
 
 SMALLEST_CELL = 1e-14
 """Share of the largest coordinate that a cell may shrink to: a hundred roundings. What it holds then coincides."""
+
+SHARES = (1, 3, 1, 3, 2)
+"""About how long the tree of the points, the halving, the index of the balls, their points and those that they borrow
+take."""
+
+BATCH = 1 << 14
+"""Balls whose nearest points are asked for at once."""
 
 LEAF_POINTS = 32
 """Points of a leaf of the tree that counts what balls hold, hundreds at a time."""
@@ -48,7 +56,12 @@ class Cover:
 
     @classmethod
     def indexed(
-        cls, points: FloatArray, bounds: FloatArray, points_per_ball: tuple[int, int], overlap: float
+        cls,
+        points: FloatArray,
+        bounds: FloatArray,
+        points_per_ball: tuple[int, int],
+        overlap: float,
+        progress: Progress | None = None,
     ) -> tuple["Cover", BallIndex]:
         """Cover `bounds` by balls that hold at most ``points_per_ball[1]`` of the points; return also their index.
 
@@ -63,16 +76,19 @@ class Cover:
             If too many points coincide.
         """
         least, most = points_per_ball
+        planting, halving, indexing, sorting, borrowing = share_out(progress, *SHARES)
         # Halves by place, not by number: made in a third of the time, and a ball meets fewer leaves.
         tree = cKDTree(points, leafsize=LEAF_POINTS, balanced_tree=False, compact_nodes=False)
-        low, high = _halve_until_small(tree, points, bounds, most, overlap)
+        finish(planting)
+        low, high = _halve_until_small(tree, points, bounds, most, overlap, halving)
         centres, radii = _circumscribe(low, high, overlap)
         index = BallIndex.build(centres, radii, bounds)
-        offsets, members = index.members(points)
+        finish(indexing)
+        offsets, members = index.members(points, sorting)
         least = min(least, len(points))
         few = np.flatnonzero(np.diff(offsets) < least)
-        _, nearest = tree.query(centres[few], k=np.arange(1, least + 1), workers=-1)
-        offsets, members = _replace_rows(offsets, members, few, np.sort(nearest, axis=1))
+        offsets, members = _replace_rows(offsets, members, few, _nearest(tree, centres[few], least, borrowing))
+        finish(borrowing)
         return cls(centres, radii, bounds, offsets, members), index
 
     @property
@@ -103,8 +119,24 @@ def _circumscribe(low: FloatArray, high: FloatArray, overlap: float) -> tuple[Fl
     return (low + high) / 2, np.where(radii > 0, radii, 1.0)
 
 
+def _along(places: FloatArray) -> IntArray:
+    """Return the order of a tree: places that follow one another in a question find their answers near in memory."""
+    return np.asarray(cKDTree(places).indices, dtype=np.int64)
+
+
+def _nearest(tree: cKDTree, places: FloatArray, count: int, progress: Progress | None) -> IntArray:
+    """Return the rising rows (n, count) of the points that are nearest to each of the (n, d) places."""
+    rows, order = np.empty((len(places), count), dtype=np.int64), _along(places)
+    for i, j in blocks(len(places), BATCH):
+        asked = order[i:j]
+        rows[asked] = np.sort(tree.query(places[asked], k=np.arange(1, count + 1), workers=-1)[1], axis=1)
+        if progress:
+            progress(j, len(places))
+    return rows
+
+
 def _halve_until_small(
-    tree: cKDTree, points: FloatArray, bounds: FloatArray, most: int, overlap: float
+    tree: cKDTree, points: FloatArray, bounds: FloatArray, most: int, overlap: float, progress: Progress | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the (M, d) lower and upper corners of the final cells, in a fixed order."""
     low, high = bounds[:1].copy(), bounds[1:].copy()
@@ -115,6 +147,7 @@ def _halve_until_small(
         # A ball holds its cell, so that only balls of cells with few points need to be counted.
         large = loops.count_cells(cells, len(low)) > most
         asked = np.flatnonzero(~large)
+        asked = asked[_along(centres[asked])]
         large[asked] = tree.query_ball_point(centres[asked], radii[asked], workers=-1, return_length=True) > most
         done.append((low[~large], high[~large]))
         if not large.any():
@@ -125,6 +158,8 @@ def _halve_until_small(
         axis = np.argmax(high - low, axis=1)
         low, high, middle = _halve(low, high, axis)
         loops.move_to_halves(cells, points, rows, axis, middle)
+        if progress:
+            progress(int(np.count_nonzero(cells < 0)), len(cells))
 
 
 def _halve(low: FloatArray, high: FloatArray, axis: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:

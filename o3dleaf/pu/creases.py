@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
+from o3dleaf.parallel import Progress, run_blocks, share_out, single_threaded_blas
 from o3dleaf.pu import crease_loops
 from o3dleaf.pu.choice import choose_amounts
 from o3dleaf.pu.cover import Cover
@@ -21,6 +21,9 @@ from o3dleaf.rbf.tail import IntArray, tail_exponents
 
 AT_ONCE = 4
 """Balls that are judged in one compiled call."""
+
+SHARES = (4, 1, 2, 8)
+"""About how long neighbours, sheets, the judging of splits and the fit take."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,19 +85,20 @@ def fit_creased(
     progress: Progress | None = None,
 ) -> LocalSplines | CreasedSplines:
     """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
-    cloud = Cloud.of(surface, points)
-    splits = find_splits(cover, cloud, Belonging.of(surface.rows, owners, values))
+    calming, finding, judging, solving = share_out(progress, *SHARES)
+    cloud = Cloud.of(surface, points, calming)
+    splits = find_splits(cover, cloud, Belonging.of(surface.rows, owners, values), finding)
     pieces = None
     if len(splits.balls):
         calm = np.zeros(len(points), dtype=bool)
         calm[surface.rows] = cloud.calm
         data = _Data(points, values, np.ones(len(points)) if trust is None else trust, owners, calm)
-        pieces, smoothing = _keep_better(cover, data, splits, kernel, degree, smoothing)
+        pieces, smoothing = _keep_better(cover, data, splits, kernel, degree, smoothing, judging)
     fit = partial(LocalSplines.fit, points=points, values=values, kernel=kernel, degree=degree, smoothing=smoothing)
     if pieces is None:
-        return fit(cover, trust=trust, owners=owners, progress=progress)
+        return fit(cover, trust=trust, owners=owners, progress=solving)
     terms = _terms(pieces, kernel, degree)
-    splines = fit(pieces.cover, trust=trust, owners=owners, terms=terms, progress=progress)
+    splines = fit(pieces.cover, trust=trust, owners=owners, terms=terms, progress=solving)
     return CreasedSplines(splines, pieces.first, pieces.joins)
 
 
@@ -105,8 +109,14 @@ def _terms(pieces: Pieces, kernel: Polyharmonic, degree: int) -> IntArray:
     return np.repeat(np.where(counts > 1, least, most), counts)
 
 
-def _keep_better(
-    cover: Cover, data: _Data, splits: Splits, kernel: Polyharmonic, degree: int, rule: Smoothing
+def _keep_better(  # noqa: PLR0917 - a fit, what it is judged by, and its bar
+    cover: Cover,
+    data: _Data,
+    splits: Splits,
+    kernel: Polyharmonic,
+    degree: int,
+    rule: Smoothing,
+    progress: Progress | None,
 ) -> tuple[Pieces | None, Smoothing]:
     """Return the pieces of those balls alone that are better split, and the smoothing chosen for them."""
     points, values, trust, owners, _ = data
@@ -134,7 +144,7 @@ def _keep_better(
         def task(start: int, stop: int) -> None:
             crease_loops.judge_balls(start, stop, splits.balls, pieces.first, *judged, better)
 
-        run_blocks(task, len(better), AT_ONCE)
+        run_blocks(task, len(better), AT_ONCE, progress)
     if not better.any():
         return None, rule
     return replace(cover, splits.only(better)), chosen if better.all() else rule

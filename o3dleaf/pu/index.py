@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.parallel import run_blocks
+from o3dleaf.parallel import Progress, run_blocks, share_out
 from o3dleaf.pu import loops
 from o3dleaf.pu.tree import Tree, build_tree
 from o3dleaf.rbf.tail import IntArray
@@ -90,8 +90,9 @@ class BallIndex:
         run_blocks(task, len(points), FOLD_BLOCK)
         return folded, leaves
 
-    def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+    def members(self, points: FloatArray, progress: Progress | None = None) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
+        counting, filling = share_out(progress, 1, 1)
         _, leaves = self.fold(points)
         block = max(1, -(-len(points) // MEMBER_BLOCKS))
         images = self.tree, self.centres, self.radii
@@ -100,7 +101,7 @@ class BallIndex:
         def count(start: int, stop: int) -> None:
             loops.count_members(start, stop, points, leaves, *images, heads[start // block])
 
-        run_blocks(count, len(points), block)
+        run_blocks(count, len(points), block, counting)
         offsets = np.concatenate([[0], np.cumsum(heads.sum(axis=0))])
         # The points of an earlier block come first.
         heads[:] = offsets[:-1] + np.cumsum(heads, axis=0) - heads
@@ -109,5 +110,5 @@ class BallIndex:
         def fill(start: int, stop: int) -> None:
             loops.fill_members(start, stop, points, leaves, *images, heads[start // block], rows)
 
-        run_blocks(fill, len(points), block)
+        run_blocks(fill, len(points), block, filling)
         return offsets, rows

@@ -26,7 +26,7 @@ from o3dleaf.checks import (
 )
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, share_out
 from o3dleaf.pu.appraisal import Appraisal, appraise_balls
 from o3dleaf.pu.blended import Blended
 from o3dleaf.pu.cover import Cover, as_ball_size
@@ -45,6 +45,8 @@ from o3dleaf.units import check_unit
 
 POINTS_PER_BALL = (200, 400)
 OVERLAP = 1.1
+SHARES = (1, 3)
+"""About how long covering the points and fitting the balls take."""
 
 FACE = 1e-6
 """Share of a voxel that a box may reach beyond the lattice: the rounding of a box computed from it."""
@@ -144,7 +146,7 @@ class PUInterpolant(Blended):
             ``local(points, values) -> Field`` fits a ball by any other method; the options of the
             spline (kernel to rho) then have no meaning.
         progress : callable, optional
-            ``progress(done, total)`` over balls.
+            ``progress(done, total)``, in shares of the work.
 
         Raises
         ------
@@ -158,14 +160,19 @@ class PUInterpolant(Blended):
         data = as_values(values, len(sites))
         box = _box(sites, bounds)
         size = as_ball_size(points_per_ball, overlap)
-        cover, index = Cover.indexed(sites, box, size, overlap)
+        covering, fitting = share_out(progress, *SHARES)
+        cover, index = Cover.indexed(sites, box, size, overlap, covering)
         trust = None if weights is None else as_weights(weights, len(sites))
         made_from = None if owners is None else as_rows(owners, len(sites))
         data_hash = _hash(sites, data, trust)
         if local is not None:
             rows = np.split(cover.members, cover.offsets[1:-1])
-            fields = LocalFields([local(sites[r], data[r]) for r in rows])
-            return cls(cover, index, fields, check_unit(unit), data_hash)
+            fields = []
+            for number, r in enumerate(rows):
+                fields.append(local(sites[r], data[r]))
+                if fitting:
+                    fitting(number + 1, len(rows))
+            return cls(cover, index, LocalFields(fields), check_unit(unit), data_hash)
         phi, degree = _spline(kernel, degree, sites.shape[1])
         rule = as_smoothing(phi, smoothing, rho)
         if creases is not False:
@@ -180,11 +187,11 @@ class PUInterpolant(Blended):
                 smoothing=rule,
                 trust=trust,
                 owners=made_from,
-                progress=progress,
+                progress=fitting,
             )
             return cls(cover, index, split, check_unit(unit), data_hash)
         splines = LocalSplines.fit(
-            cover, sites, data, phi, degree, rule, trust=trust, owners=made_from, progress=progress
+            cover, sites, data, phi, degree, rule, trust=trust, owners=made_from, progress=fitting
         )
         return cls(cover, index, splines, check_unit(unit), data_hash)
 
@@ -230,8 +237,9 @@ class PUInterpolant(Blended):
         fitter = as_fitter(local, sites, outward)
         box = _box(sites, bounds)
         size = as_ball_size(fitter.points_per_ball if points_per_ball is None else points_per_ball, overlap)
-        cover, index = Cover.indexed(sites, box, size, overlap)
-        fits = fitter.fit(cover, sites, outward, progress=progress)
+        covering, fitting = share_out(progress, *SHARES)
+        cover, index = Cover.indexed(sites, box, size, overlap, covering)
+        fits = fitter.fit(cover, sites, outward, progress=fitting)
         return cls(cover, index, fits, check_unit(unit), _hash(sites, outward))
 
     @classmethod

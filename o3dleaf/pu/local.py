@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import InputError
 from o3dleaf.field import Field
-from o3dleaf.parallel import Progress, run_blocks, single_threaded_blas
+from o3dleaf.parallel import Progress, run_blocks, share_out, single_threaded_blas
 from o3dleaf.pu import loops
 from o3dleaf.pu.choice import choose_amounts
 from o3dleaf.pu.cover import Cover
@@ -99,6 +99,8 @@ class LocalSplines:
         ranks, dropped = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
         weights = np.ones(len(points)) if trust is None else trust
         filled = (model, ranks, dropped)
+        # Balls that choose for themselves take about as long for it as for their fit, a sample of them nothing.
+        choosing, solving = share_out(progress, smoothing.amount == "gcv-per-ball", 1)
         terms = np.full(count, len(exponents)) if terms is None else terms
         with single_threaded_blas():
             rule, amounts = choose_amounts(
@@ -111,14 +113,14 @@ class LocalSplines:
                 terms=terms,
                 rule=smoothing,
                 owners=owners,
-                progress=progress,
+                progress=choosing,
             )
             diagonal, tail = rule.diagonals(cover.counts, amounts), (exponents, terms)
 
             def task(start: int, stop: int) -> None:
                 loops.fit_balls(start, stop, points, values, weights, balls, tail, kernel.power, diagonal, *filled)
 
-            run_blocks(task, count, AT_ONCE, progress if amounts is None else None)
+            run_blocks(task, count, AT_ONCE, solving)
         kept = None if trust is None else trust[cover.members]
         places = points.shape[1] * cover.offsets[:-1]
         return cls(kernel, rule, cover.offsets, places, *model, exponents, ranks, dropped, amounts, kept)

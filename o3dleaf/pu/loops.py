@@ -24,8 +24,9 @@ LEAF_IMAGES = 32
 """A box that this few balls reach into is not split further: what a point asks of balls that do not hold it costs less
 than points that meet a ball by ones and twos."""
 
-LEAF_SIDE = 0.5
-"""Nor is one whose longest side is below this share of its smallest ball's radius."""
+LEAF_SIDE = 2.0
+"""Nor is one whose longest side is below this many radii of its smallest ball: smaller boxes have shorter lists, but
+their many lists and nodes cost more to make and to fetch, and queries come in shorter strips."""
 
 ABREAST = 8
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
-from o3dleaf.parallel import blocks, run_blocks
+from o3dleaf.parallel import Progress, blocks, finish, run_blocks, share_out
 from o3dleaf.pu import sheet_loops, split_loops
 from o3dleaf.pu.cover import Cover
 from o3dleaf.pu.index import BallIndex
@@ -72,21 +72,27 @@ class Cloud(NamedTuple):
     half: float
 
     @classmethod
-    def of(cls, surface: Surface, points: FloatArray) -> "Cloud":
+    def of(cls, surface: Surface, points: FloatArray, progress: Progress | None = None) -> "Cloud":
         """Return the cloud of the measured ones of all points."""
+        planting, finding, *averaging, calming = share_out(progress, 1, 2, *ROUNDS * [1], 1)
         x, normals, half = points[surface.rows], surface.normals, surface.half
-        near = cKDTree(x).query(x, k=min(NEIGHBOURS + 1, len(x)), workers=-1)[1][:, 1:]
-        for _ in range(ROUNDS):
+        tree = cKDTree(x)
+        finish(planting)
+        near = np.empty((len(x), min(NEIGHBOURS, len(x) - 1)), dtype=np.int64)
+        # Asked in the tree's own order, neighbours in the question are neighbours in memory.
+        near[tree.indices] = tree.query(x[tree.indices], k=near.shape[1] + 1, workers=-1)[1][:, 1:]
+        finish(finding)
+        for averaged in averaging:
             before, normals = normals, np.empty_like(normals)
-            _over(len(x), sheet_loops.average_alike, before, near, half, normals)
+            _over(len(x), averaged, sheet_loops.average_alike, before, near, half, normals)
         calm = np.empty(len(x), dtype=bool)
-        _over(len(x), sheet_loops.find_calm, normals, near, half, calm)
+        _over(len(x), calming, sheet_loops.find_calm, normals, near, half, calm)
         return cls(x, normals, near, calm, half)
 
 
-def _over(count: int, loop: Callable[..., None], *arrays: object) -> None:
+def _over(count: int, progress: Progress | None, loop: Callable[..., None], *arrays: object) -> None:
     """Run a compiled loop over blocks of so many points."""
-    run_blocks(lambda start, stop: loop(start, stop, *arrays), count, BLOCK)
+    run_blocks(lambda start, stop: loop(start, stop, *arrays), count, BLOCK, progress)
 
 
 class Belonging(NamedTuple):
@@ -157,16 +163,18 @@ def ball_arrays(cover: Cover) -> BallArrays:
     return cover.centres, cover.radii, cover.offsets, cover.members
 
 
-def find_splits(cover: Cover, cloud: Cloud, belonging: Belonging) -> Splits:
+def find_splits(cover: Cover, cloud: Cloud, belonging: Belonging, progress: Progress | None = None) -> Splits:
     """Return the balls that hold several sheets."""
     balls = _suspects(cover, cloud, belonging)
-    found = [_split(balls[i:j], cover, cloud, belonging) for i, j in blocks(len(balls), MOST)]
+    parts = list(blocks(len(balls), MOST))
+    bars = share_out(progress, *(j - i for i, j in parts))
+    found = [_split(balls[i:j], cover, cloud, belonging, bar) for (i, j), bar in zip(parts, bars, strict=True)]
     if not found:
         return Splits(*np.empty((5, 0), dtype=np.int64))
     return Splits(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def _split(balls: IntArray, cover: Cover, cloud: Cloud, belonging: Belonging) -> Splits:
+def _split(balls: IntArray, cover: Cover, cloud: Cloud, belonging: Belonging, progress: Progress | None) -> Splits:
     """Return those of the balls that hold several sheets."""
     arrays, reach = ball_arrays(cover), np.empty(len(balls))
 
@@ -181,7 +189,7 @@ def _split(balls: IntArray, cover: Cover, cloud: Cloud, belonging: Belonging) ->
     def task(start: int, stop: int) -> None:
         found[start // AT_ONCE] = split_loops.split_balls(start, stop, balls, *around, arrays, cloud, belonging)
 
-    run_blocks(task, len(balls), AT_ONCE)
+    run_blocks(task, len(balls), AT_ONCE, progress)
     counts, members, sizes, joins = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return Splits(balls[counts > 0], counts[counts > 0], members, sizes, joins)
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.cloud.constraints import OffSurface, off_surface_constraints
@@ -11,7 +12,7 @@ from o3dleaf.cloud.merging import Merged, leave_out_tails, merge_points
 from o3dleaf.cloud.noise import estimate_noise
 from o3dleaf.cloud.oriented import OrientedCloud
 from o3dleaf.cloud.spacing import cloud_spacing
-from o3dleaf.parallel import Progress
+from o3dleaf.parallel import Progress, finish, share_out
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
@@ -35,16 +36,28 @@ Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
 """``(points, normals, spacing)`` to constraints off the surface."""
 
 
-def merge_noise(cloud: OrientedCloud) -> Merged:
+def merge_noise(cloud: OrientedCloud, *, progress: Progress | None = None) -> Merged:
     """Return the cloud with its points averaged where noise is thicker than the spacing, each with its weight.
 
     Voxels of two standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+    progress : callable, optional
+        ``progress(done, total)``, in shares of the work.
     """
+    measuring, merging, trimming = share_out(progress, 1, 3, 1)
     voxel = PER_NOISE * estimate_noise(cloud.points, cloud.near.tree if cloud.near else None)
+    finish(measuring)
     if voxel <= cloud.spacing:
         return Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-    return leave_out_tails(merge_points(cloud.points, cloud.normals, voxel))
+    merged = merge_points(cloud.points, cloud.normals, voxel)
+    finish(merging)
+    merged = leave_out_tails(merged)
+    finish(trimming)
+    return merged
 
 
 def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
@@ -78,6 +91,7 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     points_per_ball: int | tuple[int, int] | None = None,
     margin: float = 0.0,
     spacing: float | None = None,
+    tree: cKDTree | None = None,
     unit: str | None = None,
     progress: Progress | None = None,
 ) -> PUInterpolant:
@@ -98,28 +112,35 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     creases : "auto", False or float
         Sharp creases, for "rbf": see `PUInterpolant.fit`. "auto" looks for them where the noise is below a tenth of
         the spacing.
-    points_per_ball, unit, progress
+    points_per_ball, unit
         As in `PUInterpolant.fit`.
     margin : float
         How far beyond the cloud's box the field is to reach, in the unit of the points.
     spacing : float, optional
         Median of 1/√(points per unit area); left out, that of `cloud_spacing`.
+    tree : scipy.spatial.cKDTree, optional
+        Of the points, where there is one.
+    progress : callable, optional
+        ``progress(done, total)``, in shares of the work.
     """
     spacing = cloud_spacing(cloud.points).median if spacing is None else spacing
+    measuring, constraining, fitting = share_out(progress, 1, 1, 40)
     reach = max(margin, spacing) * np.array([[-1.0], [1.0]])
     options: dict[str, Any] = {
         "bounds": np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)]) + reach,
         "unit": unit,
-        "progress": progress,
+        "progress": fitting,
     }
     if points_per_ball is not None:
         options["points_per_ball"] = points_per_ball
     if local != "rbf":
         return PUInterpolant.fit_oriented(cloud.points, cloud.normals, local=local, **options)
-    clean = estimate_noise(cloud.points) <= CLEAN * spacing
+    clean = estimate_noise(cloud.points, tree) <= CLEAN * spacing
+    finish(measuring)
     if clean:
         options.setdefault("points_per_ball", SMALL_BALLS)
     off = constraints(cloud.points, cloud.normals, spacing)
+    finish(constraining)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
     gcv: Amount = "gcv" if clean else "gcv-per-ball"
     return PUInterpolant.fit(

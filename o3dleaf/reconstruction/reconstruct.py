@@ -20,6 +20,7 @@ from o3dleaf.mesh.footing import turned_over
 from o3dleaf.mesh.near import local_spacing, near_data
 from o3dleaf.mesh.support import Support, attach_support, support, support_colours
 from o3dleaf.mesh.trim import trim_to_support
+from o3dleaf.parallel import Progress, finish, share_out
 from o3dleaf.pu.creases import CreasedSplines
 from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
@@ -116,9 +117,13 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         cloud = prepare_cloud(pcd, progress=progress) if prepare is prepare_cloud else prepare(pcd)
     for line in decisions(cloud):
         _tell(line, journal)
-    with log.stage("merge points"):
-        merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
-        near, median = surroundings(cloud, merged.points)
+    with log.stage("merge points") as progress:
+        merging, finding, spacing_out = share_out(progress, 2, 2, 1)
+        if merge is merge_noise:
+            merged = merge_noise(cloud, progress=merging)
+        else:
+            merged = merge(cloud) if merge else Merged(cloud.points, cloud.normals, np.ones(len(cloud.points)))
+        near, median = surroundings(cloud, merged.points, finding)
         if len(merged.points) < len(cloud.points):
             log.note(
                 f"noise is thicker than the spacing: {len(cloud.points):,} points make {len(merged.points):,} means"
@@ -126,6 +131,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         each, tree = local_spacing(merged.points, (near.distance, near.row)), near.tree
         del cloud, near  # sixteen neighbours of each point, the largest arrays of the job
         apart = float(np.median(each))
+        finish(spacing_out)
     with log.stage("fit balls") as progress:
         field = fit_surface(
             merged,
@@ -137,6 +143,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             points_per_ball=points_per_ball,
             margin=MARGIN * float(each.max()),
             spacing=median,
+            tree=tree,
             unit=unit,
             progress=progress,
         )
@@ -152,9 +159,11 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         )
     with log.stage("trim to data") as progress:
         # Our own step shares what is known of the cloud.
-        ours = {"normals": merged.normals, "tree": tree, "progress": progress} if trim is trim_to_support else {}
+        trimming, looking = share_out(progress, 2, 1)
+        ours = {"normals": merged.normals, "tree": tree, "progress": trimming} if trim is trim_to_support else {}
         mesh = trim(mesh, merged.points, each, **ours) if trim else mesh
         turned = turned_over(mesh, merged.points, merged.normals, tree)
+        finish(looking)
     if turned.mean() > TURNED:
         _tell(
             f"{100 * turned.mean():.2g} % of the surface faces away from all data near it: it joins sheets that face "
@@ -175,11 +184,13 @@ def _tell(line: str, journal: Journal | None) -> None:
     journal.note(line) if journal else warnings.warn(line, CloudWarning, stacklevel=3)
 
 
-def surroundings(cloud: OrientedCloud, points: FloatArray) -> tuple[Neighbourhoods, float]:
+def surroundings(
+    cloud: OrientedCloud, points: FloatArray, progress: Progress | None = None
+) -> tuple[Neighbourhoods, float]:
     """Return neighbourhoods and median spacing of the points that are fitted, the cloud's own if they are its."""
     if cloud.near and points is cloud.points:
         return cloud.near, cloud.spacing
-    near = nearest_neighbours(points)
+    near = nearest_neighbours(points, progress=progress)
     return near, cloud_spacing(points, near).median
 
 

@@ -19,6 +19,13 @@ def test_noise_is_found_in_spacings(ratio):
     assert estimate_noise(noisy) == pytest.approx(sigma, rel=NOISE_SHARE)
 
 
+def test_noise_of_many_spacings_is_found():
+    """A dense scan of a poor scanner: a patch as wide as its noise holds thousands of points, and is still a patch."""
+    rng = np.random.default_rng(11)
+    points = np.column_stack([rng.uniform(size=(40_000, 2)), np.zeros(40_000)])
+    assert estimate_noise(points + rng.normal(size=points.shape) * [0, 0, 0.04]) == pytest.approx(0.04, rel=NOISE_SHARE)
+
+
 def test_clean_data_have_little_noise():
     """What a quadric cannot follow on a clean sphere is far below the spacing; creases and rims do not count."""
     for solid in (samples.Sphere(), samples.Block()):
