@@ -3,7 +3,7 @@ import open3d as o3d
 import pytest
 
 from cloud_shapes import sphere, torus
-from o3dleaf.cloud import prepare_cloud
+from o3dleaf.cloud import cloud_spacing, find_stray_points, prepare_cloud
 from o3dleaf.errors import InputError
 
 
@@ -49,3 +49,17 @@ def test_normals_that_are_missing_or_flipped_are_mended():
 def test_a_cloud_without_points_is_refused(points, message):
     with pytest.raises(InputError, match=message):
         prepare_cloud(points, normals=np.ones((20, 3)))
+
+
+def test_points_beside_a_surface_are_stray_from_four_spacings_on():
+    """No point of a random cloud is, and of one 32 times as dense on one half only few of the other."""
+    points, normals = torus(20_000)
+    spacing = cloud_spacing(points).median
+    rng = np.random.default_rng(12)
+    beside = rng.choice(20_000, 40, replace=False)
+    lifted = points[beside] + rng.uniform(4.5, 9, size=(40, 1)) * spacing * normals[beside]
+    assert not find_stray_points(points).any()
+    assert np.array_equal(np.flatnonzero(find_stray_points(np.vstack([points, lifted]))), np.arange(20_000, 20_040))
+    xy = rng.uniform(size=(33_000, 2))
+    uneven = np.column_stack([xy[:, 0] * np.repeat([1, -1], [32_000, 1_000]), xy[:, 1], np.zeros(33_000)])
+    assert find_stray_points(uneven).sum() < 33
