@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.rbf.solve import solve_triangle
+from o3dleaf.rbf.triangles import solve_triangle
 
 RIDGE = 1e-3
 """Share of the points' number added to the curvatures' diagonal: planes stay planes where few points say more."""

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.errors import IllPosedError
-from o3dleaf.rbf import columns, solve
+from o3dleaf.rbf import columns, solve, triangles
+from o3dleaf.rbf.reflectors import block_reflector
 from o3dleaf.rbf.tail import IntArray
 
 
@@ -20,7 +21,7 @@ class LocalFactor:
     reflectors, triangle : (r, n), (r, r) ndarrays
         Y and T (Schreiber and Van Loan 1989).
     right, basis : (r, r), (q, r) ndarrays
-        R, and the polynomials that it belongs to: see `o3dleaf.rbf.solve.restrict_tail`.
+        R, and the polynomials that it belongs to: see `o3dleaf.rbf.reflectors.restrict_tail`.
     above, cholesky : (r, n − r), (n − r, n − r) ndarrays
         B and L.
     """
@@ -45,10 +46,10 @@ class LocalFactor:
         """
         matrix, vectors, betas, right, basis = solve.project(points, exponents, power, diagonal)
         rank = len(right)
-        lower, fit = solve.cholesky(matrix[rank:, rank:].copy())
+        lower, fit = triangles.cholesky(matrix[rank:, rank:].copy())
         if not fit:
             raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
-        return cls(vectors, solve.block_reflector(vectors, betas), right, basis, matrix[:rank, rank:].copy(), lower)
+        return cls(vectors, block_reflector(vectors, betas), right, basis, matrix[:rank, rank:].copy(), lower)
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the (m, n) λ and the (m, q) a of (m, n) values."""

@@ -6,7 +6,9 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.rbf.loops import put
-from o3dleaf.rbf.solve import SINGULAR, cholesky, project, reflect_both_sides, solve_positive
+from o3dleaf.rbf.reflectors import reflect_both_sides
+from o3dleaf.rbf.solve import project
+from o3dleaf.rbf.triangles import SINGULAR, cholesky, solve_positive
 
 
 @njit(nogil=True, cache=True)

@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.rbf.loops import REASSOCIATE, dot, put
-from o3dleaf.rbf.solve import natural_monomials, project_system, radial_matrix, reflect, tail_matrix
+from o3dleaf.rbf.reflectors import reflect
+from o3dleaf.rbf.solve import natural_monomials, project_system, radial_matrix, tail_matrix
 
 RESIDUAL = 1e-2
 """Share of s |x| that the residual of the smallest smoothing may keep: squares of errors are off by its square."""

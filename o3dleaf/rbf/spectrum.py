@@ -8,16 +8,9 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.rbf.loops import dot, put
-from o3dleaf.rbf.solve import (
-    SINGULAR,
-    natural_monomials,
-    radial_matrix,
-    reflect,
-    reflect_both_sides,
-    restrict_tail,
-    solve_few,
-    tail_matrix,
-)
+from o3dleaf.rbf.reflectors import reflect, reflect_both_sides, restrict_tail
+from o3dleaf.rbf.solve import natural_monomials, radial_matrix, tail_matrix
+from o3dleaf.rbf.triangles import SINGULAR, solve_few
 
 ROUNDING = 2e-15
 """Share of the data's norm below which a coefficient is rounding: constants and polynomials leave up to 3e-16."""

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from o3dleaf.rbf import solve
+from o3dleaf.rbf import reflectors, solve, triangles
 from tolerances import ROUNDING
 
 
-def reflectors(columns):
+def made(columns):
     """Reflectors of a random tail, and Q as the product of them, one after another."""
     tail = np.random.default_rng(columns).normal(size=(30, columns))
-    vectors, betas = solve.householder(tail)
+    vectors, betas = reflectors.householder(tail)
     q = np.eye(30)
     for v, beta in zip(vectors, betas, strict=True):
         q = q @ (np.eye(30) - beta * np.outer(v, v))
@@ -19,19 +19,19 @@ def reflectors(columns):
 
 @pytest.mark.parametrize("columns", [0, 1, 4, 9, 10])
 def test_all_reflectors_at_once_turn_a_matrix_on_both_sides(columns):
-    vectors, betas, q = reflectors(columns)
+    vectors, betas, q = made(columns)
     half = np.random.default_rng(1).normal(size=(30, 30))
     matrix = half + half.T
     for forward, turned in ((True, q.T @ matrix @ q), (False, q @ matrix @ q.T)):
         found = matrix.copy()
-        solve.reflect_both_sides(found, vectors, betas, forward)
+        reflectors.reflect_both_sides(found, vectors, betas, forward)
         assert np.array_equal(found, found.T)
         np.testing.assert_allclose(found, turned, atol=ROUNDING * np.abs(turned).max())
 
 
 def test_the_block_of_reflectors_is_their_product():
-    vectors, betas, q = reflectors(7)
-    block = np.eye(30) - vectors.T @ solve.block_reflector(vectors, betas) @ vectors
+    vectors, betas, q = made(7)
+    block = np.eye(30) - vectors.T @ reflectors.block_reflector(vectors, betas) @ vectors
     np.testing.assert_allclose(block, q, atol=ROUNDING)
 
 
@@ -41,7 +41,7 @@ def test_the_norms_of_a_triangle_bound_its_condition(least):
     rng = np.random.default_rng(3)
     left, right = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
     triangle = np.linalg.qr(left * np.append(np.ones(5), least) @ right)[1]
-    bound = solve.norm(triangle) * solve.inverse_norm(triangle)
+    bound = reflectors.norm(triangle) * reflectors.inverse_norm(triangle)
     values = np.linalg.svd(triangle, compute_uv=False)
     condition = values[0] / values[-1]
     assert bound >= condition * (1 - ROUNDING * condition)
@@ -49,7 +49,7 @@ def test_the_norms_of_a_triangle_bound_its_condition(least):
 
 
 def test_a_singular_triangle_has_no_inverse_of_any_norm():
-    assert not solve.inverse_norm(np.array([[1.0, 2.0], [0.0, 0.0]])) < np.inf
+    assert not reflectors.inverse_norm(np.array([[1.0, 2.0], [0.0, 0.0]])) < np.inf
 
 
 @pytest.mark.parametrize("share", [1e-3, 1e-7, 1e-9])
@@ -59,7 +59,7 @@ def test_a_direction_counts_down_to_the_tolerance_of_the_rank(share):
     points[2] *= share
     exponents = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     tail, frame = solve.tail_matrix(points, exponents), solve.natural_monomials(points, exponents)
-    assert len(solve.restrict_tail(tail, frame)[2]) == (4 if share > solve.RANK_TOLERANCE else 3)
+    assert len(reflectors.restrict_tail(tail, frame)[2]) == (4 if share > reflectors.RANK_TOLERANCE else 3)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
@@ -70,5 +70,5 @@ def test_small_systems_are_solved_as_large_ones_are(size):
     for factor in (rows, np.repeat(rows[:1], size, axis=0)):
         matrix, right = factor @ factor.T, factor @ rng.normal(size=size + 2)
         few, many = right.copy(), right.copy()
-        assert solve.solve_few(matrix.copy(), few) == solve.solve_positive(matrix.copy(), many)
+        assert triangles.solve_few(matrix.copy(), few) == triangles.solve_positive(matrix.copy(), many)
         np.testing.assert_allclose(few, many, rtol=ROUNDING * np.linalg.cond(factor[: None if factor is rows else 1]))
