@@ -26,13 +26,15 @@ ROUNDING = 1e-9
 """Share of a distance that is no shortening of it."""
 OFF = 0.7
 """Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
+OFF_MEANS = 1.0
+"""The same where points are means of several: their noise was as thick as the spacing."""
 CLEAN = 0.1
 """Noise in spacings up to which a cloud is clean. Of others creases are not looked for: of normals that turn, some
 only seem to."""
 SMALL_BALLS = (100, 200)
 """Constraints of a ball of a clean cloud, for which larger ones only cost more; noise wants more to be told from."""
 
-Constrain = Callable[[FloatArray, FloatArray, float], OffSurface]
+Constrain = Callable[..., OffSurface]
 """``(points, normals, spacing)`` to constraints off the surface."""
 
 
@@ -60,8 +62,8 @@ def merge_noise(cloud: OrientedCloud, *, progress: Progress | None = None) -> Me
     return merged
 
 
-def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSurface:
-    """Return constraints 0.7 spacings off the surface on both sides of every second point, the same each time.
+def constrain(points: FloatArray, normals: FloatArray, spacing: float, *, off: float = OFF) -> OffSurface:
+    """Return constraints `off` spacings off the surface on both sides of every second point, the same each time.
 
     Points that another sheet leaves less room have theirs all the same, nearer: each of close sheets is held.
 
@@ -71,11 +73,13 @@ def constrain(points: FloatArray, normals: FloatArray, spacing: float) -> OffSur
         On the surface; outward unit normals there.
     spacing : float
         1/√(points per unit area), in the unit of the points.
+    off : float
+        0.7; `fit_surface` takes 1 where points are means of several.
     """
-    found = off_surface_constraints(points, normals, OFF * spacing)
+    found = off_surface_constraints(points, normals, off * spacing)
     chosen = np.zeros(len(points), dtype=bool)
     chosen[np.random.default_rng(0).permutation(len(points))[: max(len(points) // SHARE, 1)]] = True
-    chosen[found.base[np.abs(found.values) < (1 - ROUNDING) * OFF * spacing]] = True
+    chosen[found.base[np.abs(found.values) < (1 - ROUNDING) * off * spacing]] = True
     kept = chosen[found.base]
     return OffSurface(found.sites[kept], found.values[kept], found.base[kept])
 
@@ -139,7 +143,9 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     finish(measuring)
     if clean:
         options.setdefault("points_per_ball", SMALL_BALLS)
-    off = constraints(cloud.points, cloud.normals, spacing)
+    # Our own step is told of means.
+    means = {"off": OFF_MEANS} if constraints is constrain and (cloud.weights > 1).any() else {}
+    off = constraints(cloud.points, cloud.normals, spacing, **means)
     finish(constraining)
     owners = np.concatenate([np.arange(len(cloud.points)), off.base])
     gcv: Amount = "gcv" if clean else "gcv-per-ball"
