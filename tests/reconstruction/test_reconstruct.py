@@ -1,6 +1,7 @@
 """A surface of any cloud: true to it, open or closed as it is, every step replaceable, nothing without a word."""
 
 import warnings
+from functools import partial
 
 import numpy as np
 import open3d as o3d
@@ -221,6 +222,17 @@ def test_constraints_of_every_second_point_and_where_sheets_are_close():
     facing = np.column_stack([np.zeros((2_000, 2)), side])
     close = o3l.constrain(sheets, facing, 0.03)
     assert len(np.unique(close.base[close.values > 0])) > 1_900
+
+
+def test_constraints_of_means_are_a_spacing_off():
+    """Not of single points; a constraint step of one's own decides for itself."""
+    points, normals = samples.Sphere().sample(600, seed=9)
+    probes = samples.Sphere().sample(50, seed=10)[0] * 1.01
+    for each, off in ((1.0, 0.7), (2.0, 1.0)):
+        cloud = Merged(points, normals, np.full(600, each))
+        own = partial(o3l.constrain, off=off)
+        assert np.array_equal(fit_surface(cloud)(probes), fit_surface(cloud, constraints=own)(probes))
+    assert np.abs(o3l.constrain(points, normals, 0.1, off=1.0).values).max() == pytest.approx(0.1)
 
 
 def test_sheets_that_face_the_same_way_are_not_joined_without_a_word():
