@@ -17,7 +17,7 @@ from o3dleaf.pu.interpolant import PUInterpolant
 from o3dleaf.pu.oriented import OrientedFitter
 from o3dleaf.rbf.smoothing import Amount
 
-PER_NOISE = 2.0
+PER_NOISE = 1.8
 """Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
 corners off, narrower ones leave the fit with more points than tell it anything."""
 SHARE = 2
@@ -41,7 +41,7 @@ Constrain = Callable[..., OffSurface]
 def merge_noise(cloud: OrientedCloud, *, progress: Progress | None = None) -> Merged:
     """Return the cloud with its points averaged where noise is thicker than the spacing, each with its weight.
 
-    Voxels of two standard deviations of the noise hold too few points to lose any shape that the noise has left,
+    Voxels of 1.8 standard deviations of the noise hold too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing nothing is merged.
 
     Parameters
