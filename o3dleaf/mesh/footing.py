@@ -10,8 +10,8 @@ from o3dleaf.checks import FloatArray, as_normals
 from o3dleaf.geometry import CloudLike, points_of
 from o3dleaf.mesh.adjacency import list_ends
 from o3dleaf.mesh.arrays import BoolArray, IntArray, MeshLike, build_mesh, require_triangles
-from o3dleaf.mesh.footing_loops import find_feet, spread_feet
 from o3dleaf.mesh.near import Data, nearest_of
+from o3dleaf.mesh.support_loops import find_feet, spread_lines
 from o3dleaf.mesh.topology import EdgeTable
 from o3dleaf.parallel import run_blocks
 
@@ -142,8 +142,10 @@ def distance_along(surface: Surface, data: Data, noise: float, reach: float) -> 
     # Feet are handed on where some vertex needs one.
     used, triangles = np.unique(surface.triangles[np.isinf(far)[surface.triangles].any(axis=1)], return_inverse=True)
     beside = Surroundings.of(triangles.reshape(-1, 3), len(used))
-    distance, handed = far[used], feet[used]
-    spread_feet(surface.vertices[used], *beside, reach * local[used], handed, distance)
+    distance = far[used]
+    foot = np.where(np.isinf(distance), -1, np.arange(len(used)))
+    points = np.repeat(feet[used, np.newaxis], 2, axis=1)
+    spread_lines(surface.vertices[used], *beside, reach * local[used], points, foot, distance)
     far[used] = distance
     return np.minimum(far / local, reach)
 

@@ -1,9 +1,51 @@
-"""The compiled loops of support: distances to a front along a mesh, and sums over the data nearby."""
+"""The compiled loops of support: which data hold a vertex, distances to a front along a mesh, and sums over the data nearby."""
 
 import math
 
 import numpy as np
 from numba import njit
+
+
+@njit(nogil=True, cache=True)
+def find_feet(start, stop, surface, data, limits, far, feet):
+    """Write distance and foot of the nearest of some data that face the way of each vertex.
+
+    A foot is the point without its noise: moved along the vertex's normal towards its tangent plane.
+
+    Parameters
+    ----------
+    surface : (vertices, normals)
+        (n, 3) ndarrays.
+    data : (points, normals, nearest)
+        (m, 3) ndarrays, or a single row of normals if all face every way, and the (n, k) rows to choose from.
+    limits : (noise, facing)
+        How far points are moved at most; the least cosine between normals.
+    far, feet : (n,), (n, 3) ndarrays
+        Filled at start:stop where there is one; `far` must be infinite.
+    """
+    vertices, outward = surface
+    points, normals, nearest = data
+    noise, facing = limits
+    known = len(normals) == len(points)
+    offset = np.empty(3)
+    for n in range(start, stop):
+        for j in nearest[n]:
+            along, cosine = 0.0, 0.0
+            for axis in range(3):
+                offset[axis] = points[j, axis] - vertices[n, axis]
+                along += offset[axis] * outward[n, axis]
+                if known:
+                    cosine += normals[j, axis] * outward[n, axis]
+            if known and cosine < facing:
+                continue
+            moved, square = min(max(along, -noise), noise), 0.0
+            for axis in range(3):
+                offset[axis] -= moved * outward[n, axis]
+                square += offset[axis] * offset[axis]
+            if math.sqrt(square) < far[n]:
+                far[n] = math.sqrt(square)
+                for axis in range(3):
+                    feet[n, axis] = vertices[n, axis] + offset[axis]
 
 
 @njit(nogil=True, cache=True)
@@ -43,33 +85,44 @@ def _to_line(point, line):
 
 
 @njit(nogil=True, cache=True)
-def spread_front(vertices, triangles, front, of_triangle, begin, around, reach, distance):
-    """Spread distances from a front over a mesh: each vertex asks for the lines that its neighbours are nearest to.
+def seed_front(vertices, triangles, front, of_triangle, line, distance):
+    """Write which line of a front is nearest to each corner of the triangles that it crosses, and how far it is.
 
     Parameters
     ----------
     vertices, triangles : (n, 3), (m, 3) ndarrays
     front, of_triangle : (f, 2, 3), (f,) ndarrays
         As `find_front` finds them.
-    begin, around : (n + 1,), (e,) ndarrays of int64
-        The neighbours of vertex v are around[begin[v] : begin[v + 1]].
-    reach : (n,) ndarray
-        Vertices farther than this pass nothing on.
-    distance : (n,) ndarray
-        Infinite; filled as far as the reach, and one edge beyond.
+    line, distance : (n,) ndarrays
+        −1 and infinite; filled at those corners.
     """
-    line, waiting = np.full(len(vertices), -1), np.zeros(len(vertices), dtype=np.bool_)
-    queue = [np.int64(0)]
-    queue.pop()
     for f in range(len(front)):
         for corner in range(3):
             vertex = triangles[of_triangle[f], corner]
             far = _to_line(vertices[vertex], front[f])
             if far < distance[vertex]:
                 distance[vertex], line[vertex] = far, f
-                if not waiting[vertex]:
-                    waiting[vertex] = True
-                    queue.append(vertex)
+
+
+@njit(nogil=True, cache=True)
+def spread_lines(vertices, begin, around, reach, front, line, distance):
+    """Hand lines on over a mesh: each vertex asks for the lines that its neighbours are nearest to.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+    begin, around : (n + 1,), (e,) ndarrays of int64
+        The neighbours of vertex v are around[begin[v] : begin[v + 1]].
+    reach : (n,) ndarray
+        Vertices farther than this pass nothing on.
+    front : (f, 2, 3) ndarray
+        Both ends of each line; a point is a line between itself and itself.
+    line, distance : (n,) ndarrays
+        Of the vertices that have a line, which and how far it is; −1 and infinite of the others. Changed in place, as
+        far as the reach, and one edge beyond.
+    """
+    waiting = line >= 0
+    queue = [np.int64(v) for v in np.flatnonzero(waiting)]
     while len(queue) > 0:
         following = [np.int64(0)]
         following.pop()

@@ -20,7 +20,7 @@ from o3dleaf.mesh.arrays import (
 from o3dleaf.mesh.deviation import distance_to_mesh
 from o3dleaf.mesh.footing import Surface, Surroundings, distance_along, vertex_normals
 from o3dleaf.mesh.near import NEIGHBOURS, Data, nearest_of, spacings_of
-from o3dleaf.mesh.support_loops import find_front, spread_front
+from o3dleaf.mesh.support_loops import find_front, seed_front, spread_lines
 from o3dleaf.mesh.topology import label_nodes, label_triangles
 from o3dleaf.parallel import Progress, finish, share_out
 
@@ -160,9 +160,10 @@ def _roll(
     """Return (n,) how far each vertex is beyond what the ball takes away, in spacings; below 0 it goes."""
     front, of_triangle = np.empty((len(triangles), 2, 3)), np.empty(len(triangles), dtype=np.int64)
     lines = find_front(triangles, vertices, ratio, factor, front, of_triangle)
-    found = front[:lines], of_triangle[:lines]
-    distance = np.full(len(vertices), np.inf)
-    spread_front(vertices, triangles, *found, *Surroundings.of(triangles, len(vertices)), reach * local, distance)
+    front, of_triangle = front[:lines], of_triangle[:lines]
+    line, distance = np.full(len(vertices), -1), np.full(len(vertices), np.inf)
+    seed_front(vertices, triangles, front, of_triangle, line, distance)
+    spread_lines(vertices, *Surroundings.of(triangles, len(vertices)), reach * local, front, line, distance)
     # Vertices farther than the ball was asked to look are all alike.
     signed = np.minimum(distance / local, 2 * factor)
     return np.where(ratio > factor, -signed, signed) - reach
