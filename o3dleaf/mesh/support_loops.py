@@ -1,4 +1,4 @@
-"""The compiled loops of support: which data hold a vertex, distances to a front along a mesh, and sums over the data nearby."""
+"""The compiled loops of support: what holds a vertex, how far it is from a front along a mesh, what speaks for it."""
 
 import math
 
