@@ -20,7 +20,7 @@ from measuring import Row, measure, show, write_json
 from scipy.interpolate import RBFInterpolator
 
 import o3dleaf as o3l
-from o3dleaf.parallel import get_num_threads, set_num_threads
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
 
 EVALUATIONS = 1_900_000
 MOST_GLOBAL = 7000

@@ -22,7 +22,7 @@ from measuring import Row, measure, resident, show, write_json
 from whole_leaf import QUICK_CT
 
 import o3dleaf as o3l
-from o3dleaf.leaf.distance import SurfaceIndex
+from o3dleaf.leaf.distance.distance import SurfaceIndex
 
 BYTES = 300
 """Memory a triangle of the closed mesh: its arrays, Open3D's copy, and the scene, with room to spare."""

@@ -16,7 +16,7 @@ from bench_field import rate_rows, spread
 from measuring import Row, measure, show, write_json
 
 import o3dleaf as o3l
-from o3dleaf.mesh.polygonise import polygonise
+from o3dleaf.surface.isosurface.polygonise import polygonise
 
 PCA_RADIUS = 8.0
 """In millimetres: more than half the leaf's width, so that a hole in the scan leaves points enough."""

@@ -32,9 +32,9 @@ from rich.console import Console
 from rich.table import Table
 from surface_errors import shape_of
 
-from o3dleaf.errors import O3DLeafError
-from o3dleaf.mesh.arrays import drop_unused_vertices
-from o3dleaf.parallel import get_num_threads
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.core.mesh_arrays import drop_unused_vertices
+from o3dleaf.core.parallel import get_num_threads
 
 OURS = "rbfpu"
 POISSONS = ("open3d_poisson", "meshlab_poisson")

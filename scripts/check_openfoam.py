@@ -28,8 +28,8 @@ import numpy as np
 import open3d as o3d
 
 import o3dleaf as o3l
-from o3dleaf.exchange.surface import enclosed_volume
-from o3dleaf.mesh.arrays import mesh_arrays
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.output.export.labelled_mesh import enclosed_volume
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "data_samples"

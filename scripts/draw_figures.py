@@ -11,8 +11,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from o3dleaf.figures.job import FiguresJob
-from o3dleaf.journal import Journal
+from o3dleaf.commands.figures import FiguresJob
+from o3dleaf.core.journal import Journal
 
 ROOT = Path(__file__).resolve().parents[1]
 REAL, SAMPLES = ROOT.parent / "shared" / "data" / "wheat", ROOT / "data_samples"

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import o3dleaf as o3l
-from o3dleaf.view.camera import View
+from o3dleaf.output.view.camera import View
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 FROM_ABOVE = View(direction=(0.0, -0.75, 1.0), tilt=0.0)

@@ -21,10 +21,11 @@ from rich.console import Console
 from rich.table import Table
 
 import o3dleaf as o3l
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.mesh.clean import count_self_intersections
-from o3dleaf.samples import wheat_ct, wheat_scan
+from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples.scan import wheat_scan
+from o3dleaf.surface.repair.meshlab import count_self_intersections
 
 STAGES = ("edges", "pieces and fans", "measures", "loops, orientation", "crossings")
 

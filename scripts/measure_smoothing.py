@@ -14,9 +14,9 @@ from itertools import product
 import numpy as np
 
 import o3dleaf as o3l
-from o3dleaf.rbf.smoothing import Spectrum, choose_by_gcv
-from o3dleaf.rbf.spectrum import spectra
-from o3dleaf.rbf.tail import tail_exponents
+from o3dleaf.fitting.rbf.smoothing import Spectrum, choose_by_gcv
+from o3dleaf.fitting.rbf.spectrum_loops import spectra
+from o3dleaf.fitting.rbf.tail import tail_exponents
 
 KERNELS = [(2, 2, 1), (2, 3, 1), (3, 3, 2), (3, 1, 1)]
 """Dimension, power of r, degree of the tail."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from o3dleaf.files import whole_file
+from o3dleaf.core.atomic_files import whole_file
 
 PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
 

@@ -14,7 +14,7 @@ import numpy as np
 import open3d as o3d
 
 import o3dleaf as o3l
-from o3dleaf.mesh.apart import run_apart
+from o3dleaf.core.child_process import run_apart
 
 SCALE = 1.1
 """Side of a Poisson octree over the longest side of the cloud's box."""

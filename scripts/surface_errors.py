@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.spatial import KDTree
 
-from o3dleaf.mesh.arrays import triangle_areas
-from o3dleaf.mesh.deviation import distance_to_mesh
-from o3dleaf.mesh.topology import EdgeTable, fans_per_vertex, label_fans, label_triangles
-from o3dleaf.parallel import get_num_threads
+from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.samples.meshed import draw_on_triangles
+from o3dleaf.surface.mesh.deviation import distance_to_mesh
+from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans, label_triangles
 
 SAMPLES = 200_000
 FARTHEST = 10_000

@@ -86,7 +86,7 @@ def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> C
 
     What C++ prints is captured too. An exception that the program does not turn into a line leaves it as it is.
     """
-    from o3dleaf.cli import main
+    from o3dleaf.commands.cli import main
 
     def call(*arguments: object) -> CompletedProcess[str]:
         words = ["o3dleaf", *map(str, arguments)]

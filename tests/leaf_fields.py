@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from o3dleaf.leaf.frame import LeafFrame
-from o3dleaf.leaf.height import HeightMap
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.pu.interpolant import PUInterpolant
-from o3dleaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.tiling import TiledField
 
 
 def texture(function, half=0.5, tile=2.0, n=13):

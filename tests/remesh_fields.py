@@ -6,8 +6,8 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial.transform import Rotation
 
-from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.remeshing.blocks import Charted
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.surface.remeshing.blocks import Charted
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf.errors import O3DLeafError
-from o3dleaf.samples import Sphere, Torus
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.samples.solids import Sphere, Torus
 from tolerances import BENCH_SAG, BENCH_SPACING, SOLID_FOOT
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from o3dleaf.tiles.assembly import Assembly
-from o3dleaf.tiles.footprint import footprint
-from o3dleaf.tiles.stream import Arrays
-from o3dleaf.tiles.tile import TileLattice
+from o3dleaf.leaf.instancing.assembly import Assembly
+from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.instancing.stream import Arrays
+from o3dleaf.leaf.instancing.tile import TileLattice
 
 PERIOD = 1.2
 LATTICE = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (24, 20, 31))

@@ -9,23 +9,23 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import FloatArray, as_points
-from o3dleaf.errors import InputError
-from o3dleaf.files import require_writable
-from o3dleaf.leaf import surface
-from o3dleaf.leaf.blade import Blade
-from o3dleaf.leaf.distance import SurfaceIndex, closest_points, signed_distance
-from o3dleaf.leaf.frame import LeafFrame
-from o3dleaf.leaf.grid import write_grid
-from o3dleaf.leaf.height import HeightMap
-from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.leaf.realisation import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
-from o3dleaf.mesh.files import SUFFIXES
-from o3dleaf.parallel import Progress, blocks
-from o3dleaf.store import write_model
-from o3dleaf.texture.patches import PatchBlend
-from o3dleaf.texture.tiling import TiledField
-from o3dleaf.units import unit_scale
+from o3dleaf.core.atomic_files import require_writable
+from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.parallel import Progress, blocks
+from o3dleaf.core.units import unit_scale
+from o3dleaf.io.model_file import write_model
+from o3dleaf.io.triangle_mesh import SUFFIXES
+from o3dleaf.leaf.distance import projection
+from o3dleaf.leaf.distance.distance import SurfaceIndex, closest_points, signed_distance
+from o3dleaf.leaf.distance.grid import write_grid
+from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.outline import AlphaShape
+from o3dleaf.leaf.meshing import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
+from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.tiling import TiledField
 
 CHUNK = 1 << 17
 """Points asked for together: gradients hold 160 bytes each, 20 MB, and the threads of each part have enough to do."""
@@ -69,7 +69,7 @@ class MultiscaleLeaf:
         self.scale = unit_scale(frame.unit, texture.unit)
 
     def state(self) -> dict[str, Any]:
-        """Return what the leaf is made of, for `o3dleaf.store`."""
+        """Return what the leaf is made of, for `o3dleaf.io.model_file`."""
         blade = self.blade
         parts = {"frame": blade.frame, "height_map": blade.height_map, "outline": blade.outline}
         return {"texture": self.texture, "offset": blade.offset} | parts
@@ -216,11 +216,11 @@ class MultiscaleLeaf:
         air between hairs, in the middle of the blade - the result is the closest point of the leaf instead, as in
         `closest_points`. Otherwise the outline has no say here: the surface goes on past the rim.
         """
-        return surface.project(self, x)
+        return projection.project(self, x)
 
     def normals(self, x: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) outward unit normals −∇G/|∇G| of the level sets of G at world points; 0 where ∇G is."""
-        return surface.normals(self, x)
+        return projection.normals(self, x)
 
     def mean_curvature(self, x: npt.ArrayLike) -> FloatArray:
         r"""Return the (n,) mean curvatures of the level sets of G at world points, in 1/`unit`.
@@ -231,7 +231,7 @@ class MultiscaleLeaf:
         derivatives are analytic; those of the blade are central differences of its analytic Jacobian, and jump with
         the frame's at the control points of a cubic midrib.
         """
-        return surface.mean_curvature(self, x)
+        return projection.mean_curvature(self, x)
 
     def realise(
         self,
@@ -317,11 +317,11 @@ class MultiscaleLeaf:
             If the disk has no room for the file.
         """
         require_writable(path, SUFFIXES)
-        surface = self.realise(spacing, region, closed=closed, method=method)
+        projection = self.realise(spacing, region, closed=closed, method=method)
         if remesh is None:
-            surface.write(path, progress)
+            projection.write(path, progress)
         else:
-            surface.extract(progress, remesh=remesh).write(path)
+            projection.extract(progress, remesh=remesh).write(path)
 
     def extract_tile(self, spacing: float) -> LeafMesh:
         """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.

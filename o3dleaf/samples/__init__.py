@@ -1,4 +1,16 @@
-"""Synthetic leaves and solids, seeded, with the truth kept as a Field: scans, volumes, clouds to try things on."""
+"""Synthetic leaves and solids, seeded, with the truth kept as a Field: scans, volumes, clouds to try things on.
+
+`domain`  the box a truth is defined on
+`sheet`   a wheat blade
+`scan`    its laser scan
+`micro`   the micro-structure of a wheat patch
+`ct`      its micro-CT
+`files`   all of it as files
+`solids`  sphere, torus, block, feet
+`meshed`  solids meshed finely
+`slab`    a wavy sheet
+`figure`  a figure of many parts
+"""
 
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.figure import Figure

@@ -4,10 +4,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
-from o3dleaf.checks import FloatArray, require_positive
-from o3dleaf.ct import Volume
-from o3dleaf.errors import InputError
-from o3dleaf.parallel import run_blocks
+from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.micro import WheatPatch
 
 Intensities = npt.NDArray[np.float32]

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.checks import FloatArray, as_points
-from o3dleaf.parallel import run_blocks
+from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.parallel import run_blocks
 
 BLOCK = 16_384
 """Points evaluated together; fixed, so that results do not depend on the number of threads."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.checks import FloatArray
-from o3dleaf.ct import Volume, write_volume
-from o3dleaf.errors import InputError
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 

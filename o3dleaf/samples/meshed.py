@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from o3dleaf.checks import FloatArray
-from o3dleaf.lattice import Lattice
-from o3dleaf.mesh.arrays import IntArray, triangle_areas
-from o3dleaf.mesh.polygonise import polygonise
-from o3dleaf.parallel import run_blocks
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.lattice import Lattice
+from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK
 from o3dleaf.samples.solids import Solid
+from o3dleaf.surface.isosurface.polygonise import polygonise
 
 
 class Meshed(Solid):

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.samples.domain import evaluate
 
 LEAF = 0.2

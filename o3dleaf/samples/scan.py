@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.checks import FloatArray
-from o3dleaf.errors import InputError
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.samples.sheet import WheatBlade
 
 CONTROL_POINTS = 20

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import KDTree
 
-from o3dleaf.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.samples.domain import evaluate
 
 NODES = 401

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
-from o3dleaf.checks import FloatArray
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
 

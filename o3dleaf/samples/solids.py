@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from o3dleaf.checks import FloatArray, as_points, require_positive
-from o3dleaf.parallel import run_blocks
+from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK, evaluate
 
 TURN = Rotation.from_euler("xyz", [23.0, 37.0, 11.0], degrees=True).as_matrix()

@@ -3,15 +3,15 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from o3dleaf.errors import ReconstructionError, UnitError
-from o3dleaf.leaf.frame import LeafFrame
-from o3dleaf.leaf.height import HeightMap
+from o3dleaf.core.errors import ReconstructionError, UnitError
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.outline import AlphaShape
-from o3dleaf.mesh.arrays import mesh_arrays
-from o3dleaf.mesh.quality import mesh_report
-from o3dleaf.pu.interpolant import PUInterpolant
-from o3dleaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import ANALYTIC_VS_DIFFERENCE, SURFACE_ORDER
 
 PERIOD = 1.2

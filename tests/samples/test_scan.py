@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf.errors import InputError
-from o3dleaf.field import Field
-from o3dleaf.samples import WheatBlade, wheat_scan
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.field import Field
+from o3dleaf.samples.scan import wheat_scan
+from o3dleaf.samples.sheet import WheatBlade
 from tolerances import SAMPLE_DIFFERENCE, SHEET_ARC, SHEET_DISTANCE
 
 

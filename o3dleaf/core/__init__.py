@@ -1,0 +1,14 @@
+"""What every chapter stands on: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
+
+`errors`         the errors and warnings that reach a user
+`checks`         validation of input, all of it
+`units`          units of length
+`field`          the protocol between what fits a function and what makes triangles of it
+`lattice`        a regular lattice over a box, sampled in bounded memory
+`parallel`       the thread pool that drives compiled loops over fixed blocks
+`journal`        the stages of a long job, timed
+`cloud_arrays`   Open3D point clouds and arrays
+`mesh_arrays`    Open3D triangle meshes and arrays
+`atomic_files`   files written whole or not at all
+`child_process`  a call in a process of its own
+"""

@@ -1,0 +1,218 @@
+"""The only input validation of the package: each check returns a clean array or raises `InputError`."""
+
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.errors import InputError
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
+    """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
+
+    A C-contiguous, writeable float64 array comes back as it is, anything else as a copy.
+
+    Parameters
+    ----------
+    points : (n, d) array_like
+        Coordinates, one point a row. A flat array of length d counts as one point where `dim` is d.
+    name : str
+        The argument's name, for the message.
+    dim : int, optional
+        The number of columns that the points must have.
+    least : int
+        The smallest number of points that will do.
+
+    Raises
+    ------
+    InputError
+        If the array has another shape, too few rows, or a value that is not finite.
+    """
+    array = _as_floats(points, name)
+    if array.ndim == 1 and dim is not None and array.shape == (dim,):
+        array = array[np.newaxis]
+    columns = array.shape[1] if array.ndim == 2 else 0
+    if columns == 0 or columns != (dim or columns):
+        wanted = f"(n, {dim})" if dim else "(n, d)"
+        raise InputError(f"{name}: has shape {array.shape}; give one point a row, shape {wanted}")
+    if len(array) < least:
+        raise InputError(f"{name}: holds {len(array)} points; at least {least} are needed")
+    return require_finite(array, name)
+
+
+def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
+    try:
+        return np.require(array, np.float64, ["C", "A", "W", "E"])
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
+
+
+def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
+    """Return `values` as a finite (count,) array, or (count, m) where there may be `columns`, or raise `InputError`."""
+    array = _as_floats(values, name)
+    if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
+        wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
+        raise InputError(f"{name}: has shape {array.shape}; give one value a point, shape {wanted}")
+    return require_finite(array, name)
+
+
+def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels") -> npt.NDArray[np.uint8]:
+    """Return `labels` as (count,) whole numbers from 0 to `kinds` - 1, or raise `InputError`."""
+    array = np.asarray(labels)
+    if array.shape != (count,) or array.dtype.kind not in "bui":
+        raise InputError(
+            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number a triangle, ({count},)"
+        )
+    if count and (array.min() < 0 or array.max() >= kinds):
+        raise InputError(f"{name}: run from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
+    return array.astype(np.uint8)
+
+
+def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> FloatArray:
+    """Return `weights` as a (count,) array of finite numbers above zero, or raise `InputError`."""
+    array = as_values(weights, count, name)
+    if np.any(array <= 0):
+        raise InputError(f"{name}: {np.sum(array <= 0)} are not above zero; leave such points out")
+    return array
+
+
+def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
+    """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
+    array = np.asarray(rows)
+    if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):
+        raise InputError(
+            f"{name}: is {array.dtype} of shape {array.shape}; give one row number from 0 to {count - 1} each"
+        )
+    return array.astype(np.int64)
+
+
+def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
+    """Return one finite (n, d) vector for each of the points, divided by its length, or raise `InputError`."""
+    array = as_points(normals, "normals", dim=points.shape[1])
+    if len(array) != len(points):
+        raise InputError(f"normals: are {len(array)}, for {len(points)} points; give one for each point")
+    lengths: FloatArray = np.linalg.norm(array, axis=1, keepdims=True)
+    if not np.all(lengths > 0):
+        raise InputError(f"normals: {np.sum(lengths == 0)} are zero; leave out their points, or estimate_normals")
+    return np.divide(array, lengths)
+
+
+def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:
+    """Return `bounds` as a (2, dim) array, lower corner then upper corner, or raise `InputError`."""
+    array = as_points(bounds, name, dim=dim)
+    if len(array) != 2 or np.any(array[1] < array[0]):
+        raise InputError(f"{name}: give the lower corner, then the upper corner, shape (2, {dim})")
+    return array
+
+
+def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
+    """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
+    step = _as_floats(spacing, "spacing")
+    if step.shape not in {(), (dimension,)}:
+        raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
+    for each in step.ravel():
+        require_positive(float(each), "spacing")
+    return np.broadcast_to(step, dimension)
+
+
+def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
+    """Return an array of finite real numbers in this machine's byte order, copied only if it must be.
+
+    Raises
+    ------
+    InputError
+        If it holds anything else, or has no voxel.
+    """
+    voxels: npt.NDArray[Any] = np.asarray(data)
+    if voxels.dtype.kind not in "buif":
+        raise InputError(f"{name}: holds {voxels.dtype} values; give real numbers")
+    if voxels.ndim == 0 or voxels.size == 0:
+        raise InputError(f"{name}: has shape {voxels.shape}; give an array of voxels")
+    if voxels.dtype.kind == "b":
+        return voxels.astype(np.uint8)
+    if not voxels.dtype.isnative:
+        # Compiled loops know this machine's byte order only; ImageJ writes the other one.
+        voxels = voxels.astype(voxels.dtype.newbyteorder("="))
+    if voxels.dtype.kind == "f":
+        # Slab by slab in the file's own order, so that a mapped file is read once and never held whole.
+        axis = int(np.argmax(voxels.strides))
+        for i in range(voxels.shape[axis]):
+            require_finite(voxels.take(i, axis=axis), f"{name}, slab {i} along axis {axis}")
+    return voxels
+
+
+def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str = "mask") -> npt.NDArray[np.bool_]:
+    """Return `mask` as an array of bool of the given shape, or raise `InputError`."""
+    array = np.asarray(mask)
+    if array.shape != shape or array.dtype != np.bool_:
+        raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one bool a voxel, shape {shape}")
+    return array
+
+
+def as_rigid_motion(transform: npt.ArrayLike, dimension: int = 3) -> tuple[FloatArray, FloatArray]:
+    """Return rotation (d, d) and displacement (d,) of a (d + 1, d + 1) matrix, or raise `InputError`."""
+    matrix = as_points(transform, "transform", dim=dimension + 1)
+    turn = matrix[:dimension, :dimension]
+    size = f"({dimension + 1}, {dimension + 1})"
+    if len(matrix) != dimension + 1 or np.abs(turn @ turn.T - np.eye(dimension)).max() > 1e-9:
+        raise InputError(f"transform: is no rigid motion of shape {size}; give a rotation and a displacement")
+    return turn, matrix[:dimension, dimension]
+
+
+def require_finite(array: FloatArray, name: str) -> FloatArray:
+    """Return `array` if all of it is finite, else raise `InputError` with the count and the first place."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        bad = np.argwhere(~finite)
+        raise InputError(
+            f"{name}: {len(bad)} values are NaN or infinite, the first at index {tuple(bad[0].tolist())}; remove them"
+        )
+    return array
+
+
+def as_number(value: float, name: str) -> float:
+    """Return `value` as a finite float, or raise `InputError`."""
+    number = _as_float(value)
+    if not np.isfinite(number):
+        raise InputError(f"{name}: is {value}; give a finite number")
+    return number
+
+
+def require_positive(value: float, name: str) -> float:
+    """Return `value` as a float if it is finite and above zero, else raise `InputError`."""
+    number = _as_float(value)
+    if not (np.isfinite(number) and number > 0):
+        raise InputError(f"{name}: is {value}; give a number above zero")
+    return number
+
+
+def _as_float(value: float) -> float:
+    """Return `value` as a float, NaN where it is no number at all."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return np.nan
+
+
+def require_choice(value: str, choices: Iterable[str], name: str) -> str:
+    """Return `value` if it is one of `choices`, else raise `InputError` that lists them."""
+    known = list(choices)
+    if value not in known:
+        raise InputError(f"{name}: unknown {value!r}; choose one of {', '.join(known)}")
+    return value
+
+
+def require_file(path: str | PathLike[str]) -> Path:
+    """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
+    found = Path(path)
+    if not found.is_file():
+        raise InputError(f"{found}: no such file; check the path")
+    if found.stat().st_size == 0:
+        raise InputError(f"{found}: the file is empty; export it again")
+    return found

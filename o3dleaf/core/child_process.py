@@ -1,0 +1,134 @@
+"""A call in a process of its own: a library that crashes or hangs there becomes an error message here.
+
+The child is a new interpreter, never a fork: Numba's and MeshLab's threads do not survive one. Arrays go
+over and come back as .npy files in a folder of the call's own, which the child works in and which is gone
+afterwards, whatever happened. Starting it takes about a second, most of it Open3D's import.
+"""
+
+import ctypes
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf import errors
+from o3dleaf.core.errors import O3DLeafError
+
+Arrays = tuple[npt.NDArray[Any], ...]
+
+DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux's prctl: the signal that a process gets when the one that started it dies."""
+
+TAIL = 300
+"""Characters of what the child said last that an error repeats."""
+
+
+def run_apart(
+    function: Callable[..., Arrays], arrays: Arrays, options: dict[str, Any], *, name: str, cure: str, seconds: float
+) -> Arrays:
+    """Return ``function(*arrays, **options)``, computed in a child process.
+
+    Parameters
+    ----------
+    function : callable
+        A function of a module, by whose name the child finds it; returns a tuple of arrays.
+    arrays : tuple of ndarrays
+    options : dict
+        What JSON can hold.
+    name, cure : str
+        For error messages: what runs, and what to try if it fails.
+    seconds : float
+        Time limit; then the child is killed.
+
+    Raises
+    ------
+    O3DLeafError
+        If the child runs too long, dies of a signal, or fails; what it raises of our own comes through.
+    """
+    with tempfile.TemporaryDirectory(prefix="o3dleaf-") as folder:
+        home = Path(folder)
+        call = {"module": function.__module__, "function": function.__qualname__, "options": options}
+        _write(home, "given", arrays)
+        (home / "call.json").write_text(json.dumps(call), encoding="utf-8")
+        code = _wait(home, name, cure, seconds)
+        if (home / "error.json").exists():
+            kind, message = json.loads((home / "error.json").read_text(encoding="utf-8"))
+            raise getattr(errors, kind)(message)
+        if code:
+            said = (home / "said.txt").read_text(encoding="utf-8", errors="replace")
+            raise O3DLeafError(f"{name}: {_reason(code)}{_last_line(said)}; {cure}")
+        return _read(home, "found")
+
+
+def _wait(home: Path, name: str, cure: str, seconds: float) -> int:
+    """Run the child and return its exit code; it never outlives this call."""
+    path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
+    with (home / "said.txt").open("wb") as said:
+        # A session of its own: Ctrl-C reaches this process alone, which then kills the child.
+        child = subprocess.Popen(  # noqa: S603  the command is this interpreter and this file
+            [sys.executable, "-m", __name__, str(home), str(os.getpid())],
+            cwd=home,
+            env=os.environ | {"PYTHONPATH": path},
+            stdin=subprocess.DEVNULL,
+            stdout=said,
+            stderr=said,
+            start_new_session=True,
+        )
+        try:
+            return child.wait(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            raise O3DLeafError(f"{name}: did not end within {seconds:g} s and was stopped; {cure}") from None
+        finally:
+            child.kill()
+            child.wait()
+
+
+def _reason(code: int) -> str:
+    """Return what an exit code other than 0 says."""
+    if code >= 0:
+        return f"failed with exit code {code}"
+    died = signal.Signals(-code).name
+    return f"died of {died}" + (", perhaps for want of memory" if died == "SIGKILL" else "")
+
+
+def _last_line(said: str) -> str:
+    """Return the last line of what the child said, in brackets."""
+    lines = said.strip().splitlines()
+    return f" ({lines[-1].strip()[:TAIL]})" if lines else ""
+
+
+def _write(home: Path, stem: str, arrays: Arrays) -> None:
+    """Write arrays as numbered files."""
+    for n, array in enumerate(arrays):
+        np.save(home / f"{stem}{n}.npy", array)
+
+
+def _read(home: Path, stem: str) -> Arrays:
+    """Return the arrays of `_write`."""
+    return tuple(np.load(home / f"{stem}{n}.npy") for n in range(len(list(home.glob(f"{stem}*.npy")))))
+
+
+def _serve(home: Path, parent: int) -> None:
+    """Do, in the child, what the folder says."""
+    ctypes.CDLL(None).prctl(DIE_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != parent:
+        return
+    call = json.loads((home / "call.json").read_text(encoding="utf-8"))
+    function = getattr(importlib.import_module(call["module"]), call["function"])
+    try:
+        _write(home, "found", function(*_read(home, "given"), **call["options"]))
+    except O3DLeafError as error:
+        (home / "error.json").write_text(json.dumps([type(error).__name__, str(error)]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    _serve(Path(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,45 @@
+"""The border to Open3D: what a user holds in, plain arrays out; nothing here imports Open3D."""
+
+from typing import TYPE_CHECKING, Any, Union, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_points
+
+if TYPE_CHECKING:
+    import open3d as o3d
+
+CloudLike = Union[npt.ArrayLike, "o3d.geometry.PointCloud", "o3d.t.geometry.PointCloud"]
+"""An (n, 3) array, or a legacy or tensor Open3D point cloud."""
+
+
+def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> FloatArray:
+    """Return the finite (n, 3) coordinates of an Open3D cloud (legacy or tensor) or of an array.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than `least` points, or one is not finite.
+    """
+    return as_points(held_points(cloud), name, dim=3, least=least)
+
+
+def held_points(cloud: CloudLike) -> npt.ArrayLike:
+    """Return the coordinates that an Open3D cloud (legacy or tensor) or an array holds, unchecked."""
+    held: Any = cloud
+    if hasattr(held, "point"):
+        held = held.point.positions.cpu().numpy()
+    elif hasattr(held, "points"):
+        held = np.asarray(held.points)
+    return cast(npt.ArrayLike, held)
+
+
+def held_normals(cloud: CloudLike) -> npt.ArrayLike | None:
+    """Return the normals that an Open3D cloud (legacy or tensor) holds, unchecked, or None where it has none."""
+    held: Any = cloud
+    if hasattr(held, "point"):
+        return cast(npt.ArrayLike, held.point.normals.cpu().numpy()) if "normals" in held.point else None
+    if hasattr(held, "normals") and len(held.normals):
+        return np.asarray(held.normals)
+    return None

@@ -1,0 +1,85 @@
+"""The Field protocol: the one seam between fitting a function and turning it into a surface."""
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+
+
+@runtime_checkable
+class Field(Protocol):
+    r"""A real function of d-dimensional points with a known domain; **larger inside**, F > isovalue is solid.
+
+    Anything with these four members can be meshed, tiled or blended: a fitted interpolant, a
+    synthetic truth, a function of your own.
+
+    Attributes
+    ----------
+    bounds : (2, d) ndarray
+        Lower, then upper corner of the domain, in `unit`. Outside, a field is its value at the
+        nearest point of the domain less the distance to it, so that far away is outside.
+    unit : str or None
+        Unit of length of the points.
+    """
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, d) lower, then upper corner of the domain."""
+        ...
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the points, or None."""
+        ...
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) values at (n, d) points; NaN never comes back, a NaN query is an error."""
+        ...
+
+    def gradient(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n, d) gradients at (n, d) points, in value per `unit`."""
+        ...
+
+
+@runtime_checkable
+class HasJets(Protocol):
+    """A field that finds values and derivatives in one pass."""
+
+    def jets(self, points: npt.ArrayLike, level: int) -> tuple[FloatArray, ...]:
+        """Return values (n,), gradients (n, d), ... at (n, d) points, derivatives up to order `level`."""
+        ...
+
+
+def values_and_gradients(field: Field, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the values (n,) and gradients (n, d) of a field at (n, d) points, in one pass where it can."""
+    if isinstance(field, HasJets):
+        value, slope = field.jets(points, 1)
+        return value, slope
+    return np.asarray(field(points)), np.asarray(field.gradient(points))
+
+
+def clamp(points: FloatArray, bounds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the nearest points of a box, the distances to them and the outward directions.
+
+    What a bounded field does outside its domain: F(x) = F(nearest point) − distance, with the
+    gradient of F along the axes that did not move, less the outward direction.
+
+    Parameters
+    ----------
+    points : (n, d) ndarray
+    bounds : (2, d) ndarray
+
+    Returns
+    -------
+    nearest : (n, d) ndarray
+    distance : (n,) ndarray
+    outward : (n, d) ndarray
+        Unit vectors from the box; exactly 0 along the axes that did not move, and for points inside.
+    """
+    nearest = np.clip(points, bounds[0], bounds[1])
+    offset = points - nearest
+    distance = np.linalg.norm(offset, axis=1)
+    outward = offset / np.where(distance > 0, distance, 1.0)[:, np.newaxis]
+    return nearest, distance, outward

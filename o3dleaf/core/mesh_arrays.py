@@ -1,0 +1,99 @@
+"""The door between Open3D's triangle meshes and NumPy arrays."""
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.errors import InputError
+
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+MeshLike: TypeAlias = o3d.geometry.TriangleMesh | o3d.t.geometry.TriangleMesh | tuple[npt.ArrayLike, npt.ArrayLike]
+"""What a function of this chapter takes for a mesh: Open3D's legacy or tensor mesh, or (vertices, triangles)."""
+
+
+def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
+    """Return copies of a mesh's vertices and triangles as plain arrays.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Vertices (n, 3) in any unit, triangles (m, 3) of vertex numbers.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray of float64
+    triangles : (m, 3) ndarray of int64
+
+    Raises
+    ------
+    InputError
+        If it is no mesh, a coordinate is not finite, or a triangle names a vertex that is not there.
+    """
+    if isinstance(mesh, o3d.geometry.TriangleMesh):
+        parts: tuple[npt.ArrayLike, npt.ArrayLike] = (np.asarray(mesh.vertices), np.asarray(mesh.triangles))
+    elif isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        parts = _tensor_parts(mesh)
+    else:
+        parts = _require_pair(mesh)
+    vertices = as_points(np.array(parts[0], dtype=np.float64).reshape(-1, 3), "mesh vertices", dim=3)
+    triangles = np.array(parts[1], dtype=np.int64).reshape(-1, 3)
+    if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
+        raise InputError(f"mesh: a triangle names a vertex outside 0 to {len(vertices) - 1}; the file may be damaged")
+    return vertices, triangles
+
+
+def require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
+    """Return the mesh's arrays, or raise `InputError` where it has no triangle."""
+    vertices, triangles = mesh_arrays(mesh)
+    if not len(triangles):
+        raise InputError("mesh: has no triangles; nothing to work on")
+    return vertices, triangles
+
+
+def _require_pair(mesh: object) -> tuple[npt.ArrayLike, npt.ArrayLike]:
+    """Return a pair as it is; anything else is no mesh."""
+    if not (isinstance(mesh, Sequence) and len(mesh) == 2):
+        raise InputError(f"mesh: is a {type(mesh).__name__}; give an Open3D TriangleMesh or (vertices, triangles)")
+    return mesh[0], mesh[1]
+
+
+def _tensor_parts(mesh: o3d.t.geometry.TriangleMesh) -> tuple[npt.ArrayLike, npt.ArrayLike]:
+    """Return the two tensors as arrays; a tensor mesh without them is empty."""
+    if "positions" not in mesh.vertex or "indices" not in mesh.triangle:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    return mesh.vertex.positions.cpu().numpy(), mesh.triangle.indices.cpu().numpy()
+
+
+def build_mesh(vertices: npt.ArrayLike, triangles: npt.ArrayLike) -> o3d.geometry.TriangleMesh:
+    """Return Open3D's legacy mesh (float64 vertices) of (n, 3) `vertices` and (m, 3) `triangles`."""
+    mesh = o3d.geometry.TriangleMesh()
+    mesh.vertices = o3d.utility.Vector3dVector(np.ascontiguousarray(vertices, dtype=np.float64))
+    mesh.triangles = o3d.utility.Vector3iVector(np.ascontiguousarray(triangles, dtype=np.int32))
+    return mesh
+
+
+def tensor_mesh(vertices: FloatArray, triangles: IntArray) -> o3d.t.geometry.TriangleMesh:
+    """Return Open3D's tensor mesh with float64 positions, which its own `from_legacy` rounds to float32."""
+    mesh = o3d.t.geometry.TriangleMesh()
+    mesh.vertex.positions = o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices))
+    mesh.triangle.indices = o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles))
+    return mesh
+
+
+def drop_unused_vertices(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without vertices that no triangle names, the others in their old order."""
+    used = np.zeros(len(vertices), dtype=bool)
+    used[triangles] = True
+    renumber = np.cumsum(used) - 1
+    return vertices[used], renumber[triangles].reshape(-1, 3)
+
+
+def triangle_areas(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (m,) areas of the triangles, in the square of the vertices' unit."""
+    first, second, third = (vertices[triangles[:, corner]] for corner in range(3))
+    return np.asarray(np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2)

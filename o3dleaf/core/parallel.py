@@ -1,0 +1,230 @@
+"""One thread pool for every compiled loop of the package, with progress, interruption and fixed blocks.
+
+Compiled functions are serial and release the GIL; this module drives them over fixed blocks. A
+block's result never depends on the number of threads, so neither does any result of the package.
+"""
+
+import importlib
+import itertools
+import os
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from typing import Any
+
+from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
+
+from o3dleaf.core.errors import InputError
+
+Progress = Callable[[int, int], None]
+"""Called as ``progress(done, total)`` from the calling thread while long work runs."""
+
+PERIOD = 0.02
+"""Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
+
+WHOLE = 100_000
+"""What work that consists of several steps is told in: finer than any bar."""
+
+
+class _Here(threading.local):
+    """What is true of the calling thread."""
+
+    is_worker = False
+
+    def enter(self) -> None:
+        self.is_worker = True
+
+
+_here = _Here()
+
+
+class _Pool:
+    """The executor, made at first use, and made anew after a fork or a change of the thread count."""
+
+    def __init__(self) -> None:
+        self.threads = os.cpu_count() or 1
+        self.executor: ThreadPoolExecutor | None = None
+        self.owner = -1
+
+    def get(self) -> ThreadPoolExecutor:
+        if self.executor is None or self.owner != os.getpid():
+            self.executor = ThreadPoolExecutor(self.threads, "o3dleaf", initializer=_here.enter)
+            self.owner = os.getpid()
+        return self.executor
+
+    def resize(self, threads: int) -> None:
+        if self.executor is not None and self.owner == os.getpid():
+            self.executor.shutdown(wait=True)
+        self.executor, self.threads = None, threads
+
+
+_pool = _Pool()
+
+
+def get_num_threads() -> int:
+    """Return the number of threads that compiled loops run on."""
+    return _pool.threads
+
+
+def set_num_threads(threads: int) -> None:
+    """Set the number of threads for compiled loops (default: all cores); results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        If `threads` is below 1.
+    """
+    if threads < 1:
+        raise InputError(f"threads: is {threads}; give 1 or more")
+    _pool.resize(threads)
+
+
+def share_out(progress: Progress | None, *shares: float) -> tuple[Progress | None, ...]:
+    """Return a progress for each of the steps that a work consists of, one after another; without one, None for each.
+
+    A step tells its own ``(done, total)``; the work is told of hundred thousandths of itself, and never of less than
+    before. What a step leaves untold counts as done when a later one begins to tell.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Of the whole work.
+    *shares : float
+        About how long each step takes, in any unit; 0 where it takes next to nothing.
+    """
+    if progress is None:
+        return (None,) * len(shares)
+    whole, ends = sum(shares), itertools.accumulate(shares)
+    told = -1
+
+    def part(start: float, share: float) -> Progress:
+        def tell(done: int, total: int) -> None:
+            nonlocal told
+            now = round(WHOLE * (start + share * (done / total if total else 1.0)) / whole)
+            if now > told:
+                told = now
+                progress(now, WHOLE)
+
+        return tell
+
+    return tuple(part(end - share, share) for share, end in zip(shares, ends, strict=True))
+
+
+def finish(progress: Progress | None) -> None:
+    """Tell that a step is done which tells nothing itself."""
+    if progress:
+        progress(1, 1)
+
+
+def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:
+    """Yield (start, stop) of consecutive blocks of `size` (the last may be shorter) that cover `count`."""
+    for start in range(0, count, size):
+        yield start, min(start + size, count)
+
+
+def run_blocks(task: Callable[[int, int], Any], count: int, size: int, progress: Progress | None = None) -> None:
+    """Call ``task(start, stop)`` for every block of `size` out of `count`, on all threads.
+
+    The task writes its own rows of a shared array; nothing is reduced across blocks, so that the
+    result is the same for any number of threads. Ctrl-C, or an error in a block, cancels the blocks
+    that have not started, waits for those that have, and is raised here. Inside a block the blocks
+    of another call run one after another, in the block's own thread.
+
+    Parameters
+    ----------
+    task : callable
+        Compiled with ``nogil``, or any function of (start, stop).
+    count, size : int
+        Number of items and items in a block.
+    progress : callable, optional
+        ``progress(done, count)``, called as blocks finish.
+    """
+    todo = list(blocks(count, size))
+    if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
+        for start, stop in todo:
+            task(start, stop)
+            if progress:
+                progress(stop, count)
+        return
+    pool, numbers, finished, stopped = _pool.get(), itertools.count(), list[int](), threading.Event()
+
+    def work() -> None:
+        # Threads fetch their blocks: a future each would cost more than a small block, under the one lock of Python.
+        while (number := next(numbers)) < len(todo) and not stopped.is_set():
+            try:
+                task(*todo[number])
+            except BaseException:
+                stopped.set()
+                raise
+            finished.append(todo[number][1] - todo[number][0])
+
+    jobs = list[Future[None]]()
+    try:
+        jobs += (pool.submit(work) for _ in range(min(_pool.threads, len(todo))))
+        _watch(jobs, finished, count, progress)
+    finally:
+        stopped.set()
+        for job in jobs:
+            job.cancel()
+        wait(jobs)
+
+
+def _watch(jobs: list[Future[None]], finished: list[int], count: int, progress: Progress | None) -> None:
+    """Wait for the jobs, say what has `finished` while they run, and raise what they raised."""
+    done, told = 0, 0
+    pending = True
+    while pending:
+        pending = bool(wait(jobs, PERIOD if progress else None).not_done)
+        while progress and told < len(finished):
+            done += finished[told]
+            told += 1
+            progress(done, count)
+    for job in jobs:
+        job.result()
+
+
+class _BlasLimit:
+    """One process-wide limit, shared by nested and concurrent users, lifted by the last of them."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.users = 0
+        self.before: list[tuple[LibController, int]] = []
+
+    def enter(self) -> None:
+        with self.lock:
+            if self.users == 0:
+                # Numba's linear algebra is SciPy's: a library that is not loaded yet would escape the limit.
+                importlib.import_module("scipy.linalg")
+                libraries = ThreadpoolController().select(user_api="blas").lib_controllers
+                self.before = [(library, library.get_num_threads()) for library in libraries]
+                self._set([(library, 1) for library in libraries])
+            self.users += 1
+
+    def leave(self) -> None:
+        with self.lock:
+            self.users -= 1
+            if self.users == 0:
+                self._set(self.before)
+
+    @staticmethod
+    def _set(limits: list[tuple[LibController, int]]) -> None:
+        # threadpoolctl ignores every thread but the first to set a limit; our last user may be another one.
+        OpenBLASController.clear_controlling_thread(force=True)
+        for library, threads in limits:
+            library.set_num_threads(threads)
+        OpenBLASController.clear_controlling_thread()
+
+
+_blas = _BlasLimit()
+
+
+@contextmanager
+def single_threaded_blas() -> Iterator[None]:
+    """Hold BLAS at one thread: its last bits depend on the thread count, and our pool has the cores."""
+    _blas.enter()
+    try:
+        yield
+    finally:
+        _blas.leave()

@@ -1,0 +1,21 @@
+"""One local interpolant: polyharmonic kernel, polynomial tail, smoothing, solve.
+
+The chapter answers one question: given a few hundred scattered values, which function of least
+bending energy takes them (or nearly takes them, when smoothed)? Everything above it only knows that
+the answer can be evaluated and differentiated.
+
+`kernels`             polyharmonic kernels: φ, φ′/r, order, θ
+`tail`                monomials of the tail
+`smoothing`           ρ, the diagonal and their choice by GCV
+`factor`              a local system factored once for many columns of values
+`interpolant`         `RBFInterpolant`
+`evaluation_loops`    values, gradients and Hessians of kernels and tails
+`reflector_loops`     Householder reflectors: onto the null space of Pᵀ
+`cholesky_loops`      Cholesky factors and triangular systems
+`solve_loops`         the solution of one local system
+`column_loops`        the same for many columns of values
+`spectrum_loops`      one eigen-decomposition for every smoothing
+`held_out_loops`      errors at points left out
+`shared_error_loops`  the same where constraints share their point's error
+`potential_loops`     potentials of points and normals: Hermite and curl-free
+"""

@@ -1,0 +1,100 @@
+"""Compiled Cholesky factors, and systems of triangles."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot, put
+
+SINGULAR = 3e-14
+"""Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
+points 10⁻⁶ of the ball apart leave five times as much."""
+
+
+@njit(nogil=True, cache=True)
+def cholesky(matrix):
+    """Return the lower factor, and whether the matrix was fit for it."""
+    lower = matrix
+    try:
+        lower = np.linalg.cholesky(matrix)
+    except Exception:  # noqa: BLE001 - Numba knows this one class only; it is LinAlgError
+        return lower, False
+    least = SINGULAR * np.trace(matrix)
+    for i in range(len(matrix)):
+        if lower[i, i] * lower[i, i] <= least:
+            return lower, False
+    return lower, True
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def cholesky_solve(matrix, right):
+    """Solve the positive definite system in place of `right`; return whether it was fit for it."""
+    count = len(matrix)
+    lower, fit = cholesky(matrix)
+    if not fit:
+        return False
+    for i in range(count):
+        right[i] = (right[i] - dot(lower[i], right, i)) / lower[i, i]
+    for i in range(count - 1, -1, -1):
+        right[i] /= lower[i, i]
+        for j in range(i):
+            right[j] -= lower[i, j] * right[i]
+    return True
+
+
+@njit(nogil=True, cache=True)
+def solve_positive(matrix, right):
+    """Solve the positive semi-definite system in place of `right`; return how many directions it left out.
+
+    Coinciding points make the matrix singular, each in the direction of their difference. Without
+    it their weights come out equal, and the fit goes through their mean: the limit of a vanishing
+    smoothing.
+    """
+    if len(matrix) == 0 or cholesky_solve(matrix, right):
+        return 0
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    coefficients = np.ascontiguousarray(vectors.T) @ right
+    least, dropped = SINGULAR * np.trace(matrix), 0
+    for i in range(len(matrix)):
+        if eigenvalues[i] > least:
+            coefficients[i] /= eigenvalues[i]
+        else:
+            coefficients[i] = 0.0
+            dropped += 1
+    put(vectors @ coefficients, right)
+    return dropped
+
+
+@njit(nogil=True, cache=True)
+def solve_few(matrix, right):
+    """Do what `solve_positive` does for a few unknowns, for which calling LAPACK takes longer than solving."""
+    count, least, lower = len(matrix), SINGULAR * np.trace(matrix), matrix.copy()
+    for i in range(count):
+        for j in range(i + 1):
+            for k in range(j):
+                lower[i, j] -= lower[i, k] * lower[j, k]
+            if j < i:
+                lower[i, j] /= lower[j, j]
+            elif lower[i, i] > least:
+                lower[i, i] = math.sqrt(lower[i, i])
+            else:
+                return solve_positive(matrix, right)
+    for i in range(count):
+        for k in range(i):
+            right[i] -= lower[i, k] * right[k]
+        right[i] /= lower[i, i]
+    for i in range(count - 1, -1, -1):
+        for k in range(i + 1, count):
+            right[i] -= lower[k, i] * right[k]
+        right[i] /= lower[i, i]
+    return 0
+
+
+@njit(nogil=True, cache=True)
+def solve_triangle(triangle, right):
+    """Solve R x = b, R above the diagonal, in place of `right`."""
+    for k in range(len(triangle) - 1, -1, -1):
+        for j in range(k + 1, len(triangle)):
+            right[k] -= triangle[k, j] * right[j]
+        right[k] /= triangle[k, k]

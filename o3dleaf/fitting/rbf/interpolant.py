@@ -1,0 +1,194 @@
+"""The single interpolant: one polyharmonic spline through all the data, the paper's equation (2)."""
+
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_points, as_values, as_weights
+from o3dleaf.core.errors import IllPosedError
+from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.core.units import check_unit
+from o3dleaf.fitting.rbf import evaluation_loops, solve_loops
+from o3dleaf.fitting.rbf.factor import LocalFactor
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
+from o3dleaf.fitting.rbf.smoothing import Amount, Smoothing, Spectrum, as_smoothing
+from o3dleaf.fitting.rbf.spectrum_loops import spectra
+from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
+from o3dleaf.io.model_file import write_model
+
+BLOCK = 512
+
+
+@dataclass(frozen=True, eq=False)
+class RBFInterpolant:
+    r"""A (smoothed) polyharmonic spline through scattered values, with one dense system.
+
+    .. math:: F(x) = \sum_j λ_j φ(|x - x_j|) + \sum_k a_k p_k(x), \qquad
+              (A + s I) λ + P a = f, \quad P^T λ = 0
+
+    Memory is n² numbers and time n³/3 operations: for more than a few thousand points use
+    `PUInterpolant`. Built by `fit`; always fitted. Unlike fields that are blended of balls, it
+    extrapolates outside `bounds` as the formula says.
+
+    Attributes
+    ----------
+    bounds : (2, d) ndarray
+        Bounding box of the data, in `unit`.
+    unit : str or None
+        Unit of length of the points.
+    kernel : Polyharmonic
+    smoothing : Smoothing
+        The rule for s with its amount, chosen where it was "gcv".
+    centre, radius : (d,) ndarray, float
+        The ball around the data in whose unit coordinates (x − centre)/radius everything is stored.
+    points, weights : (d, n), (n,) or (m, n) ndarrays
+        Data sites in unit coordinates, and λ, for m columns of values a row each.
+    tail, exponents : (q,) or (m, q), (q, d) ndarrays
+        The a_k, and the exponents of the p_k.
+    """
+
+    kernel: Polyharmonic
+    smoothing: Smoothing
+    bounds: FloatArray
+    unit: str | None
+    centre: FloatArray
+    radius: float
+    points: FloatArray
+    weights: FloatArray
+    tail: FloatArray
+    exponents: IntArray
+
+    @classmethod
+    def fit(
+        cls,
+        points: npt.ArrayLike,
+        values: npt.ArrayLike,
+        *,
+        kernel: str | Polyharmonic = "cubic",
+        degree: int | None = None,
+        smoothing: Amount | None = None,
+        rho: Amount | None = None,
+        weights: npt.ArrayLike | None = None,
+        unit: str | None = None,
+    ) -> "RBFInterpolant":
+        """Fit the spline to `values` at `points`.
+
+        Parameters
+        ----------
+        points : (n, d) array_like
+            Data sites, in `unit`; distinct where nothing is smoothed.
+        values : (n,) or (n, m) array_like
+            One number a point, or m of them: one fit for each column, with one factorisation.
+        kernel : str or Polyharmonic
+            A kernel object, or one of SciPy's names.
+        degree : int, optional
+            Total degree of the tail; by default the null space of the kernel's energy, m − 1.
+        smoothing : float or "gcv", optional
+            The number s on the diagonal, as in SciPy; 0 by default. "gcv" takes what `choose_by_gcv` says.
+        rho : float or "gcv", optional
+            The paper's ρ instead: s = ρ n/θ.
+        weights : (n,) array_like, optional
+            How far each value is to be trusted, above 0: point j gets s divided by its weight.
+        unit : str, optional
+            Unit of length of the points.
+
+        Raises
+        ------
+        InputError
+            If the input has a wrong shape or is not finite.
+        IllPosedError
+            If the points cannot determine the tail of the degree that was asked for, or the degree
+            is below what the kernel needs.
+        """
+        sites = as_points(points, least=1)
+        data = as_values(values, len(sites), columns=True)
+        trust = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
+        phi = as_kernel(kernel, sites.shape[1])
+        asked = as_degree(degree, phi)
+        exponents = tail_exponents(sites.shape[1], asked)
+        bounds = np.array([sites.min(axis=0), sites.max(axis=0)])
+        centre, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2 or 1.0
+        local = np.ascontiguousarray(((sites - centre) / radius).T)
+        rule = as_smoothing(phi, smoothing, rho)
+        unit_scale = 1 / radius**phi.power
+        with single_threaded_blas():
+            if isinstance(rule.amount, str):
+                found, coefficients = spectra(local, _columns(data), np.sqrt(trust), exponents, phi.power)
+                found /= rule.scale(len(sites)) * unit_scale
+                rule = rule.chosen(Spectrum.pooled(Spectrum(found, each, len(sites)) for each in coefficients))
+            diagonal = rule.diagonal(len(sites)) * unit_scale / trust
+            strengths, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
+        if rank < len(exponents) and degree is not None:
+            raise IllPosedError(
+                f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "
+                f"{asked}; lower the degree or add points off their common plane or curve"
+            )
+        return cls(phi, rule, bounds, check_unit(unit), centre, radius, local, strengths, tail, exponents)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the interpolant as one model file, which `o3dleaf.load` reads."""
+        write_model(path, self)
+
+    def __call__(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) values of the spline, or (n, m) of its columns, at (n, d) points."""
+        return np.ascontiguousarray(self._jets(points, 0)[..., 0])
+
+    def gradient(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n, d) gradients of the spline, or (n, m, d), at (n, d) points, in value per `unit`."""
+        return np.ascontiguousarray(self._jets(points, 1)[..., 1:]) / self.radius
+
+    def hessian(self, points: npt.ArrayLike) -> FloatArray:
+        """Return the (n, d, d) second derivatives, or (n, m, d, d), at (n, d) points, in value per `unit` squared.
+
+        Raises
+        ------
+        InputError
+            If the kernel is not twice differentiable: φ = −r and r² log r are not.
+        """
+        require_twice_differentiable(self.kernel)
+        dimension = self.kernel.dimension
+        jets = self._jets(points, 2)
+        bends = np.empty((*jets.shape[:-1], dimension, dimension))
+        a, b = np.triu_indices(dimension)
+        bends[..., a, b] = bends[..., b, a] = jets[..., 1 + dimension :] / self.radius**2
+        return bends
+
+    def _jets(self, points: npt.ArrayLike, level: int) -> FloatArray:
+        """Return the jets, in unit coordinates, at (n, d) points, (n, ·) or (n, m, ·); see `evaluation_loops`."""
+        dimension = self.kernel.dimension
+        queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.centre) / self.radius).T)
+        strengths, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
+        jets = np.empty((len(strengths), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
+
+        def task(start: int, stop: int) -> None:
+            for column, found in enumerate(jets):
+                model = (self.points, strengths[column], tails[column], self.exponents, self.kernel.power)
+                evaluation_loops.evaluate(start, stop, queries, *model, level, found)
+
+        run_blocks(task, queries.shape[1], BLOCK)
+        return jets[0].T if self.weights.ndim == 1 else np.moveaxis(jets, 2, 0)
+
+
+def _columns(values: FloatArray) -> FloatArray:
+    """Return (n,) or (n, m) values as rows (m, n)."""
+    return np.atleast_2d(np.ascontiguousarray(values.T))
+
+
+def _solve(
+    points: FloatArray, values: FloatArray, exponents: IntArray, power: int, diagonal: FloatArray
+) -> tuple[FloatArray, FloatArray, int]:
+    """Return λ, a and the rank of the tail, for several columns of values a row each."""
+    if values.ndim == 1:
+        weights, tail, rank, _ = solve_loops.solve_local(points, values, exponents, power, diagonal)
+        return weights, tail, rank
+    rows = _columns(values)
+    try:
+        factor = LocalFactor.of(points, exponents, power, diagonal)
+    except IllPosedError:
+        # Coinciding points: what they agree on is found column by column.
+        each = [solve_loops.solve_local(points, row, exponents, power, diagonal) for row in rows]
+        return np.array([one[0] for one in each]), np.array([one[1] for one in each]), each[0][2]
+    weights, tails = factor.solve(rows)
+    return weights, np.ascontiguousarray(tails), len(factor.right)

@@ -1,0 +1,100 @@
+"""Constraints that share their point's error, left out together: of every smoothing at once, without eigenvectors.
+
+On the null space of the tail (B f)_I = B_II e_I holds for a group I of rows, e its errors when it is left out; see
+`spectrum_loops`. One Krylov space holds B f for all amounts of smoothing, at the cost of about one Cholesky
+factorisation; and for B_II stands its mean over groups of as many rows in some other balls, as in generalised
+cross-validation 1 − tr A/N stands for 1 − A_jj.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot, put
+from o3dleaf.fitting.rbf.reflector_loops import reflect
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
+
+RESIDUAL = 1e-2
+"""Share of s |x| that the residual of the smallest smoothing may keep: squares of errors are off by its square."""
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def shifted_solutions(matrix, right, shifts):
+    r"""Return the (m, n) solutions of (M + s_i) x = b, M symmetric and semi-definite, for rising s_i > 0.
+
+    The tridiagonal matrix of the Lanczos vectors of M and b, shifted by each s_i, is eliminated as it grows: conjugate
+    gradients, with one product by M a step for all shifts (Saad 2003, Iterative Methods, 6.7.1). The smallest
+    converges last, and ends it.
+    """
+    size, count = right.size, shifts.size
+    found, directions = np.zeros((count, size)), np.zeros((count, size))
+    pivots, heights = np.ones(count), np.full(count, -math.sqrt(dot(right, right, size)))
+    if size == 0 or heights[0] == 0.0:
+        return found
+    vector, before, link = right / -heights[0], np.zeros(size), 0.0
+    for step in range(2 * size):
+        image = matrix @ vector
+        middle = dot(image, vector, size)
+        for i in range(count):
+            share = link / pivots[i] if step > 0 else 1.0
+            pivots[i] = middle + shifts[i] - (share * link if step > 0 else 0.0)
+            heights[i] *= -share
+            direction, solution = directions[i], found[i]
+            for j in range(size):
+                direction[j] = (vector[j] - link * direction[j]) / pivots[i]
+                solution[j] += heights[i] * direction[j]
+        for j in range(size):
+            image[j] -= middle * vector[j] + link * before[j]
+        link = math.sqrt(dot(image, image, size))
+        reached = RESIDUAL * shifts[0] * math.sqrt(dot(found[0], found[0], size))
+        if link * abs(heights[0] / pivots[0]) <= reached:
+            break
+        before, vector = vector, image / link
+    return found
+
+
+@njit(nogil=True, cache=True)
+def shared_squares(points, values, roots, exponents, power, owners, amounts, inverses):
+    """Return, for each amount, Σ e² over the points left out with all their constraints, and Σ w of those rows.
+
+    Parameters
+    ----------
+    points, values, roots, exponents, power, owners, amounts
+        As in `o3dleaf.fitting.rbf.spectrum_loops.held_out_squares`, the amounts rising.
+    inverses : (g, m, g, g)
+        Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more are not judged.
+    """
+    matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
+    for i in range(len(roots)):
+        row = tail[i]
+        row *= roots[i]
+        for j in range(len(roots)):
+            matrix[i, j] *= roots[i] * roots[j]
+    matrix, vectors, betas, triangle, _ = project_system(matrix, tail, natural_monomials(points, exponents))
+    count, rank = len(values), len(triangle)
+    rotated = values * roots
+    reflect(rotated, vectors, betas, True)
+    pulled = np.zeros((amounts.size, count))
+    free = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], amounts)
+    for at in range(amounts.size):
+        put(free[at], pulled[at, rank:])
+        reflect(pulled[at], vectors, betas, False)
+    order = np.argsort(owners, kind="mergesort")
+    squares, judged, first = np.zeros(amounts.size), 0.0, 0
+    while first < count:
+        last, owner = first + 1, owners[order[first]]
+        while last < count and owners[order[last]] == owner:
+            last += 1
+        rows, first = order[first:last], last
+        if owner < 0 or owners[owner] != owner or rows.size > len(inverses) or count - rows.size < 2 * rank:
+            continue
+        for row in rows:
+            judged += roots[row] ** 2
+        for at in range(amounts.size):
+            for i in range(rows.size):
+                missed = 0.0
+                for j in range(rows.size):
+                    missed += inverses[rows.size - 1, at, i, j] * pulled[at, rows[j]]
+                squares[at] += (amounts[at] * missed) ** 2
+    return squares, judged

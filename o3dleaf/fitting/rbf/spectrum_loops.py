@@ -1,0 +1,182 @@
+"""One symmetric eigen-decomposition of a local system: the fit, its score and its held-out errors for every smoothing.
+
+With weights W, D = s W⁻¹ and λ = W^½ μ, equation (2) is (W^½ A W^½ + s I) μ + W^½ P a = W^½ f, Pᵀ W^½ μ = 0:
+symmetric, with s alone on the diagonal. On the null space of the tail U E Uᵀ takes the place of W^½ A W^½.
+"""
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
+from o3dleaf.fitting.rbf.evaluation_loops import dot, put
+from o3dleaf.fitting.rbf.reflector_loops import reflect, reflect_both_sides, restrict_tail
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, tail_matrix
+
+ROUNDING = 2e-15
+"""Share of the data's norm below which a coefficient is rounding: constants and polynomials leave up to 3e-16."""
+
+LEVERAGE = 1e-12
+"""A point whose unit vector keeps less of its square than this beside the tail is needed by the tail."""
+
+
+@njit(nogil=True, cache=True)
+def decompose(points, roots, exponents, power):
+    """Return (eigenvalues, eigenvectors, reflectors, β) of W^½ A W^½ on the null space of (W^½ P)ᵀ.
+
+    `roots` are the √w of the points. Eigenvalues of rounding size, one for each coinciding point, are zero.
+    """
+    frame = natural_monomials(points, exponents)
+    return decompose_system(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+
+
+@njit(nogil=True, cache=True)
+def decompose_system(matrix, tail, frame, roots):
+    """Return what `decompose` does, of any A and P, which are overwritten."""
+    for i in range(len(roots)):
+        row = tail[i]
+        row *= roots[i]
+        for j in range(len(roots)):
+            matrix[i, j] *= roots[i] * roots[j]
+    vectors, betas, triangle, _ = restrict_tail(tail, frame)
+    reflect_both_sides(matrix, vectors, betas, True)
+    rank = len(triangle)
+    eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
+    least = SINGULAR * np.sum(eigenvalues)
+    for k in range(eigenvalues.size):
+        if eigenvalues[k] <= least:
+            eigenvalues[k] = 0.0
+    return eigenvalues, eigenvectors, vectors, betas
+
+
+@njit(nogil=True, cache=True)
+def spectra(points, values, roots, exponents, power):
+    """Return (eigenvalues e, coefficients c (m, ·) of W^½ f) of a local system with m rows of values (m, n).
+
+    They live on the null space of the tail. With them the residual of smoothing s is Σ (s c/(e + s))², in the
+    weighted norm, for every s at once. Coefficients of rounding size are zero.
+    """
+    return coefficients_of(values, roots, decompose(points, roots, exponents, power))
+
+
+@njit(nogil=True, cache=True)
+def coefficients_of(values, roots, decomposed):
+    """Return (eigenvalues, coefficients) of rows of values (m, n), as `spectra` does, of a decomposed system."""
+    eigenvalues, eigenvectors, vectors, betas = decomposed
+    transposed, rank = np.ascontiguousarray(eigenvectors.T), len(roots) - len(eigenvalues)
+    coefficients = np.empty((len(values), len(eigenvalues)))
+    for row in range(len(values)):
+        rotated = values[row] * roots
+        least = ROUNDING * np.sqrt(np.sum(rotated * rotated))
+        reflect(rotated, vectors, betas, True)
+        found = transposed @ rotated[rank:]
+        for k in range(found.size):
+            coefficients[row, k] = found[k] if abs(found[k]) > least else 0.0
+    return eigenvalues, coefficients
+
+
+@njit(nogil=True, cache=True)
+def held_out_squares(points, values, roots, exponents, power, owners, amounts, blocks, groups):
+    r"""Return Σ w_j e_j² over points left out with all their constraints, for each amount of smoothing, and Σ w_j.
+
+    Row j belongs to row owners[j] of the ball (−1: to a point that is not in it) and only rows that own
+    themselves are judged. With B as in `appraise`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for a group I of rows.
+
+    Parameters
+    ----------
+    points, values, roots, exponents, power
+        As in `spectra`; `values` (n,).
+    owners : (n,) int64
+    amounts : (m,) smoothing in unit coordinates, above 0
+    blocks, groups : (g, m, g, g), (g,)
+        The s B_II of groups of 1, ..., g rows are added here, and their number.
+    """
+    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    count, free = len(values), len(eigenvalues)
+    rank = count - free
+    basis = np.zeros((free, count))
+    for k in range(free):
+        put(eigenvectors[:, k], basis[k, rank:])
+        reflect(basis[k], vectors, betas, False)
+    coefficients = basis @ (values * roots)
+    basis = np.ascontiguousarray(basis.T)
+    inverses = 1.0 / (eigenvalues.reshape(-1, 1) + amounts)
+    pulled = (basis * coefficients) @ inverses
+    squares, judged = np.zeros(amounts.size), 0.0
+    for owner in range(count):
+        rows = np.flatnonzero(owners == owner)
+        if owners[owner] != owner or count - rows.size < 2 * rank:
+            continue
+        judged += np.sum(roots[rows] ** 2)
+        block = group_blocks(basis[rows], inverses)
+        if rows.size <= groups.size:
+            groups[rows.size - 1] += 1
+            for at in range(amounts.size):
+                blocks[rows.size - 1, at, : rows.size, : rows.size] += amounts[at] * block[at]
+        for at in range(amounts.size):
+            right = pulled[rows, at]
+            solve_few(block[at], right)
+            squares[at] += np.sum(right * right)
+    return squares, judged
+
+
+@njit(nogil=True, cache=True)
+def group_blocks(basis, inverses):
+    """Return the (m, g, g) blocks Σ_k u_ik u_jk / (e_k + s) of the rows (g, n) of the basis, for each of m columns."""
+    size, free = basis.shape
+    products, row = np.empty((size * (size + 1) // 2, free)), 0
+    for i in range(size):
+        for j in range(i + 1):
+            for k in range(free):
+                products[row, k] = basis[i, k] * basis[j, k]
+            row += 1
+    found, row = products @ inverses, 0
+    block = np.empty((inverses.shape[1], size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            block[:, i, j] = block[:, j, i] = found[row]
+            row += 1
+    return block
+
+
+@njit(nogil=True, cache=True)
+def appraise(points, weights, roots, exponents, power, smoothing):
+    r"""Judge the fit with the weights λ and s = `smoothing`, unit coordinates, from its own numbers alone.
+
+    With B = Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ the point j is missed by e_j = μ_j/(√w_j B_jj) when it is left out.
+
+    Returns
+    -------
+    score : N |μ|²/(Σ 1/(e + s))², the score of `gcv_score` also where s = 0
+    freedom : tr A_s, the rank of the tail included
+    condition : (e_max + s)/(e_min + s)
+    errors : (n,) the e_j; NaN at points that the tail cannot do without
+
+    Where the solution left out directions, its numbers do not tell what they held: score and errors are NaN.
+    """
+    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    count, free = len(weights), len(eigenvalues)
+    rank = count - free
+    errors = np.full(count, np.nan)
+    if free == 0:
+        return np.nan, float(rank), np.nan, errors
+    shifted = eigenvalues + smoothing
+    kept = np.flatnonzero(shifted > SINGULAR * np.sum(shifted))
+    if kept.size == 0:
+        return np.nan, float(rank), np.nan, errors
+    freedom = rank + np.sum(eigenvalues[kept] / shifted[kept])
+    condition = shifted[kept[-1]] / shifted[kept[0]]
+    if kept.size < free:
+        return np.nan, freedom, condition, errors
+    diagonal, apart = np.zeros(count), np.zeros(count)
+    column = np.empty(count)
+    for k in range(free):
+        column[:rank] = 0.0
+        put(eigenvectors[:, k], column[rank:])
+        reflect(column, vectors, betas, False)
+        apart += column * column
+        diagonal += column * column / shifted[k]
+    mu = weights / roots
+    for j in range(count):
+        if apart[j] > LEVERAGE:
+            errors[j] = mu[j] / (roots[j] * diagonal[j])
+    return count * dot(mu, mu, count) / np.sum(1 / shifted) ** 2, freedom, condition, errors

@@ -1,0 +1,6 @@
+"""Point clouds, meshes and models from and to files.
+
+`point_cloud`    point clouds, through Open3D
+`triangle_mesh`  triangle meshes, whole and with every digit
+`model_file`     saved models: one file, no pickle
+"""

@@ -1,0 +1,148 @@
+"""Models on disk: one file that says what it is, holds plain arrays and is mapped into memory when read.
+
+Layout: 8 bytes of magic, 8 of the header's length, 4 of its CRC-32, a JSON header, and the arrays, each
+aligned to 64 bytes. The header is a tree of plain values; an array in it is a place in the file, an
+object is the name of its class and its state. Nothing is executed in reading: no pickle, and only
+classes that the reader names can come out.
+"""
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from importlib.metadata import version
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.checks import require_file
+from o3dleaf.core.errors import InputError
+
+SUFFIX = ".o3l"
+MAGIC = b"o3dleaf\n"
+FORMAT = 3
+"""Raised when an older reader could not make sense of a newer file, or a newer one of an older file."""
+OLDEST = 2
+"""The oldest format that can still be read."""
+PREFIX = struct.Struct("<8sQI")
+ALIGNMENT = 64
+
+
+def write_model(path: str | PathLike[str], model: object) -> None:
+    """Write an object as one file, whole or not at all.
+
+    An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of.
+    """
+    arrays: list[np.ndarray[Any, Any]] = []
+    tree = _pack(model, arrays)
+    header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
+    places, offset = [], 0
+    for array in arrays:
+        places.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
+        offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
+    header |= {"arrays": places, "bytes": offset}
+    text = json.dumps(header, ensure_ascii=False).encode()
+    text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
+    with whole_file(path) as temporary, temporary.open("wb") as stream:
+        stream.write(PREFIX.pack(MAGIC, len(text), zlib.crc32(text)))
+        stream.write(text)
+        for array in arrays:
+            stream.write(array.data if array.nbytes else b"")
+            stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
+
+
+def read_model(path: str | PathLike[str], classes: Mapping[str, type[Any]]) -> Any:
+    """Return the object of a model file; its arrays stay on disk until they are used.
+
+    Parameters
+    ----------
+    path : path-like
+    classes : mapping of str to type
+        The classes that may come out, by name.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, was damaged or cut off, or was written by a later version.
+    """
+    file = require_file(path)
+    header, start = _read_header(file)
+    if file.stat().st_size != start + header["bytes"]:
+        raise InputError(f"{file}: is {file.stat().st_size} bytes long, not {start + header['bytes']}; it was cut off")
+    if not header["bytes"]:
+        return _unpack(header["model"], [], classes, file)
+    # Copy on write: nothing reaches the disk, and Numba takes the arrays for ordinary ones.
+    data = np.memmap(file, dtype=np.uint8, mode="c", offset=start)
+    arrays = []
+    for place in header["arrays"]:
+        dtype, shape = np.dtype(place["dtype"]), tuple(place["shape"])
+        size = dtype.itemsize * int(np.prod(shape))
+        flat = np.asarray(data[place["offset"] : place["offset"] + size])
+        arrays.append(flat.view(dtype).reshape(shape))
+    return _unpack(header["model"], arrays, classes, file)
+
+
+def _read_header(file: Path) -> tuple[dict[str, Any], int]:
+    """Return the header and where the arrays begin, or raise `InputError`."""
+    with file.open("rb") as stream:
+        prefix = stream.read(PREFIX.size)
+        if len(prefix) < PREFIX.size or not prefix.startswith(MAGIC):
+            raise InputError(f"{file}: is no o3dleaf model; give a file that save() or -o wrote")
+        _, length, checksum = PREFIX.unpack(prefix)
+        if length > file.stat().st_size:
+            raise InputError(f"{file}: is too short for its header; it was cut off")
+        text = stream.read(length)
+    if zlib.crc32(text) != checksum:
+        raise InputError(f"{file}: its header is damaged; save the model again")
+    header: dict[str, Any] = json.loads(text)
+    if header["format"] > FORMAT:
+        raise InputError(
+            f"{file}: was written by o3dleaf {header['o3dleaf']} in format {header['format']}, "
+            f"this version reads up to {FORMAT}; update o3dleaf"
+        )
+    if header["format"] < OLDEST:
+        raise InputError(
+            f"{file}: was written by o3dleaf {header['o3dleaf']} in format {header['format']}, before a release; "
+            "fit and save the model again"
+        )
+    return header, PREFIX.size + length
+
+
+def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
+    """Return a tree of plain values, its arrays moved to the list."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, np.ndarray):
+        arrays.append(np.ascontiguousarray(value))
+        return {"array": len(arrays) - 1}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, tuple | list):
+        return [_pack(item, arrays) for item in value]
+    if not type(value).__module__.startswith("o3dleaf."):
+        raise InputError(f"save: a {type(value).__name__} cannot be saved; only o3dleaf's own models can")
+    if hasattr(value, "state"):
+        state = value.state()
+    elif is_dataclass(value):
+        state = {field.name: getattr(value, field.name) for field in fields(value)}
+    else:
+        raise InputError(f"save: a {type(value).__name__} has no state to save")
+    return {"class": type(value).__name__, "state": {name: _pack(part, arrays) for name, part in state.items()}}
+
+
+def _unpack(tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, type[Any]], file: Path) -> Any:
+    """Return what `_pack` was given; lists come back as tuples."""
+    if isinstance(tree, list):
+        return tuple(_unpack(item, arrays, classes, file) for item in tree)
+    if not isinstance(tree, dict):
+        return tree
+    if "array" in tree:
+        return arrays[tree["array"]]
+    if tree["class"] not in classes:
+        raise InputError(f"{file}: holds a {tree['class']}, which this version does not know; update o3dleaf")
+    state = {name: _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}
+    return classes[tree["class"]](**state)

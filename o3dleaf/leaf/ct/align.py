@@ -1,0 +1,177 @@
+"""Turning the patch: the blade into the (x, y) plane, its ridges along x, without resampling a voxel."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy import fft
+from scipy.ndimage import distance_transform_edt, label
+from scipy.optimize import minimize
+
+from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.leaf.ct.volume import Volume
+
+MOST_VOXELS = 4_000_000
+"""A blade is found as well in so many voxels; larger volumes are read with a stride."""
+LEAST_TURN = np.radians(0.25)
+"""A smaller turn is within the accuracy of a ridge's direction; left out, it keeps the voxels on straight rows."""
+HAIR = 3.0
+"""Heights more than so many typical deviations off the plane belong to hairs."""
+SHORTEST, LONGEST = 4.0, 1.0 / 2.5
+"""Ridges are looked for with wavelengths from 4 voxels to 1/2.5 of the patch."""
+
+
+def align_blade(
+    volume: Volume,
+    level: str | float = "valley",
+    *,
+    up: npt.ArrayLike | None = None,
+    along: npt.ArrayLike | None = None,
+) -> FloatArray:
+    r"""Return the rigid motion ``T_patch_ct`` that lays the blade of a volume flat, for `Volume.to_samples`.
+
+    "We take care to appropriately rotate the micro-scale data before fitting to ensure that the
+    leaf aligns with the :math:`(z_1, z_2)` plane" (the paper's section on the multi-scale
+    reconstruction). The blade is the largest piece above `level`. A plane is fitted to the middles
+    of the blade over the columns of voxels that cross it whole (Hann weights, so that a part of a
+    ridge at the edge does not tilt it; columns with hairs left out). The ridges' direction is that
+    of the highest peak in the spectrum of the blade's thickness, to which both faces' ridges add.
+
+    Parameters
+    ----------
+    volume : Volume
+        The patch, in any orientation.
+    level : {"valley", "otsu"} or float
+        The surface's intensity, as in `Volume.threshold`.
+    up, along : (3,) array_like, optional
+        Hints, in the volume's coordinates: roughly the adaxial side, and roughly towards the
+        leaf's tip. Without them the sense is kept that turns the volume least.
+
+    Returns
+    -------
+    transform : (4, 4) ndarray
+        Takes the volume's coordinates to the patch's: z up with the mid-plane at z = 0, ridges along
+        x; the middle of the volume keeps its x and y, so that an aligned volume moves along z only
+        (turns under 0.25°, the accuracy of this function, are left out).
+
+    Raises
+    ------
+    ReconstructionError
+        If no blade spans the volume.
+    """
+    with single_threaded_blas():
+        return _align(_thinned(volume), level, up, along)
+
+
+def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: npt.ArrayLike | None) -> FloatArray:
+    solid = volume.data > volume.threshold(level)
+    pieces, count = label(solid)
+    blade = pieces == 1 + int(np.argmax(np.bincount(pieces.ravel())[1:])) if count else solid
+    normal_axis = _thin_axis(blade, volume.spacing)
+    middles, thickness = _columns(blade, normal_axis)
+    u_axis, v_axis = (a for a in range(3) if a != normal_axis)
+    u, v = (volume.origin[a] + volume.spacing[a] * np.arange(blade.shape[a]) for a in (u_axis, v_axis))
+    scale, shift = volume.spacing[normal_axis], volume.origin[normal_axis]
+    slopes, height = _fit_plane(u, v, middles * scale + shift)
+    direction = _ridge_direction(u, v, thickness * scale)
+    frame = np.zeros((3, 3))
+    frame[0, [u_axis, v_axis, normal_axis]] = [*direction, direction @ slopes]
+    frame[2, [u_axis, v_axis, normal_axis]] = [*-slopes, 1.0]
+    R = _turned_least(frame[0] / np.linalg.norm(frame[0]), frame[2] / np.linalg.norm(frame[2]), up, along)
+    centre = volume.bounds.mean(axis=0)
+    on_plane = centre.copy()
+    on_plane[normal_axis] = height + slopes @ centre[[u_axis, v_axis]]
+    transform = np.eye(4)
+    transform[:3, :3] = R
+    transform[:3, 3] = [*(centre - R @ centre)[:2], -(R @ on_plane)[2]]
+    return transform
+
+
+def _thinned(volume: Volume) -> Volume:
+    stride = int(np.ceil((volume.data.size / MOST_VOXELS) ** (1 / 3)))
+    return Volume(volume.data[::stride, ::stride, ::stride], volume.spacing * stride, volume.origin, volume.unit)
+
+
+def _thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
+    """Axis of the lattice nearest to the direction in which the blade is thinnest."""
+    voxels = np.argwhere(blade) * spacing
+    if len(voxels) < 4:
+        raise ReconstructionError("align: the volume holds no blade at this threshold; lower it")
+    _, directions = np.linalg.eigh(np.cov(voxels.T))
+    return int(np.argmax(abs(directions[:, 0])))
+
+
+def _columns(blade: npt.NDArray[np.bool_], axis: int) -> tuple[FloatArray, FloatArray]:
+    """Middle and thickness of the blade over each column, in voxels; NaN where a column does not cross it whole."""
+    columns = np.moveaxis(blade, axis, 2)
+    count = columns.shape[2]
+    first = np.argmax(columns, axis=2)
+    last = count - 1 - np.argmax(columns[:, :, ::-1], axis=2)
+    whole = columns.any(axis=2) & (first > 0) & (last < count - 1)
+    if whole.sum() < 100:
+        raise ReconstructionError(
+            f"align: only {whole.sum()} columns of voxels cross the blade from air to air; crop the volume less"
+        )
+    return np.where(whole, 0.5 * (first + last), np.nan), np.where(whole, last - first + 1.0, np.nan)
+
+
+def _fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatArray, float]:
+    """Slopes (2,) and height at (0, 0) of the plane through heights (nu, nv), without the hairs."""
+    weight = _window(height)
+    known = weight > 0
+    grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)[known]
+    design = np.column_stack([grid, np.ones(len(grid))])
+    z, w = height[known], weight[known]
+    for _ in range(5):
+        root = np.sqrt(w)[:, np.newaxis]
+        # Centred and scaled by lstsq's own orthogonal factors; three unknowns need no more.
+        plane = np.linalg.lstsq(design * root, z * root[:, 0], rcond=None)[0]
+        off = abs(z - design @ plane)
+        w = np.where(off <= HAIR * max(np.median(off), 1e-12 * np.ptp(z)), weight[known], 0.0)
+    return plane[:2], float(plane[2])
+
+
+def _ridge_direction(u: FloatArray, v: FloatArray, thickness: FloatArray) -> FloatArray:
+    """Return the unit vector (2,) along the ridges, across the wave of highest power in the thickness (nu, nv)."""
+    slopes, base = _fit_plane(u, v, thickness)
+    weight = _window(thickness)
+    off = np.where(weight > 0, thickness, 0.0) - (u[:, np.newaxis] * slopes[0] + v * slopes[1] + base)
+    limit = HAIR * np.median(abs(off[weight > 0]))
+    wave = weight * np.clip(off, -limit, limit)
+    wave -= weight * (wave.sum() / weight.sum())
+    steps = np.array([u[1] - u[0], v[1] - v[0]])
+    sizes = [fft.next_fast_len(4 * n) for n in wave.shape]
+    power = abs(fft.fft2(wave, sizes)) ** 2
+    fu, fv = (fft.fftfreq(n, step) for n, step in zip(sizes, steps, strict=True))
+    frequency = np.hypot(fu[:, np.newaxis], fv)
+    extent = (np.array(wave.shape) * steps).min()
+    power[(frequency < 1 / (LONGEST * extent)) | (frequency > 1 / (SHORTEST * steps.max()))] = 0.0
+    i, j = np.unravel_index(int(np.argmax(power)), power.shape)
+
+    def minus_power(shift: FloatArray) -> float:
+        q = [fu[i] + shift[0] * fu[1], fv[j] + shift[1] * fv[1]]
+        return -float(abs(np.exp(-2j * np.pi * q[0] * u) @ wave @ np.exp(-2j * np.pi * q[1] * v)))
+
+    shift = minimize(minus_power, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-12}).x
+    across = np.array([fu[i] + shift[0] * fu[1], fv[j] + shift[1] * fv[1]])
+    direction: FloatArray = np.array([-across[1], across[0]]) / np.linalg.norm(across)
+    return direction
+
+
+def _window(height: FloatArray) -> FloatArray:
+    """Weights that fall to zero at the edge of the known heights, so that a cut ridge does not count as a slope."""
+    inward = distance_transform_edt(np.pad(np.isfinite(height), 1))[1:-1, 1:-1]
+    bell: FloatArray = np.sin(0.5 * np.pi * inward / inward.max()) ** 2
+    return bell
+
+
+def _turned_least(x: FloatArray, z: FloatArray, up: npt.ArrayLike | None, along: npt.ArrayLike | None) -> FloatArray:
+    """Rotation with rows ±x, z × x, ±z: the signs that the hints ask for, else those nearest to no rotation."""
+    turns = [np.stack([s * x, np.cross(r * z, s * x), r * z]) for s in (1.0, -1.0) for r in (1.0, -1.0)]
+    for hint, row in ((up, 2), (along, 0)):
+        if hint is not None:
+            turns = [R for R in turns if R[row] @ as_points(hint, "hint", dim=3)[0] >= 0] or turns
+    R: FloatArray = max(turns, key=np.trace)
+    straight = np.round(R)
+    # |R − S|² is 8 sin² of half the angle between two rotations.
+    return straight if np.linalg.norm(R - straight) < np.sqrt(8) * np.sin(0.5 * LEAST_TURN) else R

@@ -1,0 +1,198 @@
+"""TIFF stacks: what the file holds, what it says about lengths, and nothing allocated before it is checked."""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import numpy.typing as npt
+import tifffile
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf.core.units import METRES, check_unit
+from o3dleaf.leaf.ct.volume import Volume
+
+LONGEST_RATIO = 2000
+"""No compression of TIFF packs zeros tighter than this (deflate 1032, LZW about 1400)."""
+SPELLINGS = {"micron": "um", "microns": "um", "micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
+
+
+@dataclass(frozen=True)
+class StatedLattice:
+    """What a file says about its lattice: (3,) spacing and origin along (x, y, z) in `unit`, None where silent."""
+
+    spacing: FloatArray | None = None
+    origin: FloatArray | None = None
+    unit: str | None = None
+
+
+def swap_page_order(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Turn (page, row, column) into (x, y, z) = (column, row, page), or back; the one place that does."""
+    return array.transpose(2, 1, 0)
+
+
+def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
+    """Return the (page, row, column) stack of a TIFF file, mapped where it can be, and its stated lattice.
+
+    Raises
+    ------
+    InputError
+        If the file is not a TIFF, is truncated, is in colour or holds more than one stack.
+    """
+    try:
+        with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
+            stack = _one_grey_series(tiff, path)
+            _require_complete(tiff, stack, path)
+            lattice = _stated(tiff)
+            _require_no(complaints, path)
+            mapped = stack.dataoffset is not None and stack.nbytes > 0
+            pages = tifffile.memmap(path, mode="r") if mapped and stack.dtype.isnative else stack.asarray()
+    except InputError:
+        raise
+    except Exception as cause:
+        # tifffile and its codecs raise whatever a broken file makes them.
+        raise InputError(f"{path}: cannot be read as TIFF ({cause}); export it again") from cause
+    return np.asarray(pages).reshape(_three(stack.shape)), lattice
+
+
+def write_volume(path: str | PathLike[str], volume: Volume) -> None:
+    """Write a volume as an ImageJ TIFF stack with its spacing, origin and unit, whole or not at all.
+
+    8-bit and 16-bit unsigned integers and 32-bit floats are kept as they are; other types become
+    32-bit floats, as ImageJ knows no others.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write; it appears under its name only when it is complete.
+    volume : Volume
+        The volume; a unit of None is written as ImageJ's "pixel".
+    """
+    target = Path(path)
+    kept = volume.data.dtype in (np.uint8, np.uint16, np.float32)
+    pages = swap_page_order(volume.data if kept else volume.data.astype(np.float32))
+    # ImageJ counts its origin in voxels, from the lattice's origin.
+    steps = [float(v) for v in -volume.origin / volume.spacing]
+    metadata: dict[str, Any] = dict(zip(("xorigin", "yorigin", "zorigin"), steps, strict=True))
+    metadata |= {"axes": "ZYX", "spacing": float(volume.spacing[2]), "unit": volume.unit or "pixel"}
+    across, down = (Fraction(float(s)).limit_denominator(10**6) for s in volume.spacing[:2])
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        tifffile.imwrite(
+            part,
+            np.ascontiguousarray(pages),
+            imagej=True,
+            resolution=((across.denominator, across.numerator), (down.denominator, down.numerator)),
+            metadata=metadata,
+            software="o3dleaf",
+        )
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _require_no(complaints: list[str], path: Path) -> None:
+    if complaints:
+        raise InputError(f"{path}: is truncated or broken ({complaints[0]}); copy or export it again")
+
+
+@contextmanager
+def _complaints() -> Iterator[list[str]]:
+    """Collect what tifffile logs: of a page that is missing from the end of a file it only says so."""
+    heard: list[str] = []
+    handler = logging.Handler(logging.ERROR)
+    handler.emit = lambda record: heard.append(record.getMessage())  # type: ignore[method-assign]
+    logger = logging.getLogger("tifffile")
+    logger.addHandler(handler)
+    try:
+        yield heard
+    finally:
+        logger.removeHandler(handler)
+
+
+def _one_grey_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
+    if len(tiff.series) != 1:
+        raise InputError(f"{path}: holds {len(tiff.series)} images of different sizes; export one stack")
+    stack = tiff.series[0]
+    if "S" in stack.axes or tiff.pages.first.samplesperpixel > 1:
+        raise InputError(f"{path}: is in colour; export grey values")
+    _three(stack.shape)
+    return stack
+
+
+def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    """Shape as (page, row, column); a single slice is one page."""
+    sizes = (1,) * (3 - len(shape)) + tuple(shape)
+    if len(sizes) != 3:
+        raise InputError(f"volume: the file holds a stack of shape {shape}; export one channel of one time")
+    pages, rows, columns = sizes
+    return pages, rows, columns
+
+
+def _require_complete(tiff: tifffile.TiffFile, stack: tifffile.TiffPageSeries, path: Path) -> None:
+    """Compare what the header promises with the size of the file, before anything is allocated."""
+    held = tiff.filehandle.size
+    if stack.dataoffset is not None:
+        promised = stack.dataoffset + stack.nbytes
+    else:
+        segments = [
+            (o + n) for page in stack.pages if page for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)
+        ]
+        promised = max(segments, default=held + 1)
+    if promised > held or stack.nbytes > LONGEST_RATIO * held or any(page is None for page in stack.pages):
+        raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
+
+
+def _stated(tiff: tifffile.TiffFile) -> StatedLattice:
+    if tiff.is_imagej and tiff.imagej_metadata is not None:
+        return _imagej_lattice(tiff.imagej_metadata, tiff.pages.first.tags)
+    if tiff.is_ome and tiff.ome_metadata is not None:
+        return _ome_lattice(tiff.ome_metadata)
+    return StatedLattice()
+
+
+def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> StatedLattice:
+    """ImageJ: pixels per unit in the resolution tags, the page spacing and the origin in the description."""
+    unit = _unit(str(metadata.get("unit", "")))
+    across, down = tags.get("XResolution"), tags.get("YResolution")
+    if "spacing" not in metadata or across is None or down is None or 0 in (*across.value, *down.value):
+        return StatedLattice(unit=unit)
+    spacing = np.array(
+        [
+            across.value[1] / across.value[0],
+            down.value[1] / down.value[0],
+            float(metadata["spacing"]),
+        ]
+    )
+    shift = np.array([float(metadata.get(name, 0.0)) for name in ("xorigin", "yorigin", "zorigin")])
+    return StatedLattice(spacing, -shift * spacing + 0.0, unit)
+
+
+def _ome_lattice(xml: str) -> StatedLattice:
+    """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometres unless it says otherwise."""
+    pixels = next((e for e in ET.fromstring(xml).iter() if e.tag.endswith("}Pixels")), None)  # noqa: S314
+    if pixels is None or any(pixels.get(f"PhysicalSize{a}") is None for a in "XYZ"):
+        return StatedLattice()
+    sizes = [float(pixels.get(f"PhysicalSize{a}", "nan")) for a in "XYZ"]
+    units = [_unit(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
+    if None in units:
+        return StatedLattice(np.array(sizes) if len(set(units)) == 1 else None)
+    to_first = [METRES[u] / METRES[units[0]] for u in units if u is not None and units[0] is not None]
+    return StatedLattice(np.array(sizes) * to_first, None, units[0])
+
+
+def _unit(name: str) -> str | None:
+    """Our name of a unit that a file states, None if it states none that is a length."""
+    plain = name.strip().replace("\\u00B5", "u").replace("\\u00b5", "u")
+    try:
+        return check_unit(SPELLINGS.get(plain.lower(), plain))
+    except UnitError:
+        return None

@@ -1,0 +1,248 @@
+"""The compiled search for the nearest sample of the leaf's surface and the nearest strip of its rim.
+
+A tree is a heap of boxes in the world: node k has the children 2k and 2k + 1, and the last ``leaves``
+nodes hold `GROUP` items each, in order. Empty boxes have half sides of −∞ and are never nearest. Boxes lie as the
+blade does: one that stands along the world's axes would be far thicker than what it holds.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.leaf.macro.frame_loops import dot3
+
+GROUP = 4
+"""Items that a leaf of the tree holds."""
+DEPTH = 64
+"""More than a tree of all the memory there is has levels."""
+
+
+@njit(nogil=True, cache=True)
+def box_distance(x, box):
+    """Return the squared distance of x to a box: its centre, three unit vectors along its sides, and half of them."""
+    r0, r1, r2 = x[0] - box[0], x[1] - box[1], x[2] - box[2]
+    total = 0.0
+    for k in range(3):
+        along = abs(r0 * box[3 + 3 * k] + r1 * box[4 + 3 * k] + r2 * box[5 + 3 * k])
+        gap = max(along - box[12 + k], 0.0)
+        total += gap * gap
+    return total
+
+
+@njit(nogil=True, cache=True)
+def near_first(x, boxes, node, best, stack, bounds, top):
+    """Put the children of a node that may be nearer than `best` on the stack, the nearer one last; return its top."""
+    child = 2 * node
+    first, second = box_distance(x, boxes[child]), box_distance(x, boxes[child + 1])
+    far, bound = child + 1, second
+    if second < first:
+        child, first, far, bound = child + 1, second, child, first
+    if bound < best:
+        stack[top], bounds[top] = far, bound
+        top += 1
+    if first < best:
+        stack[top], bounds[top] = child, first
+        top += 1
+    return top
+
+
+@njit(nogil=True, cache=True)
+def nearest_samples(points, boxes, cells, tile, slack, cell_found, sample_found, distances):
+    """Write the cells and the samples that are nearer to the points than √distances, −1 where none is.
+
+    cells: (block, mask, origin (n, 3), columns (n, 3, 3)) - the block of the tile that a cell shows, the place of its
+    first sample in the mask or −1, its centre and its Jacobian in the world. tile: (bricks, boxes, places, samples
+    (3, m), mask, extents) - the first brick of each block, middle and half sides of each brick's box in z, its first
+    sample, the samples relative to their block's centre, which of those of cells at the rim are in the outline, and
+    middle and half sides of each block's box. slack: a length that is safely more than what cells' straight copies
+    of a bent surface, and single precision, are off by.
+    """
+    blocks, masks, origins, columns = cells
+    stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
+    leaves = len(boxes) // 2
+    scores = np.empty(np.diff(tile[2]).max(), dtype=np.float32)
+    last = np.inf
+    for i in range(len(points)):
+        best = distances[i]
+        if i > 0 and sample_found[i - 1] >= 0:
+            # What was nearest to the point before is not farther from this one than there and back.
+            moved = 0.0
+            for k in range(3):
+                moved += (points[i, k] - points[i - 1, k]) ** 2
+            best = min(best, (math.sqrt(last) + math.sqrt(moved) + slack) ** 2)
+        last = np.inf
+        cell_found[i], sample_found[i] = -1, -1
+        stack[0], bounds[0], top = 1, 0.0, 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            if bounds[top] >= best:
+                continue
+            if node < leaves:
+                top = near_first(points[i], boxes, node, best, stack, bounds, top)
+                continue
+            for cell in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(blocks))):
+                found, distance = nearest_in_cell(
+                    points[i], blocks[cell], masks[cell], origins[cell], columns[cell], tile, scores, best
+                )
+                if found >= 0:
+                    best, cell_found[i], sample_found[i] = distance, cell, found
+                    last = distance
+
+
+@njit(nogil=True, cache=True)
+def shown(bits, number):
+    """Return one of the bits that are packed eight a byte, the lowest first."""
+    return (bits[number >> 3] >> (number & 7)) & 1
+
+
+@njit(nogil=True, cache=True)
+def brick_distance(r, a, b, c, boxes, brick):
+    """Return a lower bound of the distance of r to a box of z, its middle and half sides, seen as a z₁ + b z₂ + c z₃.
+
+    The box lies behind the plane across e, the way from its middle, that its farthest corner along e touches.
+    """
+    m0, m1, m2 = boxes[brick, 0, 0], boxes[brick, 0, 1], boxes[brick, 0, 2]
+    e0 = r[0] - a[0] * m0 - b[0] * m1 - c[0] * m2
+    e1 = r[1] - a[1] * m0 - b[1] * m1 - c[1] * m2
+    e2 = r[2] - a[2] * m0 - b[2] * m1 - c[2] * m2
+    size = math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+    if size == 0.0:
+        return 0.0
+    reach = (
+        boxes[brick, 1, 0] * abs(e0 * a[0] + e1 * a[1] + e2 * a[2])
+        + boxes[brick, 1, 1] * abs(e0 * b[0] + e1 * b[1] + e2 * b[2])
+        + boxes[brick, 1, 2] * abs(e0 * c[0] + e1 * c[1] + e2 * c[2])
+    )
+    return max(size - reach / size, 0.0)
+
+
+@njit(nogil=True, cache=True)
+def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
+    """Return the nearest sample of one cell, −1 if none is nearer than √`best`, and its squared distance.
+
+    |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometres in single precision.
+    """
+    bricks, boxes, places, samples, inside, extents = tile
+    r = (x[0] - origin[0], x[1] - origin[1], x[2] - origin[2])
+    a = (float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2]))
+    b = (float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2]))
+    c = (float(columns[2, 0]), float(columns[2, 1]), float(columns[2, 2]))
+    if brick_distance(r, a, b, c, extents, block) ** 2 >= best:
+        return -1, best
+    square = dot3(r, r)
+    aa, bb, cc = np.float32(dot3(a, a)), np.float32(dot3(b, b)), np.float32(dot3(c, c))
+    ab, ac, bc = np.float32(2 * dot3(a, b)), np.float32(2 * dot3(a, c)), np.float32(2 * dot3(b, c))
+    ar, br, cr = np.float32(2 * dot3(a, r)), np.float32(2 * dot3(b, r)), np.float32(2 * dot3(c, r))
+    found = -1
+    for brick in range(bricks[block], bricks[block + 1]):
+        if brick_distance(r, a, b, c, boxes, brick) ** 2 >= best:
+            continue
+        first, count = places[brick], places[brick + 1] - places[brick]
+        xs, ys, zs = (
+            samples[0, first : first + count],
+            samples[1, first : first + count],
+            samples[2, first : first + count],
+        )
+        for k in range(count):
+            u, v, w = xs[k], ys[k], zs[k]
+            scores[k] = u * (aa * u + ab * v + ac * w - ar) + v * (bb * v + bc * w - br) + w * (cc * w - cr)
+        least = np.float32(best - square)
+        for k in range(count):
+            if scores[k] < least and (mask < 0 or shown(inside, mask + first + k - places[bricks[block]])):
+                least, found = scores[k], first + k
+                best = square + least
+    return found, best
+
+
+@njit(nogil=True, cache=True)
+def nearest_strips(points, boxes, strips, feet, distances):
+    """Write the points of the rim that are nearer to the points than √distances, and their squared distances.
+
+    strips: (centre (n, 3), edge (n, 3), up (n, 3), ends (n, 2)): the points centre + s edge + z up, −1 <= s <= 1 and
+    z between the ends.
+    """
+    centres, edges, ups, ends = strips
+    stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
+    leaves = len(boxes) // 2
+    foot = np.empty(3)
+    for i in range(len(points)):
+        best = distances[i]
+        stack[0], bounds[0], top = 1, 0.0, 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            if bounds[top] >= best:
+                continue
+            if node < leaves:
+                top = near_first(points[i], boxes, node, best, stack, bounds, top)
+                continue
+            for strip in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(centres))):
+                distance = strip_distance(points[i], centres[strip], edges[strip], ups[strip], ends[strip], foot)
+                if distance < best:
+                    best = distance
+                    feet[i] = foot
+        distances[i] = best
+
+
+@njit(nogil=True, cache=True)
+def strip_distance(x, centre, edge, up, ends, foot):
+    """Return the squared distance of x to a strip, and write the nearest point: the best of four edges and the inside.
+
+    |up| = 1.
+    """
+    ee = eu = er = ur = 0.0
+    for k in range(3):
+        gap = x[k] - centre[k]
+        ee += edge[k] * edge[k]
+        eu += edge[k] * up[k]
+        er += edge[k] * gap
+        ur += up[k] * gap
+    determinant = ee - eu * eu
+    best = np.inf
+    for case in range(5):
+        if case == 0:
+            s = (er - eu * ur) / determinant
+            z = ur - eu * s
+            if abs(s) > 1.0 or z < ends[0] or z > ends[1]:
+                continue
+        elif case < 3:
+            s = -1.0 if case == 1 else 1.0
+            z = min(max(ur - eu * s, ends[0]), ends[1])
+        else:
+            z = ends[case - 3]
+            s = min(max((er - eu * z) / ee, -1.0), 1.0)
+        total = 0.0
+        for k in range(3):
+            gap = x[k] - centre[k] - s * edge[k] - z * up[k]
+            total += gap * gap
+        if total < best:
+            best = total
+            for k in range(3):
+                foot[k] = centre[k] + s * edge[k] + z * up[k]
+        if case == 0:
+            break
+    return best
+
+
+@njit(nogil=True, cache=True)
+def look_up(places, values, codes, held):
+    """Write whether points are held: what the nearest corner of their cell says at which the field has their sign.
+
+    places: (n, 3), in steps of the lattice. codes: (nx, ny, nz), 1 where the field is positive, plus 2 where the
+    lattice is held; the first two axes are periodic. Where no corner has the sign, the nearest one says.
+    """
+    nx, ny, nz = codes.shape
+    for i in range(len(places)):
+        z = min(max(places[i, 2], 0.0), nz - 1.0)
+        x0, y0, z0 = math.floor(places[i, 0]), math.floor(places[i, 1]), math.floor(z)
+        best = np.inf
+        for corner in range(8):
+            x, y, k = x0 + (corner & 1), y0 + (corner >> 1 & 1), z0 + (corner >> 2)
+            code = codes[int(x) % nx, int(y) % ny, min(int(k), nz - 1)]
+            score = (x - places[i, 0]) ** 2 + (y - places[i, 1]) ** 2 + (k - z) ** 2
+            if (code & 1) != (values[i] > 0.0):
+                score += 4.0  # more than the square of a cell's diagonal
+            if score < best:
+                best, held[i] = score, code > 1

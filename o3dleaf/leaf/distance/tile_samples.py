@@ -1,0 +1,204 @@
+"""One tile's surface as samples, in blocks and bricks: what all the cells of the blade show copies of."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.lattice import Lattice, sample_lattice
+from o3dleaf.core.parallel import blocks
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.distance.projection import CHUNK, lift_bends, texture_jets
+from o3dleaf.leaf.distance.solid import Filled
+from o3dleaf.surface.isosurface.polygonise import polygonise
+
+if TYPE_CHECKING:
+    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+
+Singles = npt.NDArray[np.float32]
+
+MOST_SAMPLES = 1 << 18
+"""Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
+CELL_STEPS = (4, 16)
+"""Least and largest side of a block, in steps of the sampling."""
+STRAIGHT = 1 / 16
+"""By how much the blade may bend away from a cell's straight copy of a block, of the same."""
+PROBES = 48
+"""Places along the leaf, and a quarter as many across, where its bending is looked at."""
+BRICK_STEPS = 8
+"""Side of a brick, in steps of the sampling: some fifty samples."""
+SLAB = 16
+"""Layers of the lattice that are polygonised at once, so that a tile never needs the memory of its lattice."""
+MOST_CELLS = 1 << 17
+"""Cells of the blade: 14 MB. On larger blades they are larger."""
+
+EPSILON = 1e-6
+"""Share of its side that a brick's box is larger than its samples, against roundings in single precision."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """Points of F = 0 over one period of the texture, sorted into blocks of the plane and bricks of each block.
+
+    Attributes
+    ----------
+    origin, cell : (2,) ndarrays
+        Corner of the tile and sides of a block in the plane, in the leaf's unit.
+    shape : (2,) tuple of int
+        Number of blocks along and across.
+    step : float
+        About the distance of neighbouring samples.
+    bricks : (blocks + 1,) int64 ndarray
+        First brick of each block.
+    extents : (blocks, 2, 3) float32 ndarray
+        Middle and half sides of the box of each block's samples.
+    boxes : (bricks, 2, 3) float32 ndarray
+        Middle and half sides of the box of each brick's samples.
+    places : (bricks + 1,) int64 ndarray
+        First sample of each brick.
+    samples : (3, n) float32 ndarray
+        Relative to the middle of their block at height 0.
+    filled : Filled or None
+        What is enclosed, if pockets were filled.
+    """
+
+    origin: FloatArray
+    cell: FloatArray
+    shape: tuple[int, int]
+    step: float
+    bricks: IntArray
+    extents: Singles
+    boxes: Singles
+    places: IntArray
+    samples: Singles
+    filled: Filled | None
+
+    @classmethod
+    def sample(cls, leaf: "MultiscaleLeaf", *, closed: bool = False) -> "Tile":
+        """Sample the leaf's texture with its pockets and specks or, closed, without them.
+
+        Raises
+        ------
+        ReconstructionError
+            If the texture has no surface, or pockets cannot be filled: air reaches through the blade.
+        """
+        low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
+        step = _step(leaf)
+        points, filled = _surface_points(leaf, step, closed=closed)
+        shape = np.maximum(np.round(period / max(_straight(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
+        cell = period / shape
+        relative = points - [*low[:2], 0.0]
+        where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
+        relative[:, :2] -= (where + 0.5) * cell
+        brick = np.floor(relative / (BRICK_STEPS * step)).astype(np.int64)
+        block = where[:, 0] * shape[1] + where[:, 1]
+        order = np.lexsort((*brick.T, block))
+        block, brick, samples = block[order], brick[order], relative[order].astype(np.float32)
+        fresh = np.diff(block, prepend=-1) != 0
+        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1)
+        starts = np.flatnonzero(fresh)
+        least, most = np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)
+        boxes = _as_boxes(least, most)
+        bricks = np.searchsorted(block[starts], np.arange(shape.prod() + 1))
+        extents = np.zeros((len(bricks) - 1, 2, 3), dtype=np.float32)
+        some = np.flatnonzero(np.diff(bricks))
+        bounds = [merge.reduceat(ends, bricks[some]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
+        extents[some] = _as_boxes(*bounds)
+        return cls(
+            low[:2],
+            cell,
+            (int(shape[0]), int(shape[1])),
+            step,
+            bricks,
+            extents,
+            boxes,
+            np.append(starts, len(samples)),
+            np.ascontiguousarray(samples.T),
+            filled,
+        )
+
+
+def _as_boxes(low: Singles, high: Singles) -> Singles:
+    """Return the middles and half sides (n, 2, 3) of boxes from their corners."""
+    half = (high - low) * np.float32(0.5 + EPSILON)
+    return np.stack([(low + high) / 2, half], axis=1)
+
+
+def _step(leaf: "MultiscaleLeaf") -> float:
+    """Return half the distance of the texture's data, or more where that would make too many samples."""
+    covers = [patch.cover for patch in leaf.texture.patches]
+    volume = min(4.19 * float(np.median(c.radii)) ** 3 / max(float(np.median(c.counts)), 1.0) for c in covers)
+    # A rough surface with pockets has some four times the tile's area on each of its faces.
+    area = 8 * float(leaf.texture.period.prod())
+    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MOST_SAMPLES)) / leaf.scale)
+
+
+def _straight(leaf: "MultiscaleLeaf", step: float) -> float:
+    """Return the side of a cell of which the blade, X'' κ and thus off by κ side²/8, is as good as straight."""
+    bounds = leaf.blade.outline.bounds
+    places = np.meshgrid(
+        *[np.linspace(bounds[0, axis], bounds[1, axis], n) for axis, n in ((0, PROBES), (1, PROBES // 4))]
+    )
+    bends = lift_bends(leaf.blade, np.column_stack([*(each.ravel() for each in places), np.zeros(places[0].size)]))
+    bend = float(np.median(np.linalg.norm(bends, axis=3).max(axis=(1, 2))))
+    least, most = (steps * step for steps in CELL_STEPS)
+    return float(np.clip(np.sqrt(8 * STRAIGHT * step / max(bend, 1e-300)), least, most))
+
+
+def _least_cell(leaf: "MultiscaleLeaf") -> float:
+    """Return the side of a cell of which the outline's box holds `MOST_CELLS`."""
+    return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MOST_CELLS))
+
+
+def _surface_points(leaf: "MultiscaleLeaf", step: float, *, closed: bool) -> tuple[FloatArray, Filled | None]:
+    """Return points (n, 3) of F = 0 over one period: the vertices of marching cubes, moved onto it."""
+    low, high = leaf.texture.cell / leaf.scale
+    counts = np.ceil((high - low) / step).astype(np.int64)
+    steps = (high - low) / counts
+    positive = np.empty((*counts[:2], counts[2] + 3), dtype=bool) if closed else None
+    parts = [_slab_vertices(leaf, low, steps, counts, slab, positive) for slab in blocks(int(counts[0]), SLAB)]
+    vertices = np.concatenate(parts)
+    if not len(vertices):
+        raise ReconstructionError(
+            "the texture has no surface: its values are all above 0, or all below; check the level"
+        )
+    # Beyond the patch a field falls with the distance: the lattice has a layer below it.
+    origin = low - steps * [0, 0, 1]
+    filled = None if positive is None else Filled.fill(origin, steps, positive)
+    if filled is not None:
+        vertices = vertices[filled.bounds(vertices)]
+    points = origin + vertices * steps
+    for _ in range(2):
+        for first, last in blocks(len(points), CHUNK):
+            part = points[first:last]
+            values, slopes = texture_jets(leaf, part, 1)
+            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
+            part += np.clip(-(values / square)[:, np.newaxis] * slopes, -step / 4, step / 4)
+    return points, filled
+
+
+def _slab_vertices(
+    leaf: "MultiscaleLeaf",
+    low: FloatArray,
+    steps: FloatArray,
+    counts: IntArray,
+    slab: tuple[int, int],
+    positive: npt.NDArray[np.bool_] | None,
+) -> FloatArray:
+    """Return the vertices of marching cubes over some layers of cells, in steps, those on the last faces left out.
+
+    They are the next slab's, or the first one's. Signs are written into their layers of `positive`.
+    """
+    thick = slab[1] - slab[0]
+    # A layer above and below the patch closes what its faces cut.
+    origin = low + steps * [slab[0], 0, -1]
+    lattice = Lattice(tuple(origin), tuple(steps), (thick + 1, int(counts[1]) + 1, int(counts[2]) + 3))
+    samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32, block=CHUNK)
+    if positive is not None:
+        positive[slab[0] : slab[1]] = samples[:-1, :-1] > 0
+    vertices, _ = polygonise(samples, 0.0)
+    inner = np.all(vertices[:, :2] < [thick - 1e-9, counts[1] - 1e-9], axis=1)
+    return vertices[inner] + [slab[0], 0, 0]

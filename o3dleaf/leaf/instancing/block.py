@@ -1,0 +1,100 @@
+"""One flat period as a closed block: two sheets and four walls, opposite walls alike but for the shift.
+
+For solvers with cyclic boundaries: every vertex and triangle of a wall has its like, one period on, in
+the wall across from it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.leaf.instancing.placement import in_tile
+from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.tile_loops import ABOVE, INSIDE
+from o3dleaf.surface.isosurface.polygonise import METHODS, lattice_positions
+
+CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+"""Corners of a square of a wall, counter-clockwise in (along the wall, through the blade)."""
+
+
+def _square(code: int) -> list[tuple[int, int, int]]:
+    """Return the triangles inside a square: 0 to 3 its corners, 4 + k the vertex between corners k and k + 1."""
+    inside = [code >> k & 1 for k in range(4)]
+    if code in {5, 10}:
+        # As on the faces of a cell, inside corners that are not neighbours stay apart.
+        return [(4 + (k - 1) % 4, k, 4 + k) for k in range(4) if inside[k]]
+    polygon = []
+    for k in range(4):
+        polygon += [k] if inside[k] else []
+        polygon += [4 + k] if inside[k] != inside[(k + 1) % 4] else []
+    return [(polygon[0], polygon[n], polygon[n + 1]) for n in range(1, len(polygon) - 1)]
+
+
+def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint8]]:
+    """Return vertices (n, 3), flat, triangles (m, 3) and their labels (m,): adaxial, abaxial, or rim for the walls.
+
+    Raises
+    ------
+    InputError
+        If the tile was not polygonised by marching cubes.
+    """
+    if METHODS[tile.method] != "cubes":
+        raise InputError("method: walls are drawn for marching cubes; use cubes")
+    nx, ny, nz = tile.lattice.shape
+    nodes = np.concatenate([tile.edges, tile.edges[tile.beyond[:, 0]]])
+    shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
+    nodes = _rename(nodes, tile.lattice.shape, shifts)
+    walls = [_wall(tile, axis, far) for axis in range(2) for far in (False, True)]
+    names, triangles = np.unique(np.concatenate([nodes[tile.nodes], *walls]), return_inverse=True)
+    fractions = np.zeros(len(names))
+    crossed = names & 7 > 0
+    fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], tile.lattice.shape)[0])]
+    places = lattice_positions(names, fractions, (nx + 1, ny + 1, nz))
+    sides = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]]])[tile.nodes[:, 0]]
+    labels = np.where(sides == ABOVE, ADAXIAL, ABAXIAL)
+    labels = np.concatenate([labels, np.full(sum(map(len, walls)), RIM)]).astype(np.uint8)
+    return tile.lattice.positions(places), triangles.reshape(-1, 3), labels
+
+
+def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one wall or the one across from it
+    """Return the triangles (m, 3), by names in the window, of the wall at the beginning or end of an axis."""
+    nx, ny, nz = tile.lattice.shape
+    length = (ny, nx)[axis]
+    number = np.arange(length + 1) % length
+    columns = number if axis == 0 else number * ny
+    inside = tile.runs.expand(columns) == INSIDE
+    u, v = np.meshgrid(np.arange(length), np.arange(nz - 1), indexing="ij")
+    corners = [(u + a, v + b) for a, b in CORNERS]
+    code = sum(inside[corner].astype(np.int64) << k for k, corner in enumerate(corners))
+    at = (nx, ny)[axis] if far else 0
+
+    def name(u: IntArray, v: IntArray, direction: int) -> IntArray:
+        i, j = (at, u) if axis == 0 else (u, at)
+        return ((i * (ny + 1) + j) * nz + v) * 8 + direction
+
+    sideways = 2 if axis == 0 else 1
+    vertices = np.stack(
+        [name(*corner, 0) for corner in corners]
+        + [name(u, v, sideways), name(u + 1, v, 4), name(u, v + 1, sideways), name(u, v, 4)],
+        axis=-1,
+    )
+    found = []
+    for kind in range(1, 16):
+        squares = vertices[code == kind]
+        found += [squares[:, list(triangle)] for triangle in _square(kind)]
+    triangles = np.concatenate(found)
+    # (across, up) and (along, up) turn about along and minus across.
+    outward = far if axis == 0 else not far
+    return triangles if outward else triangles[:, ::-1]
+
+
+def _rename(names: IntArray, shape: tuple[int, int, int], shifts: IntArray) -> IntArray:
+    """Return names in the window, with one column more to a row, of edges named in the tile, some periods on."""
+    nx, ny, nz = shape
+    column, rest = names // (8 * nz), names % (8 * nz)
+    return np.asarray(
+        ((column // ny + nx * (shifts & 1)) * (ny + 1) + column % ny + ny * (shifts >> 1)) * 8 * nz + rest
+    )

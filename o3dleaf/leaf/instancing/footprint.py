@@ -1,0 +1,140 @@
+"""Which part of the plane is meshed: the cells of a lattice inside an outline, and the distance of its columns."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.plane_loops import mark_inside, mark_touched, splat_distances
+
+HALO = 8
+"""Cells beyond a window that are looked at: one less is the number of rounds that corners are thinned out in."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """An outline over a lattice of the plane.
+
+    Attributes
+    ----------
+    rings : (s, 4) ndarray
+        Sides of the outline, (x0, y0, x1, y1) in lattice coordinates; a point is inside if an odd number of them
+        lies beyond it.
+    spacing : (2,) ndarray
+        Steps of the lattice, in the unit of length of `distances`.
+    box : (2, 2) ndarray of int64
+        First and last column that is looked at.
+    holes : tuple of (2, 2) ndarrays of int64
+        First and last columns of boxes that are left out.
+    """
+
+    rings: FloatArray
+    spacing: FloatArray
+    box: IntArray
+    holes: tuple[IntArray, ...] = ()
+
+    def without(self, hole: IntArray) -> "Footprint":
+        """Return the footprint less the cells of a box of columns (2, 2)."""
+        return replace(self, holes=(*self.holes, hole))
+
+    def holds(self, box: IntArray) -> bool:
+        """Return whether all cells of a box of columns lie in it, whole."""
+        return bool(self.cells(*box).all())
+
+    def in_holes(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
+        """Return which cells low <= (i, j) < high lie in a hole."""
+        i, j = (np.arange(a, b) for a, b in zip(np.asarray(low), np.asarray(high), strict=True))
+        found = np.zeros((len(i), len(j)), dtype=bool)
+        for first, last in self.holes:
+            found |= ((i >= first[0]) & (i < last[0]))[:, np.newaxis] & ((j >= first[1]) & (j < last[1]))
+        return found
+
+    def cells(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
+        """Return which cells low <= (i, j) < high lie in the outline, whole, and touch one another along sides only.
+
+        Where two cells would meet in a corner alone both go, so that a surface over the cells is manifold.
+
+        Raises
+        ------
+        ReconstructionError
+            If cells still meet in corners after `HALO` − 1 rounds.
+        """
+        first = np.asarray(low, dtype=np.int64) - HALO
+        shape = tuple((np.asarray(high) + HALO - first).tolist())
+        inside, touched = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        near = self._near(first[0], first[0] + shape[0])
+        mark_inside(near, first, 0.5, inside)
+        mark_touched(near, first, touched)
+        kept = inside & ~touched
+        for axis in range(2):
+            number = first[axis] + np.arange(shape[axis])
+            out = (number < self.box[0, axis]) | (number >= self.box[1, axis])
+            kept[(out, slice(None)) if axis == 0 else (slice(None), out)] = False
+        for _ in range(HALO - 1):
+            lonely = _corners(kept)
+            if not lonely.any():
+                break
+            at = np.argwhere(lonely)
+            for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                kept[tuple((at + step).T)] = False
+        inner = kept[HALO:-HALO, HALO:-HALO]
+        if _corners(inner).any():
+            raise ReconstructionError(
+                "the outline is too ragged for this spacing; use a finer spacing or a larger alpha"
+            )
+        return np.asarray(inner & ~self.in_holes(low, high))
+
+    def distances(self, low: npt.ArrayLike, high: npt.ArrayLike) -> FloatArray:
+        """Return the signed distances of columns low <= (i, j) < high to the outline, > 0 inside, up to two steps."""
+        first = np.asarray(low, dtype=np.int64)
+        shape = tuple((np.asarray(high) - first).tolist())
+        inside, reach = np.zeros(shape, dtype=bool), 2 * float(self.spacing.max())
+        margin = reach / self.spacing[0] + 1
+        near = self._near(first[0] - margin, first[0] + shape[0] + margin)
+        mark_inside(near, first, 0.0, inside)
+        distance = np.full(shape, reach)
+        splat_distances(near, first, self.spacing, distance)
+        return np.where(inside, distance, -distance)
+
+    def _near(self, first: float, last: float) -> FloatArray:
+        """Return the sides that reach between two rows."""
+        x = self.rings[:, [0, 2]]
+        near: FloatArray = self.rings[(x.min(axis=1) <= last) & (x.max(axis=1) >= first)]
+        return near
+
+
+def _corners(kept: BoolArray) -> BoolArray:
+    """Return at which inner corners two cells meet that have no side in common."""
+    a, b, c, d = kept[:-1, :-1], kept[:-1, 1:], kept[1:, :-1], kept[1:, 1:]
+    return np.asarray((a == d) & (b == c) & (a != b))
+
+
+def box_footprint(box: IntArray) -> Footprint:
+    """Return the footprint of all cells of a box of columns (2, 2)."""
+    (x0, y0), (x1, y1) = (box + np.array([[-1, -1], [1, 1]])).astype(np.float64)
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return Footprint(np.hstack([corners, np.roll(corners, -1, axis=0)]), np.ones(2), box)
+
+
+def footprint(sides: FloatArray, origin: FloatArray, spacing: FloatArray, region: FloatArray | None) -> Footprint:
+    """Return the footprint of an outline's sides (s, 4), in the plane's unit, over a lattice of the plane.
+
+    Parameters
+    ----------
+    sides : (s, 4) ndarray
+    origin, spacing : (2,) ndarrays
+        Of the lattice.
+    region : (2, 2) ndarray, optional
+        Only cells inside this box are kept.
+    """
+    lattice = (sides.reshape(-1, 2, 2) - origin) / spacing
+    low, high = lattice.min(axis=(0, 1)), lattice.max(axis=(0, 1))
+    box = np.stack([np.floor(low) - 1, np.ceil(high) + 2])
+    if region is not None:
+        # A corner on the lattice but for rounding must not cost a cell.
+        inner = (region - origin) / spacing
+        box = np.stack([np.maximum(box[0], np.ceil(inner[0] - 1e-9)), np.minimum(box[1], np.floor(inner[1] + 1e-9))])
+    return Footprint(lattice.reshape(-1, 4), np.asarray(spacing), box.astype(np.int64))

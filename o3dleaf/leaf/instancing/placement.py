@@ -1,0 +1,274 @@
+"""What of a tile is used in one place: all of it, the cells that an outline holds, or a solid that it cuts."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.footprint import Footprint
+from o3dleaf.leaf.instancing.rim_loops import (
+    cut_cells,
+    gather_cells,
+    label_nodes,
+    rim_edges,
+    use_by_cells,
+    use_by_distance,
+)
+from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.surface.isosurface.polygonise import lattice_positions
+
+Nodes = npt.NDArray[np.int32]
+NO_NODES = np.empty((0, 3), dtype=np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """Numbers of a placement's own vertices (n + e,), read as an array; whole tiles share all but the first one.
+
+    Attributes
+    ----------
+    rank : (n + e,) ndarray of int32
+        What is added to `start`; −1: not there.
+    start : int
+    """
+
+    rank: npt.NDArray[np.int32]
+    start: int
+
+    def __len__(self) -> int:
+        return len(self.rank)
+
+    def __getitem__(self, rows: IntArray | slice) -> npt.NDArray[np.int32]:
+        rank = self.rank[rows]
+        return np.where(rank >= 0, rank + self.start, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A tile in one place.
+
+    The nodes of its triangles are, one after the other: the tile's vertices, those of neighbours
+    (`Tile.beyond`), the rim's own vertices, and those of neighbours on the rim.
+
+    Attributes
+    ----------
+    tile : Tile
+    at : (2,) tuple of int
+        Number of the tile along and across.
+    used : (n,) ndarray of bool or None
+        Which of the tile's vertices are there; None: all.
+    cells : (nx, ny) ndarray of bool or None
+        Which cells have the tile's triangles; None: all.
+    cut : (c, 3) ndarray of int32
+        The other triangles.
+    rim_names, rim_fractions : (e,) ndarrays
+        Edges of the window that the rim's vertices lie on, this tile's first, and how far along.
+    rim_own : int
+        How many of them are this tile's.
+    cut_on_rim : (c,) ndarray of bool or None
+        Which of the other triangles belong to the rim; None: none.
+    inner : (e, 3) ndarray or None
+        Instead of a rim: flat positions, in tile (0, 0), of vertices inside a whole tile that was reduced.
+    is_whole : bool
+        Whether it stands for all of the tile.
+    """
+
+    tile: Tile
+    at: tuple[int, int]
+    used: BoolArray | None
+    cells: BoolArray | None
+    cut: Nodes
+    rim_names: IntArray
+    rim_fractions: FloatArray
+    rim_own: int = 0
+    cut_on_rim: BoolArray | None = None
+    inner: FloatArray | None = None
+    is_whole: bool = False
+
+    @property
+    def nodes(self) -> Nodes:
+        """(m, 3) all triangles, gathered when they are asked for: what is held of a place is small."""
+        if self.cells is None:
+            return self.tile.nodes
+        plain = _kept_triangles(self.tile, self.cells)
+        return np.concatenate([plain, self.cut]) if len(self.cut) else plain
+
+    @property
+    def on_rim(self) -> BoolArray | None:
+        """(m,) which triangles belong to the rim; None: none."""
+        if self.cells is None or self.cut_on_rim is None:
+            return None
+        plain = int(np.diff(self.tile.cells)[self.cells.ravel()].sum())
+        return np.concatenate([np.zeros(plain, dtype=bool), self.cut_on_rim])
+
+    @property
+    def own(self) -> BoolArray:
+        """(n + e,) which of the tile's vertices and the rim's own ones are there."""
+        used = np.ones(len(self.tile.edges), dtype=bool) if self.used is None else self.used
+        return np.concatenate([used, np.ones(self.rim_own, dtype=bool)])
+
+    def positions(self, rows: IntArray) -> FloatArray:
+        """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
+        tile, count = self.tile, len(self.tile.edges)
+        nx, ny, nz = tile.lattice.shape
+        start = self.at[0] * nx, self.at[1] * ny, 0
+        places, own = np.zeros((len(rows), 3)), rows < count
+        inner, rim = rows[own], rows[~own] - count
+        places[own] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
+        if self.inner is not None:
+            shift = np.array(self.at) * tile.lattice.period
+            positions = tile.lattice.positions(places)
+            positions[~own] = self.inner[rim] + [shift[0], shift[1], 0.0]
+            return positions
+        window = (nx + 1, ny + 1, nz)
+        places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
+        return tile.lattice.positions(places)
+
+    def node_numbers(
+        self, own: Numbers | None, neighbours: dict[int, tuple["Placement", Numbers]]
+    ) -> npt.NDArray[np.int32]:
+        """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
+
+        Parameters
+        ----------
+        own : Numbers, optional
+        neighbours : dict
+            By shift (bits: along, across) the placement there and its numbers; a missing one has none.
+        """
+        vertices, beyond = len(self.tile.edges), self.tile.beyond
+        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int32)
+        if own is not None:
+            numbers[:vertices] = own[:vertices]
+            numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
+        names, shifts = self._rim_beyond
+        for shift, (other, given) in neighbours.items():
+            rows = np.flatnonzero(beyond[:, 1] == shift)
+            numbers[vertices + rows] = given[beyond[rows, 0]]
+            rows = np.flatnonzero(shifts == shift)
+            if len(rows):
+                there = np.searchsorted(other.own_rim, names[rows])
+                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + there]
+        return numbers
+
+    @cached_property
+    def own_rim(self) -> IntArray:
+        """(e,) names in the tile, rising, of the rim's vertices that are this tile's."""
+        return in_tile(self.rim_names[: self.rim_own], self.tile.lattice.shape)[0]
+
+    @cached_property
+    def _rim_beyond(self) -> tuple[IntArray, IntArray]:
+        return in_tile(self.rim_names[self.rim_own :], self.tile.lattice.shape)
+
+    def pieces(self) -> IntArray:
+        """Return for every node the first node of the piece that it hangs together with in this tile."""
+        count = len(self.tile.edges) + len(self.tile.beyond) + len(self.rim_names)
+        return np.asarray(label_nodes(self.nodes, count))
+
+
+def place_sheets(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+    """Return the tile over the whole cells inside the outline, open at their edge; None where there are none."""
+    shape = np.array(tile.lattice.shape[:2])
+    low = np.array(at) * shape
+    return sheets_over(tile, footprint.cells(low - 1, low + shape), at)
+
+
+def sheets_over(tile: Tile, kept: BoolArray, at: tuple[int, int]) -> Placement | None:
+    """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    if kept.all():
+        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
+    used = np.empty(len(tile.edges), dtype=bool)
+    use_by_cells(tile.edges, tile.lattice.shape, kept, used)
+    if not used.any():
+        return None
+    return Placement(tile, at, used, np.ascontiguousarray(kept[1:, 1:]), NO_NODES, *none)
+
+
+def place_solid(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+    """Return the solid of a tile cut by the outline, with its part of the rim; None where there is none."""
+    shape = np.array(tile.lattice.shape[:2])
+    low = np.array(at) * shape
+    distance = footprint.distances(low - 1, low + shape + 1)
+    gone = footprint.in_holes(low - 1, low + shape)
+    if not gone.any():
+        return solid_within(tile, distance[1:, 1:], at)
+    if (distance > 0).all():
+        return sheets_over(tile, ~gone, at)
+    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward, by a tile, or leave it open")
+
+
+def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Placement | None:
+    """Return the solid of a tile where the `distance` of columns (nx + 1, ny + 1) is positive, and its rim."""
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    inside = distance > 0
+    if inside.all():
+        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
+    if not inside.any():
+        return None
+    used = np.empty(len(tile.edges), dtype=bool)
+    use_by_distance(tile.edges, tile.fractions, tile.upward, tile.lattice.shape, distance, used)
+    row_of, labels = _cut_columns(tile, inside)
+    names, fractions = _rim(tile, distance, row_of, labels)
+    beyond = tile.beyond[:, 0] * 4 + tile.beyond[:, 1]
+    outline = (tile.lattice.shape, tile.edges, tile.fractions, beyond), (names, fractions), distance, row_of, labels
+    count = cut_cells(tile.method, *outline, NO_NODES, np.empty(0, dtype=bool))
+    cut, on_rim = np.empty((count, 3), dtype=np.int32), np.empty(count, dtype=bool)
+    cut_cells(tile.method, *outline, cut, on_rim)
+    kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
+    own = in_tile(names, tile.lattice.shape)[1] == 0
+    order = np.concatenate([np.flatnonzero(own), np.flatnonzero(~own)])
+    _renumber(cut, order, len(tile.edges) + len(tile.beyond))
+    return Placement(tile, at, used, kept, cut, names[order], fractions[order], int(own.sum()), on_rim)
+
+
+def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:
+    """Give the nodes from `start` on the numbers that they have in a new order."""
+    rank = np.empty(len(order), dtype=np.int32)
+    rank[order] = np.arange(len(order))
+    late = nodes >= start
+    nodes[late] = start + rank[nodes[late] - start]
+
+
+def _kept_triangles(tile: Tile, kept: BoolArray) -> Nodes:
+    """Return the triangles over the kept cells (nx, ny)."""
+    count = int(np.diff(tile.cells)[kept.ravel()].sum())
+    found = np.empty((count, 3), dtype=np.int32)
+    gather_cells(kept, tile.cells, tile.nodes, found)
+    return found
+
+
+def _cut_columns(tile: Tile, inside: BoolArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
+    """Return the row (nx + 1, ny + 1) of each column of a cut cell, −1 for others, and the labels of these columns."""
+    nx, ny, _ = tile.lattice.shape
+    corners = np.stack([inside[:-1, :-1], inside[1:, :-1], inside[:-1, 1:], inside[1:, 1:]])
+    cut = corners.any(axis=0) & ~corners.all(axis=0)
+    near = np.zeros(inside.shape, dtype=bool)
+    for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        near[i : nx + i, j : ny + j] |= cut
+    row_of = np.full(inside.shape, -1)
+    row_of[near] = np.arange(near.sum())
+    at = np.argwhere(near)
+    return row_of, tile.runs.expand(at[:, 0] % nx * ny + at[:, 1] % ny)
+
+
+def _rim(
+    tile: Tile, distance: FloatArray, row_of: IntArray, labels: npt.NDArray[np.uint8]
+) -> tuple[IntArray, FloatArray]:
+    """Return the names in the window, rising, and the fractions of the rim's vertices."""
+    parts = (tile.lattice.shape, tile.edges, tile.fractions), distance, row_of, labels
+    count = rim_edges(tile.method, *parts, np.empty(0, dtype=np.int64), np.empty(0))
+    names, fractions = np.empty(count, dtype=np.int64), np.empty(count)
+    rim_edges(tile.method, *parts, names, fractions)
+    return names, fractions
+
+
+def in_tile(names: IntArray, shape: tuple[int, int, int]) -> tuple[IntArray, IntArray]:
+    """Return the names in the tile of edges named in its window, and how many periods on they lie."""
+    nx, ny, nz = shape
+    column, rest = names // (8 * nz), names % (8 * nz)
+    i, j = column // (ny + 1), column % (ny + 1)
+    return ((i % nx) * ny + j % ny) * 8 * nz + rest, (i >= nx) + 2 * (j >= ny)

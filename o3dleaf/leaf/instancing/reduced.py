@@ -1,0 +1,69 @@
+"""A tile simplified or remeshed once, its border locked, so that copies fit one another and the tiles that are cut."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.placement import Nodes
+from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.surface.isosurface.polygonise import lattice_positions
+from o3dleaf.surface.mesh.topology import EdgeTable
+
+Reduce = Callable[[FloatArray, IntArray], tuple[FloatArray, IntArray]]
+"""Takes (n, 3) vertices and (m, 3) triangles of an open mesh and returns others, those of the border bit for bit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """What stands for a whole tile.
+
+    Attributes
+    ----------
+    used : (n,) ndarray of bool
+        Which of the tile's vertices are left: those of its border.
+    inner : (k, 3) ndarray
+        Flat positions, in tile (0, 0), of the vertices inside.
+    nodes : (m, 3) ndarray of int32
+        Triangles: vertices of the tile, of its neighbours, and inside, in the order of `Placement`.
+    """
+
+    used: BoolArray
+    inner: FloatArray
+    nodes: Nodes
+
+
+def reduce_tile(tile: Tile, reduce: Reduce) -> Reduced:
+    """Return what `reduce` makes of the whole tile.
+
+    Raises
+    ------
+    ReconstructionError
+        If it moved or dropped a vertex of the border.
+    """
+    positions = _positions(tile)
+    edges = EdgeTable.of(tile.nodes.astype(np.int64))
+    border = np.unique(edges.ends[edges.count == 1])
+    vertices, triangles = reduce(positions, tile.nodes.astype(np.int64))
+    node_at = {row.tobytes(): int(node) for node, row in zip(border, positions[border], strict=True)}
+    found = np.array([node_at.get(row.tobytes(), -1) for row in np.ascontiguousarray(vertices)])
+    if np.unique(found[found >= 0]).size != len(border) or (found >= 0).sum() != len(border):
+        raise ReconstructionError("the tile's border did not stay as it was; simplify it less")
+    inside = found < 0
+    found[inside] = len(positions) + np.arange(inside.sum())
+    used = np.zeros(len(tile.edges), dtype=bool)
+    used[border[border < len(tile.edges)]] = True
+    return Reduced(used, vertices[inside], found[triangles].astype(np.int32))
+
+
+def _positions(tile: Tile) -> FloatArray:
+    """Return the flat positions of the tile's vertices and of those beyond it."""
+    shape, beyond = tile.lattice.shape, tile.beyond[:, 0]
+    own = lattice_positions(tile.edges, tile.fractions, shape)
+    others = lattice_positions(tile.edges[beyond], tile.fractions[beyond], shape)
+    others[:, 0] += (tile.beyond[:, 1] & 1) * shape[0]
+    others[:, 1] += (tile.beyond[:, 1] >> 1) * shape[1]
+    return tile.lattice.positions(np.concatenate([own, others]))

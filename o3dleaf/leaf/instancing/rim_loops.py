@@ -1,0 +1,198 @@
+"""The compiled loops where an outline cuts a tile: which vertices stay, the rim's own ones, the triangles between.
+
+Cells of a window have the tile's (nx, ny) cells and one column of samples more along each axis. A
+solid cut by the outline is {F > 0 and D > 0}, D the signed distance of columns: along an edge
+between samples inside and outside, the first zero of F or of D is the vertex. Those of F are the
+tile's own; those of D are the rim's, named in the window, whose columns have ny + 1 to a row.
+"""
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.leaf.instancing.tile_loops import INSIDE
+from o3dleaf.surface.isosurface.cell_loops import (
+    COUNTS,
+    CUBE_EDGES,
+    DIRECTIONS,
+    LEAST_FRACTION,
+    MOST_TRIANGLES,
+    cell_triangles,
+)
+from o3dleaf.surface.mesh.adjacency_loops import find_root, join
+
+
+@njit(nogil=True, cache=True)
+def find(names, name):
+    """Return the row of a name in rising `names`, −1 if it is not there."""
+    low, high = 0, len(names) - 1
+    while low <= high:
+        middle = (low + high) // 2
+        if names[middle] == name:
+            return middle
+        if names[middle] < name:
+            low = middle + 1
+        else:
+            high = middle - 1
+    return -1
+
+
+@njit(nogil=True, cache=True)
+def use_by_cells(edges, shape, kept, used):
+    """Write which vertices lie in a kept cell; `kept` (nx + 1, ny + 1) has the row and the column before the tile."""
+    _, ny, nz = shape
+    for n in range(len(edges)):
+        column, direction = (edges[n] >> 3) // nz, edges[n] & 7
+        i, j = column // ny + 1, column % ny + 1
+        used[n] = False
+        for u in range(i - 1 + (direction & 1), i + 1):
+            for v in range(j - 1 + (direction >> 1 & 1), j + 1):
+                used[n] = used[n] or kept[u, v]
+
+
+@njit(nogil=True, cache=True)
+def use_by_distance(edges, fractions, upward, shape, distance, used):
+    """Write which vertices are the first zero along their edges; `upward` ones have the solid at the lower end."""
+    _, ny, nz = shape
+    for n in range(len(edges)):
+        column, direction = (edges[n] >> 3) // nz, edges[n] & 7
+        i, j = column // ny, column % ny
+        here, there = distance[i, j], distance[i + (direction & 1), j + (direction >> 1 & 1)]
+        fraction = fractions[n]
+        if not upward[n]:
+            here, there, fraction = there, here, 1.0 - fraction
+        used[n] = here > 0.0 and (there > 0.0 or fraction <= here / (here - there))
+
+
+@njit(nogil=True, cache=True)
+def rim_edges(method, tile, distance, row_of, labels, names, fractions):
+    """Write the names in the window and the fractions of the rim's vertices, and return how many there are.
+
+    Called with empty arrays it counts. `tile` is (shape, edges, fractions); `labels` (m, nz) are those of
+    the columns with a `row_of` (nx + 1, ny + 1) of 0 or more.
+    """
+    shape, tile_edges, tile_fractions = tile
+    nx, ny, nz = shape
+    count = 0
+    for i in range(nx + 1):
+        for j in range(ny + 1):
+            if row_of[i, j] < 0:
+                continue
+            for k in range(nz):
+                for direction in DIRECTIONS[method]:
+                    u, v, w = i + (direction & 1), j + (direction >> 1 & 1), k + (direction >> 2)
+                    if direction & 3 == 0 or u > nx or v > ny or w >= nz:
+                        continue
+                    here, there = distance[i, j], distance[u, v]
+                    if (here > 0.0) == (there > 0.0):
+                        continue
+                    upward = here > 0.0
+                    solid = labels[row_of[i, j], k] == INSIDE, labels[row_of[u, v], w] == INSIDE
+                    if not solid[0 if upward else 1]:
+                        continue
+                    share = here / (here - there) if upward else there / (there - here)
+                    if not solid[1 if upward else 0]:
+                        name = (((i % nx) * ny + j % ny) * nz + k) * 8 + direction
+                        fraction = tile_fractions[find(tile_edges, name)]
+                        if (fraction if upward else 1.0 - fraction) <= share:
+                            continue
+                    if len(names):
+                        names[count] = ((i * (ny + 1) + j) * nz + k) * 8 + direction
+                        share = min(max(share, LEAST_FRACTION), 1.0 - LEAST_FRACTION)
+                        fractions[count] = share if upward else 1.0 - share
+                    count += 1
+    return count
+
+
+@njit(nogil=True, cache=True)
+def cut_cells(method, tile, rim, distance, row_of, labels, nodes, is_rim):
+    """Write the triangles of the cells that the outline cuts and which of them are rim; return how many there are.
+
+    Called with empty arrays it counts. `tile` is (shape, edges, fractions, beyond's keys); `rim` is
+    (names, fractions). Nodes are those of `o3dleaf.leaf.instancing.placement`.
+    """
+    shape, tile_edges, tile_fractions, beyond = tile
+    nx, ny, nz = shape
+    vertices = len(tile_edges) + len(beyond)
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
+    count = 0
+    for i in range(nx):
+        for j in range(ny):
+            within = 0
+            for corner in range(4):
+                within += distance[i + (corner & 1), j + (corner >> 1)] > 0.0
+            if within in (0, 4):
+                continue
+            for k in range(nz - 1):
+                code = 0
+                for corner in range(8):
+                    u, v, w = i + (corner & 1), j + (corner >> 1 & 1), k + (corner >> 2)
+                    if distance[u, v] > 0.0 and labels[row_of[u, v], w] == INSIDE:
+                        code |= 1 << corner
+                if COUNTS[method, code] == 0 or len(nodes) == 0:
+                    count += COUNTS[method, code]
+                    continue
+                for n in range(12):
+                    low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+                    if (code >> low & 1) != (code >> (low | direction) & 1):
+                        node = node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim[0])
+                        along[n] = vertex_fraction(node, tile_edges, tile_fractions, beyond, rim[1])
+                for n in range(cell_triangles(method, code, along, places, drawn)):
+                    is_rim[count] = False
+                    for corner in range(3):
+                        low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
+                        node = node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim[0])
+                        nodes[count, corner] = node
+                        is_rim[count] = is_rim[count] or node >= vertices
+                    count += 1
+    return count
+
+
+@njit(nogil=True, cache=True)
+def node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim_names):
+    """Return the node of the vertex on an edge of cell (i, j, k): one of the rim if it is there, else the tile's."""
+    nx, ny, nz = shape
+    u, v, w = i + (low & 1), j + (low >> 1 & 1), k + (low >> 2)
+    if direction & 3:
+        rim = find(rim_names, ((u * (ny + 1) + v) * nz + w) * 8 + direction)
+        if rim >= 0:
+            return len(tile_edges) + len(beyond) + rim
+    vertex = find(tile_edges, (((u % nx) * ny + v % ny) * nz + w) * 8 + direction)
+    shift = (u >= nx) + 2 * (v >= ny)
+    if shift == 0:
+        return vertex
+    return len(tile_edges) + find(beyond, vertex * 4 + shift)
+
+
+@njit(nogil=True, cache=True)
+def vertex_fraction(node, tile_edges, tile_fractions, beyond, rim_fractions):
+    """Return how far along its edge the vertex of a node lies."""
+    if node < len(tile_edges):
+        return tile_fractions[node]
+    if node < len(tile_edges) + len(beyond):
+        return tile_fractions[beyond[node - len(tile_edges)] >> 2]
+    return rim_fractions[node - len(tile_edges) - len(beyond)]
+
+
+@njit(nogil=True, cache=True)
+def gather_cells(kept, cells, nodes, found):
+    """Write the triangles over the kept cells (nx, ny), in their order, into `found`."""
+    row = 0
+    nx, ny = kept.shape
+    for i in range(nx):
+        for j in range(ny):
+            if kept[i, j]:
+                for t in range(cells[i * ny + j], cells[i * ny + j + 1]):
+                    found[row] = nodes[t]
+                    row += 1
+
+
+@njit(nogil=True, cache=True)
+def label_nodes(nodes, count):
+    """Return the (count,) first node of the piece that each node belongs to, by the triangles `nodes` (m, 3)."""
+    parent = np.arange(count, dtype=np.int32)
+    for t in range(len(nodes)):
+        join(parent, nodes[t, 0], nodes[t, 1])
+        join(parent, nodes[t, 0], nodes[t, 2])
+    for node in range(count):
+        parent[node] = find_root(parent, node)
+    return parent

@@ -1,0 +1,103 @@
+"""What counts as inside of a periodic layer: the blade, its voids filled, without the specks beside it.
+
+Samples hang together along the axes, across the sides of the period too, as they do in the surface
+that `o3dleaf.mesh` draws around them. They are held as runs along the columns of the lattice: some
+five numbers a column, where the samples themselves would grow with the cube of the resolution.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.tile_loops import ABOVE, BELOW, INSIDE, count_runs, expand_runs, fill_runs, unite_all
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The labels of a period's samples, column by column.
+
+    Attributes
+    ----------
+    shape : (3,) tuple of int
+        Columns along the two periods, samples in a column.
+    first : (nx ny + 1,) ndarray of int64
+        First run of each column.
+    begin : (r,) ndarray of int64
+        Sample at which each run begins.
+    label : (r,) ndarray of uint8
+        `INSIDE`, `ABOVE` or `BELOW`.
+    voids, specks : int
+        Pieces of air that were filled, and of solid that were removed.
+    """
+
+    shape: tuple[int, int, int]
+    first: IntArray
+    begin: IntArray
+    label: npt.NDArray[np.uint8]
+    voids: int
+    specks: int
+
+    def expand(self, columns: IntArray) -> npt.NDArray[np.uint8]:
+        """Return the labels (m, nz) of all samples of some columns (m,)."""
+        dense = np.empty((len(columns), self.shape[2]), dtype=np.uint8)
+        expand_runs(columns, self.first, self.begin, self.label, dense)
+        return dense
+
+
+def find_runs(inside: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return the number of runs in each of m columns, and where they begin; outside and inside take turns.
+
+    Parameters
+    ----------
+    inside : (m, nz) ndarray of bool
+        The first and the last sample of a column count as outside: the surface is closed there.
+    """
+    counts = np.empty(len(inside), dtype=np.int64)
+    count_runs(inside, counts)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    begin = np.empty(first[-1], dtype=np.int64)
+    fill_runs(inside, first, begin)
+    return counts, begin
+
+
+def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> Runs:
+    """Return the labels of a period: the largest piece of solid, voids in it filled, the air above and below.
+
+    Parameters
+    ----------
+    shape : (3,) tuple of int
+    counts, begin : (nx ny,), (r,) ndarrays of int64
+        As `find_runs` gives them for all columns, the second axis running fastest.
+
+    Raises
+    ------
+    ReconstructionError
+        If nothing is inside, or the air above and below hang together: not two sheets.
+    """
+    first = np.concatenate([[0], np.cumsum(counts)])
+    solid = (np.arange(len(begin)) - np.repeat(first[:-1], counts)) % 2
+    piece = np.arange(len(begin))
+    unite_all(shape, first, begin, piece, solid, -1)
+    length = np.diff(begin, append=0)
+    length[first[1:] - 1] = shape[2] - begin[first[1:] - 1]
+    size = np.bincount(piece, length * solid, len(begin))
+    if not size.any():
+        raise ReconstructionError("the texture has no solid at this spacing; use a finer spacing or another threshold")
+    main = int(np.argmax(size))
+    around = np.arange(len(begin))
+    unite_all(shape, first, begin, around, piece, main)
+    label = np.zeros(len(begin), dtype=np.uint8)
+    above, below = np.unique(around[first[1:] - 1]), np.unique(around[first[:-1]])
+    if np.intersect1d(above, below).size:
+        raise ReconstructionError(
+            "the surface is one sheet, not two (adaxial, abaxial): air reaches through the blade; "
+            "use a finer spacing or another threshold"
+        )
+    label[np.isin(around, above)], label[np.isin(around, below)] = ABOVE, BELOW
+    label[piece == main] = INSIDE
+    voids = np.unique(piece[(solid == 0) & (label == INSIDE)]).size
+    specks = np.unique(piece[(solid == 1) & (label != INSIDE)]).size
+    return Runs(shape, first, begin, label, int(voids), int(specks))

@@ -1,0 +1,282 @@
+"""One period of a periodic surface, polygonised once: what is set down everywhere."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.lattice import BLOCK
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import Progress, blocks
+from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
+from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
+from o3dleaf.surface.isosurface.cell_loops import LEAST_FRACTION
+from o3dleaf.surface.isosurface.polygonise import lattice_positions, march
+
+SLAB = 1 << 18
+"""Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
+
+MOST_STEPS = 12
+"""Steps towards a field's zero along an edge: a smooth field takes three."""
+SETTLED = 1e-4
+"""Share of an edge by which the last of them moves a vertex."""
+TINY = 1e-300
+"""Size of a sample that is zero: its sign is what says where it belongs."""
+
+
+@dataclass(frozen=True)
+class TileLattice:
+    """The lattice that one period is sampled on; it divides the period.
+
+    Attributes
+    ----------
+    origin : (3,) tuple of float
+        Position of point (0, 0, 0) of tile (0, 0).
+    spacing : (3,) tuple of float
+    shape : (3,) tuple of int
+        Steps in a period along the first two axes, points along the third.
+    """
+
+    origin: tuple[float, float, float]
+    spacing: tuple[float, float, float]
+    shape: tuple[int, int, int]
+
+    @property
+    def period(self) -> FloatArray:
+        """(2,) lengths of a tile."""
+        return np.asarray(np.array(self.spacing[:2]) * self.shape[:2], dtype=np.float64)
+
+    def positions(self, lattice: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) positions of (n, 3) lattice coordinates, counted from tile (0, 0) on.
+
+        The one function that makes positions: equal lattice coordinates give equal bits.
+        """
+        return np.asarray(np.asarray(self.origin) + np.asarray(lattice) * np.asarray(self.spacing), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """The surface over one period, without the copies of its sides.
+
+    Attributes
+    ----------
+    lattice : TileLattice
+    method : int
+        Place in `o3dleaf.surface.isosurface.polygonise.METHODS`.
+    runs : Runs
+        What is inside, voids filled.
+    edges : (n,) ndarray of int64
+        The edges that vertices lie on, 8 · (number of the lower point) + direction, rising.
+    fractions : (n,) ndarray of float64
+        How far along its edge each vertex lies.
+    sides : (n,) ndarray of uint8
+        `ABOVE` or `BELOW`: the air that each vertex looks at.
+    upward : (n,) ndarray of bool
+        Whether the lower end of the vertex's edge is the one inside.
+    nodes : (m, 3) ndarray of int32
+        Corners of the triangles, by cells: a vertex of this tile, or n + a row of `beyond`.
+    cells : (nx ny + 1,) ndarray of int64
+        First triangle over each cell of the plane.
+    beyond : (h, 2) ndarray of int64
+        Vertices of neighbours that triangles of this tile use: the vertex, and the neighbour (bits: along, across).
+    """
+
+    lattice: TileLattice
+    method: int
+    runs: Runs
+    edges: IntArray
+    fractions: FloatArray
+    sides: npt.NDArray[np.uint8]
+    upward: npt.NDArray[np.bool_]
+    nodes: npt.NDArray[np.int32]
+    cells: IntArray
+    beyond: IntArray
+
+
+def extract_tile(
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    method: int = 0,
+    progress: Progress | None = None,
+    *,
+    sharpen: tuple[int, int] | None = None,
+) -> Tile:
+    """Sample one period of a field, fill its voids, and polygonise it.
+
+    Memory grows with the surface, not with the samples: a first pass over slabs notes what is inside, a
+    second one asks again for the samples beside the surface, and marches.
+
+    Parameters
+    ----------
+    field : callable
+        Values at (n, 3) points, > 0 inside, with the period of the lattice along the first two axes.
+    lattice : TileLattice
+    method : int
+        Place in `o3dleaf.surface.isosurface.polygonise.METHODS`.
+    progress : callable, optional
+        ``progress(done, total)`` in samples of the first pass.
+    sharpen : (2,) tuple of int, optional
+        Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
+        and across after which the field repeats: copies get the same bits.
+
+    Raises
+    ------
+    ReconstructionError
+        If the surface is not two sheets, one above the other.
+    """
+    nx, ny, nz = lattice.shape
+    slab = max(1, min(nx, SLAB // (ny * nz)))
+    found, flooded = [], np.zeros(2, dtype=np.int64)
+    for start, stop in blocks(nx, slab):
+        inside = _sample(field, lattice, start, stop) > 0
+        flooded += inside[:, [0, -1]].sum(axis=0)
+        found.append(find_runs(inside))
+        if progress:
+            progress(stop * ny * nz, nx * ny * nz)
+    # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
+    if flooded.max() > nx * ny / 2:
+        raise ReconstructionError(
+            "the surface is not two sheets (adaxial, abaxial): the texture has no air above or below; "
+            "use another threshold or a taller patch"
+        )
+    counts, begin = (np.concatenate(part) for part in zip(*found, strict=True))
+    runs = solidify(lattice.shape, counts, begin)
+    vertices: list[Any] = []
+    named: list[Any] = []
+    triangles: list[Any] = []
+    cells: list[Any] = []
+    for start, stop in blocks(nx, slab):
+        *own, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, start, stop)
+        vertices.append(own)
+        named.append((names, shifts))
+        triangles.append(nodes)
+        cells.append(count)
+    edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
+    nodes, beyond = _nodes(edges, named, triangles)
+    if sharpen is not None:
+        alike, rows, copies = np.unique(_folded(edges, lattice.shape, sharpen), return_index=True, return_inverse=True)
+        fractions = _sharpened(field, lattice, alike, fractions[rows], upward[rows])[copies]
+    return Tile(
+        lattice,
+        method,
+        runs,
+        edges,
+        fractions,
+        sides,
+        upward,
+        nodes,
+        np.concatenate([[0], np.cumsum(np.concatenate(cells))]),
+        beyond,
+    )
+
+
+def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int) -> FloatArray:
+    """Return the samples ((stop − start) ny, nz) of some planes of the period."""
+    _, ny, nz = lattice.shape
+    values = np.empty((stop - start) * ny * nz)
+    for first, last in blocks(len(values), BLOCK):
+        point = np.arange(first, last)
+        indices = np.stack([start + point // (ny * nz), point // nz % ny, point % nz], axis=1)
+        values[first:last] = field(lattice.positions(indices))
+    return require_finite(values, "field values").reshape(-1, nz)
+
+
+def _march_slab(
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, runs: Runs, method: int, start: int, stop: int
+) -> tuple[npt.NDArray[np.generic], ...]:
+    """Return what a slab adds to the tile.
+
+    Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
+    as rows of these; their number by cells.
+    """
+    nx, ny, nz = lattice.shape
+    i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
+    labels = runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
+    inside = labels == INSIDE
+    needed = np.zeros(labels.shape, dtype=bool)
+    mark_crossed(method, inside, needed)
+    at = np.argwhere(needed)
+    samples = field(lattice.positions(np.stack([i[at[:, 0]], j[at[:, 1]], at[:, 2]], axis=1)))
+    values = np.ones(labels.shape)
+    # What was filled or removed has the other sign: its size is what places the vertices beside it.
+    values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)
+    surface = march(np.where(inside, values, -values), inside, method)
+    names, shifts = np.empty_like(surface.edges), np.empty_like(surface.edges)
+    name_in_tile(surface.edges, surface.shape, start, lattice.shape, names, shifts)
+    point = surface.edges >> 3
+    own = (point // ((ny + 1) * nz) < stop - start) & (point // nz % (ny + 1) < ny)
+    step = [surface.edges & 1, surface.edges >> 1 & 1, surface.edges >> 2 & 1]
+    low = np.stack([point // ((ny + 1) * nz), point // nz % (ny + 1), point % nz])
+    upward = inside[tuple(low)]
+    outer = np.where(upward, low + step, low)
+    sides = labels[tuple(outer[:, own])]
+    cells = np.zeros((stop - start, ny), dtype=np.int64)
+    count_cells(method, inside, cells)
+    triangles = surface.triangles.astype(np.int32)
+    parts = names[own], surface.fractions[own], sides, upward[own]
+    return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
+
+
+def _folded(edges: IntArray, shape: tuple[int, int, int], period: tuple[int, int]) -> IntArray:
+    """Return the edges like these that start in the first `period` of steps."""
+    _, ny, nz = shape
+    column, rest = edges // (8 * nz), edges % (8 * nz)
+    return np.asarray((column // ny % period[0] * ny + column % ny % period[1]) * 8 * nz + rest)
+
+
+def _sharpened(
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    edges: IntArray,
+    fractions: FloatArray,
+    upward: npt.NDArray[np.bool_],
+) -> FloatArray:
+    """Return where the field is zero along each edge, by the Illinois variant of regula falsi.
+
+    Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
+    """
+    found = fractions.copy()
+    for first, last in blocks(len(edges), BLOCK):
+        part = edges[first:last]
+
+        def at(rows: IntArray, share: FloatArray, part: IntArray = part) -> FloatArray:
+            return field(lattice.positions(lattice_positions(part[rows], share, lattice.shape)))
+
+        every = np.arange(len(part))
+        ends = [np.zeros(len(part)), np.ones(len(part))]
+        values = [at(every, share) for share in ends]
+        low = upward[first:last]
+        rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
+        a, b, fa, fb = (each[rows] for each in (*ends, *values))
+        for _ in range(MOST_STEPS):
+            share = (a * fb - b * fa) / (fb - fa)
+            found[first + rows] = np.clip(share, LEAST_FRACTION, 1 - LEAST_FRACTION)
+            f = at(rows, share)
+            crossed = (f > 0) != (fb > 0)
+            a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
+            b, fb = share, f
+            # The secant's next step, which says how far the zero still is.
+            going = np.abs(fb * (b - a)) > SETTLED * np.abs(fb - fa)
+            rows = rows[going]
+            a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
+            if not len(rows):
+                break
+    return found
+
+
+def _nodes(
+    edges: IntArray, named: list[tuple[IntArray, npt.NDArray[np.uint8]]], triangles: list[npt.NDArray[np.int32]]
+) -> tuple[npt.NDArray[np.int32], IntArray]:
+    """Return the corners as nodes of the tile, and the vertices of neighbours among them.
+
+    Triangles come by slabs, as rows of the names and shifts of the slab's vertices.
+    """
+    keys = [np.searchsorted(edges, names) * 4 + shifts for names, shifts in named]
+    beyond = np.unique(np.concatenate([key[key & 3 > 0] for key in keys]))
+    node_of = [np.where(key & 3, len(edges) + np.searchsorted(beyond, key), key >> 2) for key in keys]
+    nodes = np.concatenate([of.astype(np.int32)[rows] for of, rows in zip(node_of, triangles, strict=True)])
+    return nodes, np.stack([beyond >> 2, beyond & 3], axis=1)

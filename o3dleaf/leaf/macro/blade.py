@@ -1,0 +1,221 @@
+"""The blade: frame, height map and outline together, the macro-scale leaf of the paper's section 2.4."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.core.checks import FloatArray, as_bounds, as_points, require_choice, require_positive
+from o3dleaf.core.cloud_arrays import CloudLike, points_of
+from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
+from o3dleaf.core.mesh_arrays import build_mesh
+from o3dleaf.leaf.distance.projection import lift, lift_up, pull_back
+from o3dleaf.leaf.macro.distortion import Distortion
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.frame_quality import FrameQuality, appraise_frame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.offset import (
+    LEAST_ROOM,
+    OFFSETS,
+    NormalOffsets,
+    flatten_along_normal,
+    lift_along_normal,
+    pull_back_along_normal,
+)
+from o3dleaf.leaf.macro.outline import CRUMBS, AlphaShape
+from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
+from o3dleaf.surface.mesh.components import largest_components
+
+APPRAISED = 20_000
+"""Places of the blade at which the frame is looked at, beside those of the scan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Blade:
+    r"""The blade as a surface over its flattened plane: S = m(y₁) + y₂ A(y₁) + H(y₁, y₂) V(y₁) inside an outline.
+
+    It holds both directions of the paper's T*: `flatten` takes the world to flat coordinates
+    (along, across, height above the blade), `lift` takes them back. Heights are measured along V, as in
+    the paper, x = S + y₃ V; or along the blade's own normal, x = S + y₃ N, which keeps the thickness of
+    what lies on a slope.
+
+    Attributes
+    ----------
+    frame : LeafFrame
+    height_map : HeightMap
+    outline : AlphaShape
+        In leaf coordinates (along, across).
+    offset : {"up", "normal"}
+        What heights are measured along. Along the normal, points beyond the blade's focal surface, where
+        normals meet (see `distortion`), keep the flat coordinates that they have along `up`.
+    """
+
+    frame: LeafFrame
+    height_map: HeightMap
+    outline: AlphaShape
+    offset: str = "up"
+
+    def __post_init__(self) -> None:
+        """Refuse parts in different units, which were fitted to one scan, and a normal without derivatives."""
+        if self.frame.unit != self.height_map.unit:
+            raise UnitError(
+                f"frame is in {self.frame.unit}, height map in {self.height_map.unit}; fit both in one unit"
+            )
+        if require_choice(self.offset, OFFSETS, "offset") == "normal":
+            try:
+                self.height_map.jet(self.height_map.bounds[:1])
+            except InputError as cause:
+                raise InputError(
+                    "offset: the normal's slopes need second derivatives, which this height map has not; fit it with "
+                    "kernel='cubic', or take offset='up'"
+                ) from cause
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the world and of leaf coordinates."""
+        return self.frame.unit
+
+    def flatten(self, x: npt.ArrayLike) -> FloatArray:
+        """Return T*(x), along up (y₁, y₂, y₃ − H(y₁, y₂)), of (n, 3) world points (paper, section 2.6)."""
+        points = as_points(x, "x", dim=3)
+        flat = self.frame.to_leaf(points)
+        flat[:, 2] -= self.height_map(flat[:, :2])
+        if self.offset == "up":
+            return flat
+        return flatten_along_normal(self.frame, self.height_map, points, flat)
+
+    def lift(self, flat: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) world points of (n, 3) flat coordinates: the inverse of `flatten`."""
+        leaf = as_points(flat, "flat", dim=3)
+        if self.offset == "normal":
+            return lift_along_normal(self.frame, self.height_map, leaf)
+        leaf = leaf.copy()
+        leaf[:, 2] += self.height_map(leaf[:, :2])
+        return self.frame.to_world(leaf)
+
+    def pull_back(self, flat: FloatArray, gradient: FloatArray, x: FloatArray | None = None) -> FloatArray:
+        r"""Return the world gradients of g(T*(x)) from the gradients of g, both (n, 3), at flat coordinates.
+
+        .. math:: ∇_x\,g(T^*(x)) = J^{-T} \bigl(g_1 - g_3 H_1,\; g_2 - g_3 H_2,\; g_3\bigr), \qquad J = ∂x/∂y
+
+        along up; along the normal J⁻ᵀ g, with J the slope of `lift`.
+
+        Parameters
+        ----------
+        flat, gradient : (n, 3) ndarrays
+        x : (n, 3) ndarray, optional
+            The world points that `flatten` made `flat` of. They tell which ones lie beyond the focal surface
+            and have coordinates along up; without them only `flat` itself can, by its height.
+        """
+        if self.offset == "up":
+            return pull_back(lift(self, flat).columns, gradient)
+        offsets = NormalOffsets.at(self.frame, self.height_map, flat)
+        found = pull_back_along_normal(offsets, gradient)
+        beyond = offsets.room <= LEAST_ROOM
+        if x is not None:
+            beyond |= ~offsets.reach(x, self.frame.length)
+        found[beyond] = pull_back(lift_up(self, flat[beyond]).columns, gradient[beyond])
+        return found
+
+    def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
+        """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.
+
+        Parameters
+        ----------
+        x : (3,) array_like
+            A point of the world near the leaf, in the scan's unit.
+        size : float
+
+        Raises
+        ------
+        InputError
+            If the point does not lie over the blade.
+        """
+        middle = self.flatten(as_points(x, "x", dim=3)[:1])[0, :2]
+        if not self.outline.contains(middle)[0]:
+            raise InputError(
+                f"x: lies at along {middle[0]:.4g}, across {middle[1]:.4g}, beside the blade; give a point over it"
+            )
+        half = require_positive(size, "size") / 2
+        return np.array([middle - half, middle + half])
+
+    def distortion(self, plane: npt.ArrayLike | None = None) -> Distortion:
+        """Return how the map from flat coordinates to the world stretches what lies on the blade.
+
+        Parameters
+        ----------
+        plane : (n, 2) array_like, optional
+            Places (along, across), in `unit`; `APPRAISED` ones inside the outline by default.
+        """
+        places = self._places(APPRAISED) if plane is None else as_points(plane, "plane", dim=2)
+        return Distortion.of(self.frame, self.height_map, places, self.offset)
+
+    def appraise(self, points: CloudLike) -> FrameQuality:
+        """Return how well the frame serves the scan and this blade, at `APPRAISED` places inside the outline.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like or Open3D point cloud
+            The scan, at least two points, in `unit`.
+        """
+        plane = self._places(APPRAISED)
+        leaf = np.column_stack([plane, self.height_map(plane)])
+        return appraise_frame(self.frame, points_of(points, "points", least=2), leaf)
+
+    def _places(self, count: int) -> FloatArray:
+        """Return about `count` (along, across) on a square grid inside the outline, and the scan's own."""
+        low, high = self.outline.bounds
+        step = float(np.sqrt(self.outline.area / count))
+        along, across = (np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))
+        grid = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.concatenate([grid[self.outline.contains(grid)], self.outline.points])
+
+    def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
+        """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.
+
+        Parameters
+        ----------
+        spacing : float
+            Step in leaf coordinates, in `unit`.
+        region : (2, 2) array_like, optional
+            Lower and upper (along, across) of the part wanted; the whole outline by default.
+
+        Raises
+        ------
+        ReconstructionError
+            If the outline holds no triangle at this spacing.
+        """
+        step = require_positive(spacing, "spacing")
+        box = self.outline.bounds if region is None else as_bounds(region, 2, "region")
+        first, last = np.floor(box[0] / step), np.ceil(box[1] / step)
+        along, across = (np.arange(a, b + 1) * step for a, b in zip(first, last, strict=True))
+        plane = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+        vertices, triangles = discard_triangles(
+            np.column_stack([plane, np.zeros(len(plane))]),
+            _grid_triangles(len(along), len(across)),
+            self.outline.contains(plane),
+        )
+        if not len(triangles):
+            raise ReconstructionError(
+                f"no triangle of {step:.4g} {self.unit or ''} fits the outline; use a finer spacing"
+            )
+        vertices, triangles = trim_to_manifold(vertices, triangles)
+        mesh, removed = largest_components(build_mesh(self.lift(vertices), triangles), 1)
+        if removed.open_area > CRUMBS * mesh.get_surface_area():
+            raise ReconstructionError(
+                f"at {step:.4g} {self.unit or ''} the blade falls into {1 + removed.open} pieces, where its outline is "
+                "narrower than the spacing; use a finer spacing or a larger alpha"
+            )
+        return mesh
+
+
+def _grid_triangles(rows: int, columns: int) -> npt.NDArray[np.int64]:
+    """Return the triangles of a grid of points, counter-clockwise seen from +up, diagonals alternating."""
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (i * columns + j).ravel()
+    b, c, d = a + columns, a + columns + 1, a + 1
+    even = ((i + j) % 2 == 0).ravel()
+    first = np.where(even, [a, b, c], [a, b, d])
+    second = np.where(even, [a, c, d], [b, c, d])
+    return np.stack([first.T, second.T], axis=1).reshape(-1, 3).astype(np.int64)

@@ -1,0 +1,146 @@
+"""The height map H: the blade's height over its flattened plane, a smoothed explicit fit (paper, section 2.4)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.parallel import Progress
+from o3dleaf.fitting.pu.cover import Cover
+from o3dleaf.fitting.pu.interpolant import OVERLAP, POINTS_PER_BALL, PUInterpolant
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly
+
+KERNEL = "cubic"
+WIDEST = 0.25
+"""Largest bandwidth of the smoothing, of a ball's radius: beyond it the balls would shape the surface, so they grow."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    r"""A smooth function H with H(y₁, y₂) ≈ y₃ for the scan in leaf coordinates.
+
+    Outside the scan's bounding box, H keeps the value of the nearest point of the box.
+
+    Attributes
+    ----------
+    interpolant : PUInterpolant
+        In two dimensions, (along, across).
+    choice : RobustChoice or None
+        What the robust fit chose, where it was asked to.
+    """
+
+    interpolant: PUInterpolant
+    choice: RobustChoice | None = None
+
+    @classmethod
+    def fit(
+        cls,
+        leaf_points: npt.ArrayLike,
+        *,
+        kernel: str | Polyharmonic = KERNEL,
+        smoothing: Amount | Literal["robust"] | None = None,
+        rho: Amount | None = None,
+        points_per_ball: tuple[int, int] = POINTS_PER_BALL,
+        overlap: float = OVERLAP,
+        unit: str | None = None,
+        progress: Progress | None = None,
+    ) -> "HeightMap":
+        """Fit H to the scan in leaf coordinates.
+
+        Parameters
+        ----------
+        leaf_points : (n, 3) array_like
+            (along, across, up) of the scan, in `unit`.
+        kernel : str or Polyharmonic
+            r³ by default: C² at its data and fast. The paper's is "thin_plate_spline", r² log r.
+        smoothing : "robust", float or "gcv", optional
+            "robust", the default where `rho` is not given, follows the majority of the scan's passes
+            and judges the smoothing on held-out stretches of the leaf; see `choose_robustly`. A number
+            or "gcv" means plain least squares, as in `PUInterpolant.fit`.
+        rho : float or "gcv", optional
+            The paper's ρ instead; its figures are ``kernel="thin_plate_spline", rho=400`` in µm.
+        points_per_ball, overlap, unit
+            As in `PUInterpolant.fit`.
+        progress : callable, optional
+            ``progress(done, total)`` over trial values of the smoothing.
+
+        Raises
+        ------
+        InputError
+            If there are too few points or they are not finite.
+        """
+        points = as_points(leaf_points, "leaf_points", dim=3, least=3)
+        plane, heights = np.ascontiguousarray(points[:, :2]), np.ascontiguousarray(points[:, 2])
+        phi, choice = as_kernel(kernel, 2), None
+        amount, trust = None if smoothing == "robust" else smoothing, None
+        if smoothing == "robust" or (smoothing is None and rho is None):
+            points_per_ball, choice = _choose(points, phi, points_per_ball, overlap, progress)
+            amount, trust = choice.smoothing, choice.trust
+        interpolant = PUInterpolant.fit(
+            plane,
+            heights,
+            kernel=phi,
+            degree=1,
+            smoothing=amount,
+            rho=rho,
+            weights=trust,
+            points_per_ball=points_per_ball,
+            overlap=overlap,
+            unit=unit,
+        )
+        return cls(interpolant, choice)
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the plane and of the heights."""
+        return self.interpolant.unit
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 2) box of the scan in the plane."""
+        return self.interpolant.bounds
+
+    def __call__(self, plane: npt.ArrayLike) -> FloatArray:
+        """Return the (n,) heights at (n, 2) points (along, across)."""
+        return self.interpolant(np.clip(as_points(plane, dim=2), *self.bounds))
+
+    def gradient(self, plane: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 2) slopes ∂H/∂(along, across); 0 across the edge of the box, where H is constant."""
+        points = as_points(plane, dim=2)
+        inside = np.clip(points, *self.bounds)
+        return np.where(points == inside, self.interpolant.gradient(inside), 0.0)
+
+    def jet(self, plane: npt.ArrayLike, order: int = 2) -> FloatArray:
+        """Return H, H₁, H₂ and, for order 2, H₁₁, H₁₂, H₂₂ at (n, 2) points, (n, 3) or (n, 6).
+
+        Raises
+        ------
+        InputError
+            If second derivatives are asked for and the kernel has none: r² log r, the paper's, has not.
+        """
+        points = as_points(plane, dim=2)
+        inside = np.clip(points, *self.bounds)
+        parts = self.interpolant.jets(inside, order)
+        free = points == inside
+        columns = [parts[0], *np.where(free, parts[1], 0.0).T]
+        if order == 2:
+            columns += [np.where(free[:, a] & free[:, b], parts[2][:, a, b], 0.0) for a, b in ((0, 0), (0, 1), (1, 1))]
+        return np.stack(columns, axis=1)
+
+
+def _choose(
+    points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float, progress: Progress | None
+) -> tuple[tuple[int, int], RobustChoice]:
+    """Return the robust choice, and the size of balls that are wide enough for its bandwidth."""
+    plane = np.ascontiguousarray(points[:, :2])
+    bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
+    while True:
+        cover = Cover.fit(plane, bounds, size, overlap)
+        choice = choose_robustly(cover, points, kernel, progress=progress)
+        if choice.bandwidth <= WIDEST * np.median(cover.radii) or size[1] >= len(points):
+            return size, choice
+        size = (2 * size[0], 2 * size[1])

@@ -1,0 +1,183 @@
+"""A smooth height through a scan whose passes disagree: Huber's loss, smoothing judged on held-out stretches.
+
+A scanner's passes over one leaf can lie more than a millimetre apart. Least squares then runs between
+them, or swings from one to the other; a robust fit follows the majority. And as neighbouring points of a
+pass err together, smoothing that is judged on single points follows their errors; whole stretches of
+the leaf must be left out to see them.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import Progress
+from o3dleaf.fitting.pu.cover import Cover
+from o3dleaf.fitting.pu.cross_validation import held_out_errors
+from o3dleaf.fitting.pu.index import BallIndex
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.fitting.pu.local import LocalSplines
+from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.smoothing import Smoothing
+from o3dleaf.fitting.rbf.tail import IntArray
+
+NEIGHBOURS = 12
+HUBER = 1.345
+"""Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
+MAD = 1.4826
+"""Median absolute deviation to standard deviation, for normal errors."""
+
+GRID_RATIO = np.sqrt(10)
+"""From one trial smoothing to the next: a factor 1.33 to 1.26 in bandwidth for kernels of 2m = 4 to 5."""
+MOST_STRETCH = 1 / 40
+"""Longest stretch left out, of the leaf's length: more of them judge better than wider ones."""
+
+SETTLED = 0.02
+MOST_ROUNDS = 30
+
+
+@dataclass(frozen=True)
+class RobustChoice:
+    """What the robust fit chose.
+
+    Attributes
+    ----------
+    smoothing : float
+        The number on the diagonal.
+    bandwidth : float
+        Its low-pass bandwidth, in the points' unit.
+    noise : float
+        Standard deviation of the scan about its local planes.
+    trust : (n,) ndarray
+        Huber weight of each point: 1 within 1.345 noise of the surface, less beyond.
+    """
+
+    smoothing: float
+    bandwidth: float
+    noise: float
+    trust: FloatArray
+
+
+def plane_noise(points: FloatArray) -> float:
+    """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbours."""
+    _, rows = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
+    local = points[rows]
+    mean = local.mean(axis=1)
+    centred = local - mean[:, None]
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))[1][:, :, 0]
+    return MAD * float(np.median(np.abs(np.einsum("ni,ni->n", points - mean, normals))))
+
+
+def huber_loss(errors: FloatArray, corner: float) -> FloatArray:
+    """Return e²/2 up to the corner δ and δ(|e| − δ/2) beyond."""
+    size = np.abs(errors)
+    return np.where(size <= corner, size**2 / 2, corner * (size - corner / 2))
+
+
+@dataclass(frozen=True, eq=False)
+class RobustHeight:
+    r"""The problem :math:`\min_H \sum_k \mathrm{huber}_δ(z_k - H(x_k)) + s\,θ J(H)` over one cover of balls.
+
+    Attributes
+    ----------
+    cover : Cover
+    plane, heights : (n, 2), (n,) ndarrays
+    kernel : Polyharmonic
+    corner : float
+        Huber's δ.
+    """
+
+    cover: Cover
+    plane: FloatArray
+    heights: FloatArray
+    kernel: Polyharmonic
+    corner: float
+
+    def reweight(self, smoothing: float, trust: FloatArray) -> FloatArray:
+        """Return the weights min(1, δ/|residual|) that reproduce themselves, by repeated weighted fits from `trust`.
+
+        The residual is that of the blended fit, so that overlapping balls agree on the pass they follow.
+        """
+        index = BallIndex.build(self.cover.centres, self.cover.radii, self.cover.bounds)
+        rule = Smoothing(smoothing)
+        for _ in range(MOST_ROUNDS):
+            fit = LocalSplines.fit(self.cover, self.plane, self.heights, self.kernel, 1, rule, trust=trust)
+            residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
+            following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
+            moved = float(np.max(np.abs(following - trust)))
+            trust = following
+            if moved < SETTLED:
+                break
+        return trust
+
+    def held_out_loss(self, smoothing: float, trust: FloatArray, stretches: IntArray) -> float:
+        """Return the mean Huber loss of heights predicted without the stretch of the leaf that they lie in."""
+        errors = held_out_errors(
+            self.cover,
+            self.plane,
+            self.heights,
+            stretches,
+            kernel=self.kernel,
+            degree=1,
+            smoothing=Smoothing(smoothing),
+            trust=trust,
+        )
+        return float(np.mean(huber_loss(errors[~np.isnan(errors)], self.corner)))
+
+
+def choose_robustly(
+    cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, *, progress: Progress | None = None
+) -> RobustChoice:
+    """Return the smoothing of least Huber loss on held-out stretches, and each point's weight under it.
+
+    Parameters
+    ----------
+    cover : Cover
+        Of the (along, across) plane.
+    leaf_points : (n, 3) ndarray
+        (along, across, up).
+    kernel : Polyharmonic
+        In two dimensions.
+    progress : callable, optional
+        ``progress(done, total)`` over trial values.
+    """
+    plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
+    noise = plane_noise(leaf_points)
+    problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
+    half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
+    stretch = min(half_width, float(np.ptp(plane[:, 0])) * MOST_STRETCH)
+    stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
+    trust = np.ones(len(plane))
+    best: tuple[float, float, float, FloatArray] | None = None
+    trials = list(_trial_smoothings(leaf_points, kernel, half_width))
+    # From smooth to rough: each weighting starts from its smoother neighbour's, which knows the majority.
+    for done, (bandwidth, smoothing) in enumerate(trials, start=1):
+        trust = problem.reweight(smoothing, trust)
+        loss = problem.held_out_loss(smoothing, trust, stretches)
+        if best is None or loss < best[0]:
+            best = (loss, bandwidth, smoothing, trust)
+        if progress:
+            progress(done, len(trials))
+    assert best is not None  # noqa: S101 - there is at least one trial
+    return RobustChoice(best[2], best[1], noise, best[3])
+
+
+def _trial_smoothings(
+    leaf_points: FloatArray, kernel: Polyharmonic, half_width: float
+) -> Iterator[tuple[float, float]]:
+    """Yield (bandwidth, smoothing) from a quarter of the width down to the scan's median spacing."""
+    distance, _ = cKDTree(leaf_points).query(leaf_points, k=2, workers=-1)
+    spacing = float(np.median(distance[:, 1]))
+    density = _density(leaf_points[:, :2])
+    order = kernel.power + kernel.dimension
+    steps = max(int(np.ceil(order * np.log(half_width / 2 / spacing) / np.log(GRID_RATIO))), 1)
+    for bandwidth in np.geomspace(half_width / 2, spacing, steps + 1):
+        yield float(bandwidth), kernel.smoothing_for(float(bandwidth), density)
+
+
+def _density(plane: FloatArray) -> float:
+    """Return points per area, of the median point: its neighbours over the disc that holds them."""
+    distance, _ = cKDTree(plane).query(plane, k=[min(4 * NEIGHBOURS, len(plane))], workers=-1)
+    return 4 * NEIGHBOURS / (np.pi * float(np.median(distance)) ** 2)

@@ -1,0 +1,164 @@
+"""Which program wants which format and unit, and the one function that serves them all."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.atomic_files import require_writable, whole_file
+from o3dleaf.core.checks import require_choice
+from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf.core.parallel import Progress
+from o3dleaf.core.units import check_unit
+from o3dleaf.output.export.binary import write_ply, write_stl
+from o3dleaf.output.export.glb import write_glb
+from o3dleaf.output.export.labelled_mesh import AnyMesh, Surface, enclosed_volume
+from o3dleaf.output.export.text import write_obj, write_stl_solids
+from o3dleaf.output.export.vtk import write_vtp
+from o3dleaf.surface.mesh.topology import EdgeTable
+
+Writer = Callable[[IO[bytes], Surface, str, Progress | None], None]
+WRITERS: dict[str, Writer] = {
+    ".stl": write_stl,
+    ".ply": write_ply,
+    ".obj": write_obj,
+    ".glb": write_glb,
+    ".vtp": write_vtp,
+}
+SUFFIXES = tuple(WRITERS)
+"""What a mesh can be exported as."""
+
+
+@dataclass(frozen=True)
+class Consumer:
+    """What a program takes.
+
+    Attributes
+    ----------
+    suffixes : tuple of str
+    unit : str, optional
+        None: any.
+    solids : bool
+        STL as text with named solids.
+    closed : bool
+        Closed surfaces only.
+    single : bool
+        STL is read in single precision: corners that fall together there make illegal triangles.
+    solver : bool
+        Solves equations around or in the mesh, or meshes the space for one: of a model it gets a remeshed surface.
+    """
+
+    suffixes: tuple[str, ...]
+    unit: str | None = None
+    solids: bool = False
+    closed: bool = False
+    single: bool = False
+    solver: bool = False
+
+
+CONSUMERS = {
+    "openfoam": Consumer((".obj", ".stl"), unit="m", solids=True, single=True, solver=True),
+    "dualsphysics": Consumer((".stl",), unit="m", closed=True, single=True, solver=True),
+    "paraview": Consumer((".vtp", ".ply", ".stl", ".obj")),
+    "web": Consumer((".glb",), unit="m"),
+    "blender": Consumer((".glb", ".ply", ".obj", ".stl"), unit="m"),
+    "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
+}
+"""The programs that are known by name; docs/consumers has a page on each."""
+
+
+def export_mesh(
+    path: str | PathLike[str],
+    mesh: AnyMesh,
+    *,
+    labels: npt.ArrayLike | None = None,
+    unit: str | None = None,
+    to_unit: str | None = None,
+    consumer: str | None = None,
+    scalars: Mapping[str, npt.ArrayLike] | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Write a mesh for another program, by the suffix of the file's name; the file appears whole or not at all.
+
+    ======  =============================================================================================
+    suffix  what is written
+    ======  =============================================================================================
+    .stl    for openfoam and gmsh ASCII, one named solid a label, 17 digits; else binary, float32
+    .ply    binary, float64: normals, scalars, labels of the faces; unit and names of labels as comments
+    .obj    text, every digit of float64: normals, one group a label; the unit as a comment
+    .glb    glTF 2.0, float32 around the middle of the mesh: metres and y up, as the format wants
+    .vtp    VTK PolyData, float64: normals, scalars, labels; the unit as a comment
+    ======  =============================================================================================
+
+    Parameters
+    ----------
+    path : path-like
+    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+        Not modified.
+    labels : (m,) array_like of int, optional
+        Of each triangle: 0 adaxial, 1 abaxial, 2 rim; by default those that the mesh brings.
+    unit : str, optional
+        Unit of length of the mesh.
+    to_unit : str, optional
+        Unit of the file: converted to it. By default the consumer's (metres for openfoam, dualsphysics, web and
+        blender, and for .glb always), or the mesh's own.
+    consumer : {"openfoam", "dualsphysics", "paraview", "web", "blender", "gmsh"}, optional
+        The program that the file is for.
+    scalars : dict of str to (n,) array_like, optional
+        Values at the vertices, kept by .ply and .vtp.
+    progress : callable, optional
+        ``progress(done, total)``.
+
+    Raises
+    ------
+    InputError
+        If the suffix is not one that the consumer takes, the folder cannot be written to, a mesh must be closed and is
+        not, or triangles collapse in the single precision in which the consumer reads STL.
+    UnitError
+        If lengths must be converted and the mesh's unit is not known.
+    """
+    wanted = Consumer(SUFFIXES) if consumer is None else CONSUMERS[require_choice(consumer, CONSUMERS, "consumer")]
+    target = require_writable(path, wanted.suffixes)
+    suffix = target.suffix.lower()
+    goal = check_unit(to_unit) or wanted.unit or ("m" if suffix == ".glb" else None)
+    if suffix == ".glb" and goal != "m":
+        raise UnitError(f"{target}: glTF is in metres by its definition; leave to_unit out")
+    surface = Surface.of(mesh, labels, unit, scalars)
+    if goal is not None and surface.unit is None:
+        raise UnitError(f"{target}: is to be in {goal}, but the unit of the mesh is not known; name it (unit='mm')")
+    if wanted.closed:
+        _require_closed(surface, target)
+    writer = write_stl_solids if suffix == ".stl" and wanted.solids else WRITERS[suffix]
+    ready = surface.in_unit(goal)
+    if wanted.single and suffix == ".stl":
+        _require_single(ready, target)
+    with whole_file(target) as temporary, temporary.open("wb") as out:
+        writer(out, ready if suffix == ".stl" else ready.with_normals(), target.stem, progress)
+
+
+def _require_closed(surface: Surface, target: Path) -> None:
+    """Raise `InputError` unless every edge has two triangles, run along once each way, around a positive volume."""
+    edges = EdgeTable.of(surface.triangles)
+    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent().sum())
+    if wrong:
+        raise InputError(
+            f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "
+            "mesh the leaf with closed=True, or clean the mesh"
+        )
+    if enclosed_volume(surface.vertices, surface.triangles) <= 0:
+        raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
+
+
+def _require_single(surface: Surface, target: Path) -> None:
+    """Raise `InputError` if corners of a triangle fall together in single precision."""
+    corners = surface.vertices.astype(np.float32)[surface.triangles]
+    lost = int((corners == np.roll(corners, 1, axis=1)).all(axis=2).any(axis=1).sum())
+    if lost:
+        raise InputError(
+            f"{target}: {lost:,} triangles collapse in single precision, in which STL is read; write .obj where the "
+            "program takes it, clean or remesh the mesh, or move the origin to it"
+        )

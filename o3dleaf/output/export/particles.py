@@ -1,0 +1,298 @@
+"""A surface covered and a solid filled with particles, for SPH and other codes without a mesh."""
+
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.atomic_files import require_writable, whole_file
+from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import Progress, blocks, run_blocks
+from o3dleaf.core.units import check_unit, unit_scale
+from o3dleaf.output.export.labelled_mesh import AnyMesh, LabelArray, Surface, face_vectors, unit_rows
+from o3dleaf.output.export.particle_loops import assign_samples, crossings, thin_samples
+from o3dleaf.output.export.vtk import Table, write_vtp_points
+from o3dleaf.surface.mesh.topology import EdgeTable
+
+FINER = 2
+"""Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
+MOST_SAMPLES = 100_000_000
+"""Of 48 bytes each."""
+BLOCK = 1 << 14
+AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+SUFFIXES = (".ply", ".csv", ".vtp")
+"""What particles can be written as."""
+
+
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """Points with what each of them stands for.
+
+    Attributes
+    ----------
+    points : (n, 3) ndarray
+        In `unit`.
+    normals : (n, 3) ndarray, or None
+        Outward unit normals, of particles on a surface.
+    sizes : (n,) ndarray
+        The area that a particle on a surface stands for, or the volume of one inside.
+    labels : (n,) ndarray of uint8, or None
+        Of particles on a surface: the label of the triangle.
+    unit : str, optional
+    """
+
+    points: FloatArray
+    normals: FloatArray | None
+    sizes: FloatArray
+    labels: LabelArray | None = None
+    unit: str | None = None
+
+
+def sample_particles(
+    mesh: AnyMesh,
+    spacing: float,
+    *,
+    labels: npt.ArrayLike | None = None,
+    unit: str | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Particles:
+    """Return particles on a surface, no two of one face nearer than `spacing`, none missing where one has room.
+
+    Poisson-disc sampling: the triangles are sampled by parts no longer than half the spacing, and of the samples,
+    taken in a random order, each is kept unless one was kept nearer than the spacing on the same face (normals less
+    than a right angle apart). A particle's area is that of the samples to which it is the nearest of their face, so
+    that all areas add up to the surface's. On a plane a particle stands for about 1.4 · spacing².
+
+    Parameters
+    ----------
+    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+    spacing : float
+        Least distance of two particles, in the mesh's unit.
+    labels : (m,) array_like of int, optional
+        Of the triangles; by default those that the mesh brings.
+    unit : str, optional
+        Unit of the mesh.
+    seed : int
+        Of the order.
+    progress : callable, optional
+        ``progress(done, total)`` in samples, each of which is visited twice.
+
+    Raises
+    ------
+    InputError
+        If the mesh is empty or without area, or the spacing is so small that the samples do not fit into memory.
+    """
+    step = require_positive(spacing, "spacing")
+    surface = Surface.of(mesh, labels, unit)
+    vectors = face_vectors(surface.vertices, surface.triangles)
+    normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
+    points, owner, shares = _samples(surface.vertices[surface.triangles], areas, step / FINER)
+    key, strides = _cubes(points, step)
+    by_cell = np.argsort(key, kind="stable")
+    points, owner, shares = points[by_cell], owner[by_cell], shares[by_cell]
+    keys, starts, cell = np.unique(key[by_cell], return_index=True, return_inverse=True)
+    beside = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
+    beside[keys[np.minimum(beside, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
+    order = np.random.default_rng(seed).permutation(len(points))
+    members, nearest = np.empty((2, len(points)), dtype=np.int64)
+    held = np.zeros(len(keys), dtype=np.int64)
+    samples = points, normals, owner, cell, starts, beside
+
+    def task(start: int, stop: int) -> None:
+        assign_samples(*samples, members, held, step, start, stop, nearest)
+
+    for start, stop in blocks(len(points), BLOCK):
+        thin_samples(*samples, order[start:stop], step, members, held)
+        if progress:
+            progress(stop, 2 * len(points))
+    run_blocks(task, len(points), BLOCK, progress and (lambda done, total: progress(total + done, 2 * total)))
+    kept, place = np.unique(nearest, return_inverse=True)
+    sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
+    found = None if surface.labels is None else surface.labels[owner[kept]]
+    return Particles(points[kept], normals[owner[kept]], sizes, found, surface.unit)
+
+
+def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:
+    """Return a key for the cube that each point lies in, and what a step along each axis adds to it."""
+    place = np.floor((points - points.min(axis=0)) / edge).astype(np.int64) + 1
+    counts = place.max(axis=0) + 2
+    strides = np.array([counts[1] * counts[2], counts[2], 1])
+    return place @ strides, strides
+
+
+def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return points, triangles and areas of samples: the middles of k² equal parts of each (3, 3) triangle.
+
+    Raises
+    ------
+    InputError
+        If there is no area, or there are too many parts.
+    """
+    if not areas.sum() > 0:
+        raise InputError("mesh: has no area; there is nothing to cover")
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.maximum(np.ceil(longest / step), 1)
+    total = float((parts**2).sum())
+    if total > MOST_SAMPLES:
+        raise InputError(f"spacing: so small that {total:.3g} samples are needed; give a larger one")
+    found = []
+    for k in np.unique(parts[areas > 0]):
+        rows = np.flatnonzero((parts == k) & (areas > 0))
+        weights = _middles(int(k))
+        points = np.einsum("sc,tcd->tsd", weights, corners[rows]).reshape(-1, 3)
+        found.append((points, np.repeat(rows, len(weights)), np.repeat(areas[rows] / len(weights), len(weights))))
+    together = [np.concatenate(each) for each in zip(*found, strict=True)]
+    return together[0], together[1], together[2]
+
+
+def _middles(k: int) -> FloatArray:
+    """Return the (k², 3) barycentric weights of the middles of a triangle's k² equal parts."""
+    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
+    upright, turned = i + j < k, i + j < k - 1
+    first = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3])
+    second = np.concatenate([j[upright] + 1 / 3, j[turned] + 2 / 3])
+    return np.stack([first / k, second / k, 1 - (first + second) / k], axis=1)
+
+
+def fill_particles(
+    mesh: AnyMesh, step: float, *, unit: str | None = None, progress: Progress | None = None
+) -> Particles:
+    """Return particles inside a closed mesh, at the middles of the cubes of edge `step` of one lattice of the world.
+
+    Inside is told exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
+    inside, and where it meets an edge, one of its triangles is passed.
+
+    Parameters
+    ----------
+    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+        Closed: every edge has two triangles.
+    step : float
+        Distance of neighbours, in the mesh's unit; each particle's volume is step³.
+    unit : str, optional
+        Unit of the mesh.
+    progress : callable, optional
+        ``progress(done, total)`` in triangles.
+
+    Raises
+    ------
+    InputError
+        If the mesh is open, or too thin for a particle at this step.
+    """
+    dp = require_positive(step, "step")
+    surface = Surface.of(mesh, None, unit)
+    first, shape = _lattice(surface.vertices, dp)
+    origin = (first + 0.5) * dp
+    column, height = columns_through(surface, origin, dp, shape, progress)
+    # Between the crossing 2k and 2k + 1 of a column is inside.
+    low = np.ceil((height[0::2] - origin[2]) / dp).astype(np.int64)
+    high = np.ceil((height[1::2] - origin[2]) / dp).astype(np.int64)
+    count = np.maximum(high - low, 0)
+    if not count.sum():
+        raise InputError(f"step: at {dp:g} no particle lies inside; give a smaller one")
+    ends = np.cumsum(count)
+    k = np.arange(ends[-1]) - np.repeat(ends - count, count) + np.repeat(low, count)
+    plane = np.repeat(column[0::2], count)
+    points = origin + np.stack([plane // shape[1], plane % shape[1], k], axis=1) * dp
+    return Particles(points, None, np.full(len(points), dp**3), None, surface.unit)
+
+
+def _lattice(vertices: FloatArray, step: float) -> tuple[FloatArray, tuple[int, int, int]]:
+    """Return the number of the first cube along each axis, and how many there are."""
+    first = np.floor(vertices.min(axis=0) / step)
+    count = (np.floor(vertices.max(axis=0) / step) - first + 1).astype(int)
+    return first, (int(count[0]), int(count[1]), int(count[2]))
+
+
+def columns_through(
+    surface: Surface, origin: FloatArray, step: float, shape: tuple[int, int, int], progress: Progress | None = None
+) -> tuple[IntArray, FloatArray]:
+    """Return columns (i · ny + j) and heights of their crossings with a closed mesh, column by column, upwards.
+
+    Raises
+    ------
+    InputError
+        If the mesh is open.
+    """
+    if (EdgeTable.of(surface.triangles).count != 2).any():
+        raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
+    vertices, triangles = surface.vertices, surface.triangles
+    found: dict[int, tuple[IntArray, FloatArray]] = {}
+
+    def task(start: int, stop: int) -> None:
+        none = np.empty(0, dtype=np.int64), np.empty(0)
+        count = crossings(vertices, triangles, origin, step, shape, start, stop, *none)
+        kept = np.empty(count, dtype=np.int64), np.empty(count)
+        crossings(vertices, triangles, origin, step, shape, start, stop, *kept)
+        found[start] = kept
+
+    run_blocks(task, len(triangles), BLOCK, progress)
+    column = np.concatenate([found[start][0] for start in sorted(found)])
+    height = np.concatenate([found[start][1] for start in sorted(found)])
+    order = np.lexsort((height, column))
+    return column[order], height[order]
+
+
+def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit: str | None = None) -> None:
+    """Write particles: binary PLY or VTP with every digit, or CSV; the file appears whole or not at all.
+
+    Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label, where there are labels. Lengths,
+    areas and volumes are in the file's unit, which PLY and VTP state in a comment and CSV in its first line.
+
+    Parameters
+    ----------
+    path : path-like
+    particles : Particles
+    to_unit : str, optional
+        Unit of the file; that of the particles by default.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown or the folder cannot be written to.
+    UnitError
+        If lengths must be converted and the particles' unit is not known.
+    """
+    target = require_writable(path, SUFFIXES)
+    unit = particles.unit if to_unit is None else check_unit(to_unit)
+    scale = unit_scale(particles.unit, unit)
+    on_surface = particles.normals is not None
+    size, power = ("area", 2) if on_surface else ("volume", 3)
+    table = {size: particles.sizes * scale**power}
+    note = f"o3dleaf particles, unit {unit or 'not stated'}"
+    with whole_file(target) as temporary, temporary.open("wb") as out:
+        if target.suffix.lower() == ".vtp":
+            extra: Table = {} if particles.normals is None else {"Normals": particles.normals}
+            extra = {**extra, **table, **({} if particles.labels is None else {"label": particles.labels})}
+            write_vtp_points(out, particles.points * scale, extra, note)
+            return
+        columns = dict(zip("xyz", particles.points.T * scale, strict=True))
+        if particles.normals is not None:
+            columns |= dict(zip(("nx", "ny", "nz"), particles.normals.T, strict=True))
+        columns |= table
+        if particles.labels is not None:
+            columns["label"] = particles.labels
+        out.write(_csv(columns, note) if target.suffix.lower() == ".csv" else _ply(columns, unit))
+
+
+def _csv(columns: dict[str, npt.NDArray[np.generic]], note: str) -> bytes:
+    """Return a table with commas, every digit of every number."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
+    return f"# {note}\n{','.join(columns)}\n{text}".encode()
+
+
+def _ply(columns: dict[str, npt.NDArray[np.generic]], unit: str | None) -> bytes:
+    """Return a binary PLY of points."""
+    kinds = {"f": ("double", "<f8"), "u": ("uchar", "u1")}
+    count = len(columns["x"])
+    records = np.empty(count, dtype=[(name, kinds[column.dtype.kind][1]) for name, column in columns.items()])
+    for name, column in columns.items():
+        records[name] = column
+    lines = ["ply", "format binary_little_endian 1.0", *([f"comment unit {unit}"] if unit else [])]
+    lines += [f"element vertex {count}"]
+    lines += [f"property {kinds[column.dtype.kind][0]} {name}" for name, column in columns.items()]
+    return "\n".join([*lines, "end_header", ""]).encode() + records.tobytes()

@@ -1,0 +1,183 @@
+"""All figures of a leaf into one folder, each in every format asked for, with a page of captions."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.checks import require_choice
+from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.journal import Journal
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.output.figures import pictures, plots
+from o3dleaf.output.figures.style import Sheet
+from o3dleaf.output.view.panel import save_figure
+
+FORMATS = ("png", "pdf", "svg", "jpg")
+DPI = 300.0
+CAPTIONS = "captions.md"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What figures are made of; what is not there leaves out those that need it."""
+
+    blade: Blade
+    leaf: MultiscaleLeaf | None
+    scan: CloudLike | None
+    volume: Volume | None
+    level: float | str
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One figure of the list: what it needs, and what draws it."""
+
+    needs: str
+    draw: Callable[..., Sheet]
+
+    def arguments(self, subject: Subject) -> tuple[object, ...] | None:
+        """Return what the figure is drawn of, or None where that is not there."""
+        wanted = {
+            "blade": (subject.blade,),
+            "scan": (subject.blade, subject.scan),
+            "leaf": (subject.leaf,),
+            "volume": (subject.volume, subject.level),
+        }[self.needs]
+        return None if any(part is None for part in wanted) else wanted
+
+
+FIGURES = {
+    "scan": Entry("scan", pictures.scan_picture),
+    "flattened": Entry("scan", plots.flattened_scan),
+    "height-map": Entry("blade", plots.height_map),
+    "histogram": Entry("volume", plots.histogram),
+    "tile": Entry("leaf", pictures.one_tile),
+    "four-tiles": Entry("leaf", pictures.four_tiles),
+    "cross-section": Entry("leaf", pictures.cross_section),
+    "whole-leaf": Entry("leaf", pictures.whole_leaf),
+}
+"""In the order of the paper."""
+
+MISSING = {
+    "scan": "the scan is not in a saved leaf; give its file",
+    "volume": "the CT volume is not in a saved leaf; give its file",
+    "leaf": "the blade has no micro-structure; give a CT volume or a model with one",
+}
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What `draw_figures` left behind.
+
+    Attributes
+    ----------
+    paths : list of Path
+        The files, the page of captions last.
+    left_out : dict of str to str
+        Figures that were not drawn, and why.
+    """
+
+    paths: list[Path]
+    left_out: dict[str, str]
+
+
+def draw_figures(
+    leaf: MultiscaleLeaf | Blade,
+    folder: str | PathLike[str],
+    *,
+    scan: CloudLike | None = None,
+    volume: Volume | None = None,
+    level: float | str = "valley",
+    formats: Iterable[str] = ("png", "pdf"),
+    only: Iterable[str] | None = None,
+    journal: Journal | None = None,
+) -> Drawn:
+    """Draw figures like those of the paper into a folder: ``1-scan.png``, ..., ``8-whole-leaf.pdf``, ``captions.md``.
+
+    They are a printed column wide, 85 mm, with words of 7 points, in colours that colour-blind readers can tell
+    apart. Plots are vectors in PDF and SVG; of pictures, their words and bars are.
+
+    Parameters
+    ----------
+    leaf : MultiscaleLeaf or Blade
+        Of a blade alone, figures of micro-structure are left out.
+    folder : path-like
+        Made if it does not exist; files of the same names are replaced.
+    scan : (n, 3) array_like or Open3D point cloud, optional
+        The points that the leaf was built from, in its unit.
+    volume : Volume, optional
+        The CT volume that the micro-structure was fitted to.
+    level : float, "valley" or "otsu"
+        Its threshold, or how it was found.
+    formats : sequence of {"png", "pdf", "svg", "jpg"}
+    only : sequence of str, optional
+        Names in `FIGURES`, if not all of them are wanted.
+    journal : Journal, optional
+        Told of each figure, and of those left out.
+
+    Raises
+    ------
+    InputError
+        If there is no such format or figure, the folder cannot be written to, or nothing can be drawn.
+    """
+    journal = journal or Journal()
+    suffixes, wanted = check_request(formats, only)
+    target = make_folder(folder)
+    blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)
+    subject = Subject(blade, whole, scan, volume, level)
+    captions: list[str] = []
+    drawn = Drawn([], {})
+    for number, (name, entry) in enumerate(FIGURES.items(), 1):
+        if name not in wanted:
+            continue
+        arguments = entry.arguments(subject)
+        try:
+            if arguments is None:
+                raise InputError(MISSING[entry.needs])
+            with journal.stage(f"figure {number}, {name}"):
+                sheet = entry.draw(*arguments)
+                files = [target / f"{number}-{name}.{suffix}" for suffix in suffixes]
+                for file in files:
+                    save_figure(sheet.figure, file)
+        except O3DLeafError as reason:
+            drawn.left_out[name] = str(reason)
+            journal.note(f"figure {number}, {name}: left out: {reason}")
+            continue
+        drawn.paths.extend(files)
+        captions.append(f"**{number}-{name}.** {sheet.caption}\n")
+    if not drawn.paths:
+        raise InputError(f"figures: none can be drawn: {'; '.join(drawn.left_out.values())}")
+    return _write_captions(target / CAPTIONS, captions, drawn)
+
+
+def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[list[str], list[str]]:
+    """Return the formats and figures asked for, or raise `InputError` for one that there is not, or for none."""
+    suffixes = [require_choice(name, FORMATS, "formats") for name in formats]
+    wanted = list(FIGURES) if only is None else [require_choice(name, FIGURES, "only") for name in only]
+    if not (suffixes and wanted):
+        raise InputError("formats, only: ask for nothing; name a format and a figure, or leave them out")
+    return suffixes, wanted
+
+
+def make_folder(folder: str | PathLike[str]) -> Path:
+    """Return the folder, made if it was not there, or raise `InputError`."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
+    return target
+
+
+def _write_captions(path: Path, captions: list[str], drawn: Drawn) -> Drawn:
+    """Write what the figures show, and which were left out."""
+    lines = captions + [f"*{name}* was left out: {reason}\n" for name, reason in drawn.left_out.items()]
+    with whole_file(path) as temporary:
+        temporary.write_text("\n".join(lines), encoding="utf-8")
+    drawn.paths.append(path)
+    return drawn

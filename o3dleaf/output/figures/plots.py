@@ -1,0 +1,134 @@
+"""Figures of numbers: the flattened scan, the height map with the outline, the histogram with the threshold."""
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import MaxNLocator
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.cloud_arrays import CloudLike, points_of
+from o3dleaf.leaf.ct.threshold import MOST_VOXELS
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, Sheet, plot, styled, words
+from o3dleaf.output.view.panel import FAINT, INK
+
+BINS = 128
+SAMPLES = (600, 150)
+"""Bins of the histogram, and samples of the height map along and across the leaf."""
+
+
+def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
+    """Return the scan in leaf coordinates, from above and from the side, coloured by the way along the midrib.
+
+    Parameters
+    ----------
+    blade : Blade
+    scan : (n, 3) array_like or Open3D point cloud
+        In the blade's unit.
+    """
+    leaf = blade.frame.to_leaf(points_of(scan, "scan", least=1))
+    with styled():
+        figure, axes = plot(2.3, 2, sharex=True)
+        for axis, across, name in zip(axes, (leaf[:, 1], leaf[:, 2]), ("across", "height"), strict=True):
+            dots = axis.scatter(leaf[:, 0], across, c=leaf[:, 0], s=0.8, linewidths=0, cmap=ALONG, rasterized=True)
+            axis.axhline(0, color=FAINT, linewidth=0.5, zorder=0)
+            axis.set_ylabel(words(blade.unit, name))
+        axes[1].set_xlabel(words(blade.unit, "along the midrib"))
+        bar = figure.colorbar(dots, ax=axes, shrink=0.8, aspect=30, pad=0.02)
+        bar.set_label(words(blade.unit, "along"))
+        bar.outline.set_visible(False)
+    return Sheet(
+        figure,
+        f"The scan ({len(leaf):,} points) in leaf coordinates, y = T(x): from above and from the side. "
+        "Across and height are enlarged. Colours as in the figure of the scan.",
+    )
+
+
+def height_map(blade: Blade) -> Sheet:
+    """Return the smoothed height map H inside the outline of the blade, with contours."""
+    low, high = blade.outline.bounds
+    along, across = (np.linspace(low[axis], high[axis], count) for axis, count in enumerate(SAMPLES))
+    plane = np.stack(np.meshgrid(along, across), axis=-1).reshape(-1, 2)
+    values = blade.height_map(plane)
+    spread = np.quantile(values[blade.outline.contains(plane)], (0.01, 0.99)).tolist()
+    grid = values.reshape(len(across), len(along))
+    with styled():
+        figure, (axis,) = plot(1.55)
+        picture = axis.imshow(
+            grid, extent=(low[0], high[0], low[1], high[1]), origin="lower", aspect="auto", cmap=HEIGHT,
+            vmin=spread[0], vmax=spread[1], interpolation="bilinear",
+        )  # fmt: skip
+        levels = MaxNLocator(8).tick_values(*spread)
+        lines = axis.contour(along, across, grid, levels=levels, colors="white", linewidths=0.35, linestyles="solid")
+        outline = PathPatch(_path_of(blade.outline.polygon), fill=False, edgecolor=INK, linewidth=0.6)
+        axis.add_patch(outline)
+        for drawn in (picture, lines):
+            drawn.set_clip_path(outline)
+        axis.set_xlim(low[0] - 0.01 * (high - low)[0], high[0] + 0.01 * (high - low)[0])
+        axis.set_ylim(low[1] - 0.03 * (high - low)[1], high[1] + 0.03 * (high - low)[1])
+        axis.set_xlabel(words(blade.unit, "along the midrib"))
+        axis.set_ylabel(words(blade.unit, "across"))
+        bar = figure.colorbar(picture, ax=axis, aspect=18, pad=0.02, extend="both")
+        bar.set_label(words(blade.unit, "height H"))
+        bar.outline.set_visible(False)
+    return Sheet(
+        figure,
+        "The height map H of the blade over its midrib, and the outline, an α-shape of the flattened scan with "
+        f"α = {blade.outline.alpha:.3g} {blade.unit or ''}. Across is enlarged.",
+    )
+
+
+def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
+    """Return the histogram of a volume's intensities, zeros left out, with the threshold between air and leaf.
+
+    Parameters
+    ----------
+    volume : Volume
+    level : float, "valley" or "otsu"
+        The threshold, or how it is found.
+    """
+    threshold = volume.threshold(level)
+    stride = int(np.ceil((volume.data.size / MOST_VOXELS) ** (1 / 3)))
+    sample = np.asarray(volume.data[(slice(None, None, stride),) * 3], dtype=np.float64).ravel()
+    sample = sample[sample != 0]
+    low, high = np.quantile(sample, (0.0005, 0.9995))
+    counts, edges = np.histogram(sample, BINS, (min(low, threshold), max(high, threshold)))
+    share = 100 * counts / len(sample)
+    with styled():
+        figure, (axis,) = plot(2.0)
+        axis.stairs(share, edges, fill=True, color="#9fb4a4")
+        axis.axvline(threshold, color=VERMILION, linewidth=1.2)
+        top = 1.12 * float(share.max())
+        axis.set_ylim(0, top)
+        axis.set_xlim(edges[0], edges[-1])
+        right = threshold < (edges[0] + edges[-1]) / 2
+        axis.annotate(
+            f"threshold {threshold:.3g}", (threshold, 0.93 * top), (4 if right else -4, 0), textcoords="offset points",
+            ha="left" if right else "right", va="center", color=VERMILION,
+        )  # fmt: skip
+        for name, side in (("air", edges[:-1] < threshold), ("leaf", edges[:-1] >= threshold)):
+            _name_peak(axis, name, np.where(side, share, 0), edges)
+        axis.set_xlabel("CT intensity")
+        axis.set_ylabel("voxels, %")
+        axis.yaxis.set_major_locator(MaxNLocator(4))
+    how = f"“{level}”" if isinstance(level, str) else "given"
+    return Sheet(
+        figure,
+        f"Histogram of the intensities of {' × '.join(str(n) for n in volume.shape)} voxels, zeros left out, in "
+        f"{BINS} bins; the line is the threshold f_surface = {threshold:.4g} ({how}) between air and leaf.",
+    )
+
+
+def _name_peak(axis: Axes, name: str, share: FloatArray, edges: FloatArray) -> None:
+    """Write a name above the highest bin, inside the axes."""
+    peak = int(share.argmax())
+    x = np.clip((edges[peak] + edges[peak + 1]) / 2, *np.quantile(edges, (0.04, 0.96)))
+    axis.annotate(name, (x, share[peak]), (0, 3), textcoords="offset points", ha="center", color=INK)
+
+
+def _path_of(outline: shapely.Polygon) -> Path:
+    """Return the rings of a polygon as a path."""
+    return Path.make_compound_path(*(Path(np.asarray(ring.coords)) for ring in (outline.exterior, *outline.interiors)))

@@ -1,0 +1,17 @@
+"""What is known of a mesh, a file or a run, for people (a page) and for programs (JSON).
+
+`summary`       what a run says of itself: settings, units, sizes, times, versions
+`describe`      what a file contains
+`words`         figures with their names, kinds and units
+`requirements`  what a mesh must be, "watertight,components=1,min-angle=10", and whether it is
+`examine`       a mesh examined: figures, verdict, JSON and page
+`compose`       the parts of the page
+`page`          the page, with `page.css`
+`reduce`        fewer triangles, to look at
+`places`        where the defects are, and from where to look at them
+`shots`         pictures of a mesh, shaded
+`closeups`      the worst triangles and every defect
+`overviews`     the mesh from several sides
+`charts`        histograms
+`viewer`        the data of the interactive view, which `viewer.js` draws
+"""

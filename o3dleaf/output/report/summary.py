@@ -1,0 +1,117 @@
+"""What a run says of itself: a JSON summary with settings, units, sizes, times by stage and versions."""
+
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+
+from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.journal import Journal
+from o3dleaf.core.parallel import get_num_threads
+from o3dleaf.fitting.pu.local import LocalSplines
+from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.robust import RobustChoice
+from o3dleaf.leaf.meshing import Realisation
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+
+PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
+
+
+def summarise(
+    blade: Blade,
+    mesh: o3d.geometry.TriangleMesh,
+    journal: Journal,
+    settings: dict[str, Any],
+    *,
+    leaf: MultiscaleLeaf | None = None,
+    surface: Realisation | None = None,
+    scan: CloudLike | None = None,
+) -> dict[str, Any]:
+    """Return the summary of a run as plain values.
+
+    Parameters
+    ----------
+    blade : Blade
+    mesh : open3d.geometry.TriangleMesh
+        The mesh that was written, in the blade's unit, or one to look at if that was too large to hold.
+    journal : Journal
+    settings : dict
+        What was asked for, as given.
+    leaf, surface : optional
+        The multi-scale leaf and its realised surface, where there is a micro-structure.
+    scan : (n, 3) array_like or Open3D point cloud, optional
+        The scan, in the blade's unit, by which the frame is judged.
+    """
+    frame, outline, height = blade.frame, blade.outline, blade.height_map
+    summary: dict[str, Any] = {
+        "settings": settings,
+        "unit": blade.unit,
+        "scan": {
+            "points": len(outline.points),
+            "axis_length": frame.length,
+            "notes": list(frame.notes),
+            "points_past_the_ends": int(np.sum((outline.points[:, 0] < 0) | (outline.points[:, 0] > frame.length))),
+        },
+        "outline": {"alpha": outline.alpha, "alpha_chosen": outline.automatic, "area_in_the_plane": outline.area},
+        "height_map": _fit_summary(height.interpolant.local) | _choice_summary(height.choice),
+        "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
+        "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
+        "seconds": {name: round(seconds, 3) for name, seconds in journal.seconds.items()},
+        "threads": get_num_threads(),
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
+    }
+    if scan is not None:
+        summary["frame"] = blade.appraise(scan).to_dict()
+    if leaf is not None:
+        texture = leaf.texture
+        fits = [_fit_summary(patch.local) for patch in texture.patches]
+        summary["micro_structure"] = {
+            "unit": texture.unit,
+            "period": texture.period.tolist(),
+            "fit": fits[0] if len(fits) == 1 else fits,
+        }
+    if surface is not None:
+        summary["surface"] = {
+            "spacing": list(surface.spacing),
+            "closed": surface.closed,
+            "vertices": surface.vertices,
+            "triangles": surface.triangles,
+            "voids_filled_in_a_tile": surface.voids,
+            "specks_removed_from_a_tile": surface.specks,
+            "scraps_at_the_rim": asdict(surface.scraps),
+        }
+        if settings.get("remesh") is not None:
+            summary["surface"]["note"] = "as polygonised; the mesh was remeshed then"
+        elif surface.triangles != summary["mesh"]["triangles"]:
+            summary["mesh"]["note"] = "of a coarser mesh; the one that was written is too large to hold"
+    return summary
+
+
+def _fit_summary(local: object) -> dict[str, Any]:
+    """Return what is worth knowing of a fit over balls, at no cost; of the diagonals least, median, greatest."""
+    if not isinstance(local, LocalSplines):
+        return {"local": type(local).__name__}
+    counts = np.diff(local.offsets)
+    return {
+        "balls": len(counts),
+        "points_per_ball": [int(counts.min()), int(counts.max())],
+        "kernel_power": local.kernel.power,
+        "smoothing": local.smoothing.amount,
+        "smoothing_is_rho": bool(local.smoothing.per_point),
+        "gcv_score": local.smoothing.score,
+        "diagonal": np.quantile(local.diagonals, (0, 0.5, 1)).tolist(),
+        "tail_rank": [int(local.ranks.min()), int(local.ranks.max())],
+        "directions_dropped": int(local.dropped.sum()),
+    }
+
+
+def _choice_summary(choice: RobustChoice | None) -> dict[str, Any]:
+    """Return what a robust fit chose, where there was one: lengths in the blade's unit."""
+    if choice is None:
+        return {"robust": False}
+    trusted = float(np.mean(choice.trust >= 1.0))
+    return {"robust": True, "bandwidth": choice.bandwidth, "scan_noise": choice.noise, "share_trusted": trusted}

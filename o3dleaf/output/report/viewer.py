@@ -1,0 +1,128 @@
+"""What the interactive view draws: a mesh small enough for a page, colours by vertex, the defects as they are."""
+
+import base64
+import json
+import zlib
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.output.report.places import KINDS, Place
+from o3dleaf.output.report.reduce import Reduced
+from o3dleaf.output.report.shots import Colours
+from o3dleaf.output.view.camera import Camera, View
+from o3dleaf.surface.mesh.inspection import Inspection
+
+STEPS = 65535
+"""Of a coordinate of the reduced mesh, over its extent."""
+
+LEVELS = 254
+"""Of a colour; one more is for no value."""
+
+SOUP = 20_000
+"""Triangles of one kind of defect that are passed on at most."""
+
+QUIET = ("boundary", "sharpest")
+"""Kinds that every mesh may have: marked on request."""
+
+
+def viewer_script() -> str:
+    """Return the program of the view."""
+    return (files("o3dleaf.output.report") / "viewer.js").read_text(encoding="utf-8")
+
+
+def viewer_data(
+    inspection: Inspection, reduced: Reduced, layers: Sequence[Colours], places: list[Place]
+) -> dict[str, Any]:
+    """Return what the view draws, as JSON holds it; arrays are base64 of deflated little-endian numbers.
+
+    Positions are whole numbers over the extent of the mesh; both they and the corners of triangles are
+    stored as differences from the row before. Triangles of defects are not reduced: float32.
+    """
+    low = reduced.vertices.min(axis=0)
+    extent = np.maximum(np.ptp(reduced.vertices, axis=0), 1e-30)
+    steps = np.round((reduced.vertices - low) / extent * STEPS).astype(np.int64)
+    camera = Camera.framing(reduced.vertices, reduced.triangles, View(tilt=35.0))
+    depth = float(np.ptp(reduced.vertices @ camera.toward))
+    return {
+        "reduced": reduced.is_less,
+        "low": low.tolist(),
+        "extent": extent.tolist(),
+        "middle": (low + extent / 2).tolist(),
+        "radius": float(np.linalg.norm(extent) / 2),
+        "camera": {
+            "target": camera.target.tolist(),
+            "right": camera.right.tolist(),
+            "up": camera.up.tolist(),
+            "width": camera.width,
+            "height": camera.height,
+            "depth": depth,
+        },
+        "vertices": _pack(np.diff(steps, axis=0, prepend=0) % (STEPS + 1), "<u2"),
+        "triangles": _pack(np.diff(reduced.triangles, axis=0, prepend=0) % (1 << 32), "<u4"),
+        "layers": [_layer(each) for each in layers],
+        "defects": _defects(inspection, places),
+    }
+
+
+def _layer(colours: Colours) -> dict[str, Any]:
+    """Return one way to colour the mesh."""
+    low, high = colours.limits
+    known = np.isfinite(colours.values)
+    part = np.clip((np.where(known, colours.values, low) - low) / ((high - low) or 1.0), 0, 1)
+    table = np.round(255 * colours.table()).astype(np.uint8)
+    return {
+        "label": colours.label,
+        "low": f"{low:.3g}",
+        "high": f"{high:.3g}",
+        "css": f"linear-gradient(to right, {', '.join(colours.stops())})",
+        "map": base64.b64encode(table.tobytes()).decode("ascii"),
+        "values": _pack(np.where(known, np.round(part * LEVELS), LEVELS + 1), "u1"),
+    }
+
+
+def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]]:
+    """Return the triangles of each kind of defect that was found, and where its close-ups are."""
+    anatomy, found = inspection.anatomy, list[dict[str, Any]]()
+    rows = inspection.defects.rows() | {"sharpest": inspection.defects.sharpest}
+    for name, kind in KINDS.items():
+        if not len(rows[name]):
+            continue
+        colour = [int(kind.colour[each : each + 2], 16) / 255 for each in (1, 3, 5)]
+        found.append(
+            {
+                "name": name,
+                "count": len(rows[name]),
+                "colour": colour,
+                "shown": name not in QUIET,
+                "places": [place.centre.tolist() for place in places if place.kind == name],
+                "soup": _pack(anatomy.vertices[anatomy.triangles[rows[name][:SOUP]]], "<f4"),
+            }
+        )
+    return found
+
+
+def angle_colours(inspection: Inspection, reduced: Reduced) -> Colours:
+    """Return the smallest angle of the triangles at each vertex, red where it is small."""
+    anatomy = inspection.anatomy
+    least = np.full(len(anatomy.vertices), np.inf)
+    for corner in range(3):
+        np.minimum.at(least, anatomy.triangles[:, corner], anatomy.smallest_angle)
+    least[np.isinf(least)] = np.nan
+    return Colours(
+        reduced.worst(least, least=True), "smallest angle of the triangles there, degrees", (0.0, 45.0), "RdYlGn"
+    )
+
+
+def _pack(array: npt.NDArray[Any] | FloatArray, kind: str) -> str:
+    """Return the base64 of an array, deflated."""
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(array, dtype=kind).tobytes(), 7)).decode("ascii")
+
+
+def as_json(data: dict[str, Any]) -> str:
+    """Return JSON that can stand inside a script element."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")

@@ -1,0 +1,194 @@
+"""Open3D's own renderer, where there is a driver for it, in a process of its own.
+
+Without a driver for Vulkan the renderer aborts the process that asks for it, and with one it prints to
+the terminal: so it runs in a child, once for all panels of a page. It rasterises; the colours and the light are
+those of `o3dleaf.output.view.shade` at each corner of each triangle, so that both engines draw the same thing, but for
+cast shadows and ambient occlusion.
+"""
+
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.output.view.camera import EYE, Camera, View
+from o3dleaf.output.view.scene import encode, linear
+from o3dleaf.output.view.shade import Shot, reflect, vertex_normals
+
+PROBE_SECONDS = 60.0
+"""A driver that has not drawn one triangle by then is none; the libraries' import takes two."""
+
+SECONDS = 600.0
+"""A page that has not been drawn by then never will be."""
+
+MOST_PIXELS = 8192
+"""Side of the largest picture that every driver can hold; beyond it, pixels are supersampled less."""
+
+CHUNK = 1 << 19
+"""Triangles coloured at once."""
+
+
+@cache
+def find_renderer() -> Literal["hardware", "software"] | None:
+    """Say what Open3D's renderer runs on here, None where it does not work: one triangle is drawn, once a process.
+
+    In software, such as Mesa's llvmpipe, it takes twice as long as casting rays, without the shadows.
+    """
+    vertices, triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]])
+    view = View(tilt=0.0, supersampling=1)
+    camera = Camera.framing(vertices, triangle, view, 1.0)
+    shot = Shot(vertices, triangle, lambda number, _weights, _facing: np.ones((len(number), 3)), camera, (64, 64), view)
+    try:
+        (picture,), log = _draw_in_child([shot], PROBE_SECONDS)
+    except O3DLeafError:
+        return None
+    if not picture[..., 3].any():
+        return None
+    return "software" if b"software device" in log else "hardware"
+
+
+def rasterise(shots: list[Shot]) -> list[FloatArray]:
+    """Return a picture of each shot as `shade_mesh` does, drawn by Open3D's renderer.
+
+    Raises
+    ------
+    O3DLeafError
+        If the renderer does not work here, or does not end in time.
+    """
+    return _draw_in_child(shots, SECONDS)[0]
+
+
+def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray], bytes]:
+    """Return the pictures and what the renderer printed."""
+    with tempfile.TemporaryDirectory(prefix="o3dleaf-") as name:
+        folder = Path(name)
+        finer = [_hand_over(folder / f"{number}.npz", shot) for number, shot in enumerate(shots)]
+        command = [sys.executable, "-m", "o3dleaf.output.view.offscreen", str(folder), str(len(shots))]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)  # noqa: S603 - ourselves
+        except subprocess.TimeoutExpired as cause:
+            raise O3DLeafError(
+                f"engine: Open3D's renderer has not ended after {seconds:.0f} s; use engine='cpu'"
+            ) from cause
+        if done.returncode:
+            raise O3DLeafError(
+                f"engine: Open3D's renderer does not work here (exit code {done.returncode}); "
+                "install a Vulkan driver (Debian: mesa-vulkan-drivers), or use engine='cpu'"
+            )
+        pictures = [_take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)]
+    return pictures, done.stdout + done.stderr
+
+
+def _hand_over(path: Path, shot: Shot) -> int:
+    """Write what the child needs for one picture, and return the pixels drawn along each side of one."""
+    finer = max(1, min(shot.view.supersampling, MOST_PIXELS // max(shot.size)))
+    camera = shot.camera
+    corners, colours = _light_corners(shot)
+    np.savez(
+        path,
+        corners=corners,
+        colours=colours,
+        size=np.array(shot.size) * finer,
+        axes=np.stack([camera.right, camera.up, camera.toward]),
+        extent=np.array([camera.width, camera.height]),
+        perspective=camera.perspective,
+    )
+    return finer
+
+
+def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Return the corners (3m, 3) of the triangles about the camera's target, and their sRGB colours."""
+    local = (shot.vertices - shot.camera.target).astype(np.float32)
+    normals = vertex_normals(local, shot.triangles) if shot.view.smooth else None
+    corners = local[shot.triangles]
+    colours = np.empty_like(corners)
+    for start in range(0, len(corners), CHUNK):
+        part = slice(start, start + CHUNK)
+        numbers = np.arange(len(corners))[part]
+        colours[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
+    return corners.reshape(-1, 3), colours.reshape(-1, 3)
+
+
+def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None) -> FloatArray:
+    """Return the sRGB (n, 3, 3) of the corners of triangles, of the side that the camera sees."""
+    camera = shot.camera
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
+    eye = EYE * camera.width * camera.toward
+    found = np.empty_like(corners)
+    sight = corners.mean(axis=1) - eye if camera.perspective else np.broadcast_to(-camera.toward, flat.shape)
+    facing = np.where(np.einsum("ij,ij->i", flat, sight) > 0, -1.0, 1.0)
+    for corner in range(3):
+        way = corners[:, corner] - eye if camera.perspective else sight
+        way = way / np.linalg.norm(way, axis=1, keepdims=True)
+        bent = (flat if normals is None else normals[shot.triangles[numbers, corner]]) * facing[:, np.newaxis]
+        light = reflect(bent, way, camera)
+        weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
+        found[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
+    return found
+
+
+def _take_back(path: Path, finer: int) -> FloatArray:
+    """Return the (h, w, 4) picture of the child's, averaged over the finer pixels."""
+    drawn = np.load(path)
+    covered = drawn[..., 3:] > 0
+    fine = np.concatenate([np.where(covered, linear(drawn[..., :3] / 255), 0.0), covered], axis=2)
+    height, width = np.array(fine.shape[:2]) // finer
+    return np.asarray(fine.reshape(height, finer, width, finer, 4).mean(axis=(1, 3)))
+
+
+def draw(given: Path, output: Path) -> None:
+    """Draw one picture: corners and colours in, (h, w, 4) uint8 out, sRGB and whether there is anything."""
+    import open3d as o3d  # noqa: PLC0415 - in the child alone
+    from open3d.visualization import rendering  # noqa: PLC0415
+
+    shot = np.load(given)
+    corners = shot["corners"]
+    triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(triangles))
+    mesh.vertex.colors = o3d.core.Tensor.from_numpy(shot["colours"])
+    width, height = shot["size"].tolist()
+    renderer = rendering.OffscreenRenderer(width, height)
+    material = rendering.MaterialRecord()
+    material.shader = "defaultUnlit"
+    renderer.scene.add_geometry("mesh", mesh, material)
+    # Colours pass through unchanged, and depth tells what is covered.
+    for switch_off in (renderer.scene.view.set_post_processing, renderer.scene.view.set_antialiasing):
+        switch_off(False)
+    _aim(renderer.scene.camera, shot, rendering.Camera)
+    colours = np.asarray(renderer.render_to_image())
+    covered = np.asarray(renderer.render_to_depth_image()) < 1
+    np.save(output, np.dstack([colours, 255 * covered.astype(np.uint8)]))
+
+
+def _aim(camera: Any, shot: Any, kinds: Any) -> None:
+    """Set Open3D's camera as ours is: the target in the origin, the eye `EYE` widths before it."""
+    (width, height), (_, up, toward) = shot["extent"].tolist(), shot["axes"]
+    eye = EYE * width
+    depth = eye - shot["corners"] @ toward
+    near, far = 0.9 * max(float(depth.min()), 1e-2 * eye), 1.1 * float(depth.max())
+    if shot["perspective"]:
+        angle = 2 * np.degrees(np.arctan(0.5 / EYE))
+        camera.set_projection(angle, width / height, near, far, kinds.FovType.Horizontal)
+    else:
+        camera.set_projection(kinds.Projection.Ortho, -width / 2, width / 2, -height / 2, height / 2, near, far)
+    camera.look_at(np.zeros(3), eye * toward, up)
+
+
+def main() -> None:
+    """Draw the pictures of a folder: ``python -m o3dleaf.output.view.offscreen FOLDER COUNT``."""
+    folder, count = Path(sys.argv[1]), int(sys.argv[2])
+    for number in range(count):
+        draw(folder / f"{number}.npz", folder / f"{number}.npy")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""The furniture of a page: scale bars, colour bar, frames and words, drawn by Matplotlib without its global state."""
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib import colormaps, rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.units import METRES
+
+INK = "#27302a"
+FAINT = "#8b958d"
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of pixels on the page, from its left and top edge."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.width, self.height
+
+    def without_foot(self, foot: int) -> "Box":
+        """Return the box less `foot` pixels at its lower edge."""
+        return Box(self.left, self.top, self.width, self.height - foot)
+
+
+def lay_out(size: tuple[int, int], insets: int, wide: float, top: int, foot: int) -> tuple[Box, list[Box]]:
+    """Return the box of the main picture and one for each inset.
+
+    Parameters
+    ----------
+    size : (int, int)
+        Width and height of the page in pixels.
+    insets : int
+        Their number.
+    wide : float
+        Width over height of what the main picture shows: something long lies below a row of
+        insets, anything else stands beside a column of them.
+    top : int
+        Pixels kept free for the title.
+    foot : int
+        Pixels in each box that the scale bar takes from the picture.
+    """
+    width, height = size
+    free = height - top
+    if not insets:
+        return Box(0, top, width, free), []
+    gap = round(0.025 * min(size))
+    if wide > 1.6 * width / free:
+        low = foot + min(round(0.48 * free), max(round(0.15 * free), round(width / wide)))
+        high = free - low - gap
+        each = min((width - gap * (insets + 1)) // insets, round(1.5 * high))
+        left = (width - insets * each - (insets - 1) * gap) // 2
+        boxes = [Box(left + n * (each + gap), top + gap, each, high - gap) for n in range(insets)]
+        return Box(0, top + free - low, width, low), boxes
+    column = round(0.36 * width)
+    each = (free - gap * (insets + 1)) // insets
+    boxes = [Box(width - column - gap, top + gap + n * (each + gap), column, each) for n in range(insets)]
+    return Box(0, top, width - column - 2 * gap, free), boxes
+
+
+def em_of(size: tuple[int, int]) -> float:
+    """Return the height of a line of text on a page of `size` pixels, in pixels."""
+    return max(8.0, 0.017 * min(size[0], 1.6 * size[1]))
+
+
+class Page:
+    """A picture in the making: pixels below, ink above."""
+
+    def __init__(self, pixels: FloatArray, text: float = 1.0, dpi: float = 100.0) -> None:
+        """Start from (h, w, 3) `pixels`, sRGB, `dpi` an inch, for words of `text` times the usual height."""
+        height, width = pixels.shape[:2]
+        self.em = text * em_of((width, height))
+        # Matplotlib measures type and lines in points.
+        self.line = self.em * 100 / dpi
+        self.figure = Figure(figsize=(width / dpi, height / dpi), dpi=dpi)
+        self.canvas = FigureCanvasAgg(self.figure)
+        self.axes: Axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self.axes.set_axis_off()
+        self.axes.imshow(pixels, extent=(0, width, height, 0), interpolation="nearest", aspect="auto")
+        self.axes.set_xlim(0, width)
+        self.axes.set_ylim(height, 0)
+
+    def write(self, x: float, y: float, text: str, *, align: str = "left", scale: float = 1.0) -> None:
+        """Write `text` with the middle of its line at pixel (x, y)."""
+        points = scale * self.line * 0.72
+        self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
+
+    def key(self, colour: str, marker: str, text: str) -> None:
+        """Say at the foot, between scale bar and colour bar, what a marker of Matplotlib in a colour stands for."""
+        width, height = self.figure.bbox.size
+        left, base = 0.29 * width, height - 1.3 * self.em
+        line = marker == "-"
+        x = left + self.em * np.array([-0.6, 0.6] if line else [0.0])
+        drawn = self.axes.plot(x, np.full(len(x), base), color=colour, linewidth=0.15 * self.line)[0]
+        if not line:
+            drawn.set(marker=marker, markersize=0.5 * self.line)
+        self.write(left + 1.1 * self.em, base, text, scale=0.85)
+
+    def frame(self, box: Box) -> None:
+        """Draw the frame of an inset."""
+        self.axes.add_patch(
+            Rectangle(
+                (box.left, box.top), box.width, box.height, fill=False, edgecolor=FAINT, linewidth=0.06 * self.line
+            )
+        )
+
+    def mark(self, corners: FloatArray, box: Box) -> None:
+        """Mark the rectangle around (n, 2) pixel positions, and join it to the inset that enlarges it."""
+        least = 0.45 * self.em
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        half = np.maximum((corners.max(axis=0) - corners.min(axis=0)) / 2, least)
+        low, extent = middle - half, 2 * half
+        width = 0.07 * self.line
+        self.axes.add_patch(
+            Rectangle((low[0], low[1]), extent[0], extent[1], fill=False, edgecolor=INK, linewidth=width)
+        )
+        below = box.top + box.height <= low[1]
+        ends = [(low[0], box.left), (low[0] + extent[0], box.left + box.width)]
+        if not below:
+            ends = [(low[1], box.top), (low[1] + extent[1], box.top + box.height)]
+        for near, far in ends:
+            line = (
+                ([near, far], [low[1], box.top + box.height])
+                if below
+                else ([low[0] + extent[0], box.left], [near, far])
+            )
+            self.axes.plot(*line, color=FAINT, linewidth=0.05 * self.line)
+
+    def scale_bar(self, box: Box, width: float, unit: str | None) -> None:
+        """Draw a scale bar into the lower left corner of a box that shows `width` of the mesh's unit."""
+        length = round_length(0.22 * width)
+        pixels = length / width * box.width
+        left, base = box.left + self.em, box.top + box.height - 0.9 * self.em
+        self.axes.plot(
+            [left, left + pixels], [base, base], color=INK, linewidth=0.15 * self.line, solid_capstyle="butt"
+        )
+        self.write(left, base - 0.85 * self.em, name_length(length, unit))
+
+    def colour_bar(self, box: Box, colour_map: str, limits: tuple[float, float], label: str) -> None:
+        """Draw the bar of a colour map, with its two ends and a label, into the lower right corner of a box."""
+        width, height = max(0.24 * box.width, 9 * self.em), 0.55 * self.em
+        left, top = box.left + box.width - width - self.em, box.top + box.height - 2.3 * self.em
+        strip = colormaps[colour_map](np.linspace(0, 1, 256))[np.newaxis]
+        self.axes.imshow(strip, extent=(left, left + width, top + height, top), aspect="auto", zorder=3)
+        self.axes.set_xlim(0, self.figure.bbox.width)
+        self.axes.set_ylim(self.figure.bbox.height, 0)
+        self.write(left, top + 1.4 * self.em, f"{limits[0]:.3g}", scale=0.85)
+        self.write(left + width, top + 1.4 * self.em, f"{limits[1]:.3g}", align="right", scale=0.85)
+        self.write(left + width / 2, top - 0.7 * self.em, label, align="center", scale=0.85)
+
+    def pixels(self) -> npt.NDArray[np.uint8]:
+        """Return the finished (h, w, 3) page."""
+        self.canvas.draw()
+        return np.array(self.canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def save_figure(figure: Figure, path: str | PathLike[str], dpi: float | None = None) -> None:
+    """Write a figure of Matplotlib, whole or not at all; of the same figure always the same bytes."""
+    suffix = Path(path).suffix.lower()
+    dated = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(suffix)
+    with whole_file(path) as temporary, rc_context({"svg.hashsalt": "o3dleaf", "svg.fonttype": "path"}):
+        figure.savefig(temporary, dpi=dpi or figure.dpi, metadata=dated)
+
+
+def round_length(length: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above `length`."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
+
+
+def name_length(length: float, unit: str | None) -> str:
+    """Return a length in words, in the largest unit that makes it 1 or more: 0.2 mm is 200 µm."""
+    if unit is None:
+        return f"{length:g}"
+    metres = length * METRES[unit]
+    usual = [name for name in METRES if name != "cm" or name == unit]
+    name = next((name for name in usual if METRES[name] <= METRES[unit] and metres >= 0.999 * METRES[name]), "nm")
+    return f"{metres / METRES[name]:.6g} {name.replace('um', 'µm')}"

@@ -1,0 +1,9 @@
+"""Any cloud, any field, any mesh: nothing here knows a leaf.
+
+`cloud`           a point cloud made ready
+`mesh`            what a mesh is: topology, defects, measures
+`isosurface`      a field to triangles
+`repair`          meshes cleaned and simplified
+`remeshing`       triangles that a solver accepts
+`reconstruction`  a surface of any point cloud
+"""

@@ -1,0 +1,103 @@
+"""Compiled: which points hang together, and with which sign; and the winding number that they make."""
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.surface.cloud.cloud_loops import mirrored
+
+LEVELS = 64
+"""Grades of confidence in which edges are joined."""
+
+
+@njit(nogil=True, cache=True)
+def agreements(points, normals, rows, edges, start, stop, vote, sure):
+    """Write for each edge to a neighbour how normals agree (n, edges), from -1 to 1, mirrored; and if straight too."""
+    for i in range(start, stop):
+        for m in range(edges):
+            j = rows[i, m + 1]
+            vote[i, m] = mirrored(points, normals, i, j)
+            straight = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
+            sure[i, m] = min(abs(straight), abs(vote[i, m])) if straight * vote[i, m] > 0 else 0.0
+
+
+@njit(nogil=True, cache=True)
+def root_of(parent, sign, i):
+    """Return the root of i and the sign of i relative to it, halving the path."""
+    s = np.int8(1)
+    while parent[i] != i:
+        up = parent[i]
+        sign[i] = sign[i] * sign[up] if parent[up] != up else sign[i]
+        parent[i] = parent[up]
+        s = np.int8(s * sign[i])
+        i = parent[i]
+    return i, s
+
+
+@njit(nogil=True, cache=True)
+def join(parent, sign, i, j, relative):
+    """Join the sets of i and j so that their signs differ by `relative`; say whether they were apart."""
+    a, s = root_of(parent, sign, i)
+    b, t = root_of(parent, sign, j)
+    if a == b:
+        return False
+    low, high = min(a, b), max(a, b)
+    parent[high] = low
+    sign[high] = np.int8(s * t * relative)
+    return True
+
+
+@njit(nogil=True, cache=True)
+def join_sure(rows, vote, sure, least, parent, sign):
+    """Join points (Kruskal) along edges from the surest to those of confidence `least`."""
+    n, edges = sure.shape
+    count = np.zeros(LEVELS + 1, np.int64)
+    for i in range(n):
+        for m in range(edges):
+            if sure[i, m] >= least:
+                count[np.int64((1 - sure[i, m]) / (1 - least) * (LEVELS - 1)) + 1] += 1
+    for level in range(LEVELS):
+        count[level + 1] += count[level]
+    order = np.empty(count[LEVELS], np.int64)
+    for i in range(n):
+        for m in range(edges):
+            if sure[i, m] >= least:
+                place = np.int64((1 - sure[i, m]) / (1 - least) * (LEVELS - 1))
+                order[count[place]] = i * edges + m
+                count[place] += 1
+    for at in range(len(order)):
+        i, m = order[at] // edges, order[at] % edges
+        join(parent, sign, i, rows[i, m + 1], np.int8(1) if vote[i, m] > 0 else np.int8(-1))
+
+
+@njit(nogil=True, cache=True)
+def join_near(rows, distance, most, parent, sign):
+    """Join points to those of their neighbours `rows` that are no farther than `most`."""
+    for i in range(len(rows)):
+        for m in range(rows.shape[1]):
+            if distance[i, m] <= most:
+                join(parent, sign, i, rows[i, m], np.int8(1))
+
+
+@njit(nogil=True, cache=True)
+def flatten(parent, sign):
+    """Make every point's parent its root, and its sign the one relative to it."""
+    for i in range(len(parent)):
+        root, s = root_of(parent, sign, i)
+        parent[i], sign[i] = root, s
+
+
+@njit(nogil=True, cache=True)
+def winding(targets, sources, flux, piece, start, stop, number):
+    """Write the winding number (m, pieces) that the sources of each piece make at each target.
+
+    w(x) = sum over j of f_j . (x_j - x) / (4 pi |x_j - x|^3), f_j the normal of x_j times its area: 1 inside, 0
+    outside a closed surface, 1/2 on it.
+    """
+    for i in range(start, stop):
+        number[i] = 0.0
+        for j in range(len(sources)):
+            ex, ey, ez = sources[j, 0] - targets[i, 0], sources[j, 1] - targets[i, 1], sources[j, 2] - targets[i, 2]
+            square = ex * ex + ey * ey + ez * ez
+            if square > 0:
+                along = flux[j, 0] * ex + flux[j, 1] * ey + flux[j, 2] * ez
+                number[i, piece[j]] += along / (4 * np.pi * square * np.sqrt(square))

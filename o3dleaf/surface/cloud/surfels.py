@@ -1,0 +1,171 @@
+"""A cloud seen at the scale at which it is a surface: its points, or under noise the means of groups of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import Progress, finish, run_blocks, share_out
+from o3dleaf.surface.cloud import cloud_loops
+from o3dleaf.surface.cloud.neighbors import BLOCK, NEIGHBOURS, IndexArray, Planes, fit_planes, nearest_neighbours
+
+FLAT = 0.2
+"""Ratio of the standard deviations across and along a neighbourhood up to which it is a clean piece of a surface."""
+DROWNED = 0.5
+"""The same, above which noise hides the surface, and a coarser scale is tried whatever it gives."""
+LINE = 0.25
+"""Ratio of the standard deviations along a neighbourhood up to which it is a line."""
+FLATTER = 0.8
+"""Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
+SAMPLE = 4000
+"""Points whose neighbourhoods say at which scale a cloud is a surface."""
+LEAST = 8 * NEIGHBOURS
+"""Fewest points that a thinned cloud may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """Pieces of surface, each standing for one point of the cloud or for a group.
+
+    Attributes
+    ----------
+    points : (m, 3) ndarray
+        The points, or the means of their groups.
+    rows : (m, k) ndarray
+        The nearest surfels of each, itself first.
+    planes : Planes
+        Through the points of the neighbourhoods: normals (m, 3), of either sign, and variances (m, 3).
+    owner : (n,) ndarray
+        The surfel of each point of the cloud.
+    spacing : (n,) ndarray
+        1/sqrt(points per unit area) around each point of the cloud.
+    flatness : float
+        Median ratio of the standard deviations across and along a neighbourhood.
+    """
+
+    points: FloatArray
+    rows: IndexArray
+    planes: Planes
+    owner: IndexArray
+    spacing: FloatArray
+    flatness: float
+
+    @classmethod
+    def of(
+        cls,
+        points: FloatArray,
+        rows: IndexArray | None = None,
+        thinning: int = 0,
+        *,
+        progress: Progress | None = None,
+    ) -> "Surfels":
+        """Find the scale at which `points` (n, 3) are a surface, or take groups of `thinning` points.
+
+        `rows` (n, k) are the neighbours of the points, where they are known.
+        """
+        scaling, finding, owning, grouping = share_out(progress, 2, 1, 3, 3)
+        if thinning:
+            flatness = flatness_of(points[thinned(len(points), thinning)])
+        else:
+            thinning, flatness = surface_scale(points, rows, scaling)
+        finish(scaling)
+        if thinning == 1:
+            near = nearest_neighbours(points, progress=finding).row if rows is None else rows
+            planes = fit_planes(points, near, grouping)
+            return cls(points, near, planes, np.arange(len(points)), spacings(planes, near.shape[1]), flatness)
+        few = points[thinned(len(points), thinning)]
+        near = nearest_neighbours(few, progress=finding).row
+        spacing = spacings(fit_planes(few, near), near.shape[1]) / np.sqrt(thinning)
+        owner = cKDTree(few).query(points, workers=-1)[1]
+        finish(owning)
+        count = np.bincount(owner, minlength=len(few))  # no group is empty: each few point owns itself
+        means = np.column_stack([np.bincount(owner, points[:, a], len(few)) for a in range(3)]) / count[:, np.newaxis]
+        near = nearest_neighbours(means, progress=grouping).row
+        planes = _group_planes(points - means[owner], owner, means, count, near)
+        return cls(means, near, planes, owner, spacing[owner], flatness)
+
+    def total(self, values: FloatArray) -> FloatArray:
+        """Return the sums (m,) over each surfel of `values` (n,) at the cloud's points."""
+        return np.asarray(np.bincount(self.owner, values, len(self.points)), dtype=np.float64)
+
+    def coarser(self, points: FloatArray) -> "Surfels | None":
+        """Return surfels of twice as many of the `points` (n, 3), or None where few would be left."""
+        thinning = 2 * round(len(points) / len(self.points))
+        return Surfels.of(points, thinning=thinning) if 2 * len(points) >= LEAST * thinning else None
+
+    def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
+
+        `normals` (m, 3) are those of the surfels; a height is measured over the surfels' planes.
+        """
+        if len(self.points) == len(points):
+            return normals, np.zeros(len(points))
+        blended, height = np.empty_like(points), np.empty(len(points))
+        args = points, self.owner, self.points, normals, self.rows
+        run_blocks(lambda i, j: cloud_loops.blend_planes(*args, i, j, blended, height), len(points), BLOCK)
+        return blended, height
+
+
+def spacings(planes: Planes, k: int) -> FloatArray:
+    """Return the spacing (m,) of neighbourhoods of k points, the middle one among them, with variances (m, 3)."""
+    area = 4 * np.pi * np.sqrt(planes.variance[:, 1] * planes.variance[:, 2])
+    return np.asarray(np.sqrt(area * k) / (k - 1))  # the centroid is the points' own: variances lack 1/k
+
+
+def thinned(count: int, thinning: int) -> IndexArray:
+    """Return the rows, in order, of every so many-th of `count` points, taken at random (always the same ones)."""
+    if thinning == 1:
+        return np.arange(count)
+    return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
+
+
+def surface_scale(
+    points: FloatArray, rows: IndexArray | None = None, progress: Progress | None = None
+) -> tuple[int, float]:
+    """Return how many times a cloud (n, 3) is to be thinned for its neighbourhoods to be flat, and their flatness.
+
+    It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighbourhoods of
+    several such steps, they are passed over. `rows` (n, k) are the neighbours of the points, where they are known.
+    """
+    scale, flat = 1, flatness_of(points, rows)
+    thinning = 2
+    while flat > FLAT and len(points) >= LEAST * thinning:
+        coarser = flatness_of(points[thinned(len(points), thinning)])
+        if coarser < FLATTER * flat or flat > DROWNED:
+            scale, flat = thinning, coarser
+        else:
+            break
+        if progress:
+            progress(thinning - 1, thinning)  # each look is at half as many points
+        thinning *= 2
+    return scale, flat
+
+
+def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:
+    """Return the median ratio of the standard deviations across and along the neighbourhoods of a cloud (n, 3).
+
+    Of neighbourhoods that are lines, as between two far lines of a scanner, it is 1: they show no surface either.
+    """
+    asked = thinned(len(points), max(1, len(points) // SAMPLE))
+    if rows is None:
+        near = cKDTree(points).query(points[asked], k=np.arange(1, min(NEIGHBOURS, len(points)) + 1), workers=-1)[1]
+    else:
+        near = rows[asked]
+    variance = fit_planes(points, near).variance
+    across, along, most = np.sqrt(variance).T
+    line = along <= LINE * most
+    return float(np.median(np.where(line, 1.0, across / np.where(line, 1.0, along))))
+
+
+def _group_planes(off: FloatArray, owner: IndexArray, means: FloatArray, count: IndexArray, rows: IndexArray) -> Planes:
+    """Return the planes through all points of the groups `rows` (m, k), from the groups' moments."""
+    pairs = [(a, b) for a in range(3) for b in range(3)]
+    within = np.column_stack([np.bincount(owner, off[:, a] * off[:, b], len(means)) for a, b in pairs])
+    weight = count[rows].astype(np.float64)
+    whole = weight.sum(axis=1)
+    arm = means[rows] - means[:, np.newaxis]
+    centre = np.einsum("mk,mka->ma", weight, arm) / whole[:, np.newaxis]
+    scatter = within[rows].sum(axis=1).reshape(-1, 3, 3) + np.einsum("mk,mka,mkb->mab", weight, arm, arm)
+    value, axes = np.linalg.eigh(scatter / whole[:, np.newaxis, np.newaxis] - centre[:, :, None] * centre[:, None])
+    return Planes(np.ascontiguousarray(axes[:, :, 0]), np.maximum(value, 0.0))

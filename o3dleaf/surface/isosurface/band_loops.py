@@ -1,0 +1,268 @@
+"""The compiled loops of the narrow band: points of a lattice in a hash table, cells by the rows of their corners.
+
+A point (i, j, k) is named by its Morton key: bits of i, j and k in turn, so that points with the same key >> 6
+are one brick of 4 × 4 × 4. Its place in the table is drawn for the brick and counted on within it: what lies
+close on the lattice lies close in memory. A row is the number of a point in the order in which points came.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.surface.isosurface.cell_loops import (
+    CUBE_EDGES,
+    CUBES,
+    LEAST_FRACTION,
+    MOST_TRIANGLES,
+    cell_triangles,
+    crossing,
+)
+
+BITS = 20
+"""Bits of a coordinate: a key and the two bits of an axis are one int64."""
+
+ALONG = np.array([0x1249249249249249, 0x2492492492492492, 0x4924924924924924])
+"""The bits of a key that belong to each axis."""
+
+FACE_CORNERS = np.array([0x55, 0xAA, 0x33, 0xCC, 0x0F, 0xF0])
+"""The corners of a cell's lower and upper face along each axis, as eight bits."""
+
+MIX = np.int64(-7046029254386353131)
+"""2⁶⁴ over the golden ratio: keys that differ little are spread over the table (Fibonacci hashing)."""
+
+
+@njit(nogil=True, cache=True)
+def encode(indices, keys):
+    """Write the (n,) Morton keys of (n, 3) whole numbers from 0 to 2²⁰ − 1."""
+    for n in range(len(keys)):
+        key = np.int64(0)
+        for axis in range(3):
+            v = indices[n, axis]
+            v = (v | v << 32) & 0x1F00000000FFFF
+            v = (v | v << 16) & 0x1F0000FF0000FF
+            v = (v | v << 8) & 0x100F00F00F00F00F
+            v = (v | v << 4) & 0x10C30C30C30C30C3
+            v = (v | v << 2) & 0x1249249249249249
+            key |= v << axis
+        keys[n] = key
+
+
+@njit(nogil=True, cache=True)
+def coordinate(key, axis):
+    """Return the whole number that a key has along an axis."""
+    v = key >> axis & 0x1249249249249249
+    v = (v | v >> 2) & 0x10C30C30C30C30C3
+    v = (v | v >> 4) & 0x100F00F00F00F00F
+    v = (v | v >> 8) & 0x1F0000FF0000FF
+    v = (v | v >> 16) & 0x1F00000000FFFF
+    return (v | v >> 32) & 0x1FFFFF
+
+
+@njit(nogil=True, cache=True)
+def place_points(start, stop, keys, shift, base, step, points):
+    """Write the (n, 3) positions of points, `shift` of a step (3,) beyond them."""
+    for n in range(start, stop):
+        for axis in range(3):
+            points[n, axis] = (base[axis] + coordinate(keys[n], axis) + shift[axis]) * step[axis]
+
+
+@njit(nogil=True, cache=True)
+def ahead(key, axis):
+    """Return the key of the next point along an axis."""
+    others = ~ALONG[axis]
+    return (((key | others) + (np.int64(1) << axis)) & ALONG[axis]) | (key & others)
+
+
+@njit(nogil=True, cache=True)
+def behind(key, axis):
+    """Return the key of the point before along an axis."""
+    return (((key & ALONG[axis]) - (np.int64(1) << axis)) & ALONG[axis]) | (key & ~ALONG[axis])
+
+
+@njit(nogil=True, cache=True)
+def find_place(table, keys, key):
+    """Return where in the table the row of a key stands, or the empty place (−1) where it would."""
+    mixed = (key >> 6) * MIX
+    place = ((mixed ^ mixed >> 32) << 6 | (key & 63)) & (len(table) - 1)
+    while table[place] >= 0 and keys[table[place]] != key:
+        place = (place + 1) & (len(table) - 1)
+    return place
+
+
+@njit(nogil=True, cache=True)
+def fill_table(table, keys, count):
+    """Enter the first `count` keys into an empty table."""
+    for row in range(count):
+        table[find_place(table, keys, keys[row])] = row
+
+
+@njit(nogil=True, cache=True)
+def add_cells(cells, start, table, keys, known, count, corners):
+    """Enter the corners of cells, from cell `start` on, until the keys are full; return (next cell, rows in use).
+
+    Parameters
+    ----------
+    cells : (c,) ndarray of int64
+        Keys of their lower corners, none of them known as a cell.
+    table : (2ⁿ,) ndarray of int32
+        Rows by place; −1 is empty. At most half of it is ever used.
+    keys : (r,) ndarray of int64
+        By row.
+    known : (r,) ndarray of bool
+        Whether the point is the lower corner of a cell that was entered.
+    count : int
+        Rows in use.
+    corners : (c, 8) ndarray of int32
+        Filled with rows.
+    """
+    parts = np.empty((3, 2), dtype=np.int64)
+    for cell in range(start, len(cells)):
+        if count + 8 > len(keys):
+            return cell, count
+        for axis in range(3):
+            parts[axis, 0] = cells[cell] & ALONG[axis]
+            parts[axis, 1] = ahead(cells[cell], axis) & ALONG[axis]
+        for corner in range(8):
+            key = parts[0, corner & 1] | parts[1, corner >> 1 & 1] | parts[2, corner >> 2]
+            place = find_place(table, keys, key)
+            if table[place] < 0:
+                table[place], keys[count] = count, key
+                count += 1
+            corners[cell, corner] = table[place]
+        known[corners[cell, 0]] = True
+    return len(cells), count
+
+
+@njit(nogil=True, cache=True)
+def read_codes(start, stop, values, corners, codes):
+    """Write which corners of each cell are inside, as eight bits."""
+    for cell in range(start, stop):
+        code = 0
+        for corner in range(8):
+            if values[corners[cell, corner]] > 0.0:
+                code |= 1 << corner
+        codes[cell] = code
+
+
+@njit(nogil=True, cache=True)
+def cross_faces(start, stop, corners, codes, table, keys, known, beyond):
+    """Write the (c, 6) keys of unknown cells across the faces that the surface crosses; −1 is none."""
+    for cell in range(start, stop):
+        lower = keys[corners[cell, 0]]
+        for face in range(6):
+            axis, part = face >> 1, codes[cell] & FACE_CORNERS[face]
+            beyond[cell, face] = -1
+            if part in {0, FACE_CORNERS[face]}:
+                continue
+            if face & 1:
+                row = corners[cell, 1 << axis]
+                if not known[row]:
+                    beyond[cell, face] = keys[row]
+            else:
+                key = behind(lower, axis)
+                row = table[find_place(table, keys, key)]
+                if row < 0 or not known[row]:
+                    beyond[cell, face] = key
+
+
+@njit(nogil=True, cache=True)
+def mark_edges(corners, codes, marks):
+    """Mark at each point, as three bits, along which axes an edge of some cell leaves it that the surface crosses."""
+    for cell in range(len(codes)):
+        for n in range(12):
+            low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+            if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
+                marks[corners[cell, low]] |= direction
+
+
+@njit(nogil=True, cache=True)
+def vertex_at(first, marks, row, direction):
+    """Return the number of the vertex on the edge that leaves a point in a direction (1, 2 or 4)."""
+    before = marks[row] & (direction - 1)
+    return first[row] + (before & 1) + (before >> 1 & 1)
+
+
+@njit(nogil=True, cache=True)
+def find_fractions(start, stop, corners, codes, values, numbering, vertices):
+    """Write what is known of the vertices of some cells; two cells of an edge write the same.
+
+    Parameters
+    ----------
+    numbering : (first, marks)
+        (r,) number of each point's first vertex, and `mark_edges`' bits.
+    vertices : (lower, direction, fraction, here, there)
+        (v,) each: the row of the edge's lower point, its direction, how far along it the vertex
+        lies, and the values at both ends.
+    """
+    first, marks = numbering
+    lower, towards, fraction, here, there = vertices
+    for cell in range(start, stop):
+        for n in range(12):
+            low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+            if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
+                row = corners[cell, low]
+                vertex = vertex_at(first, marks, row, direction)
+                lower[vertex], towards[vertex] = row, direction
+                here[vertex], there[vertex] = values[row], values[corners[cell, low | direction]]
+                fraction[vertex] = crossing(here[vertex], there[vertex])
+
+
+@njit(nogil=True, cache=True)
+def count_cells(corners, codes, numbering, count):
+    """Add up the cells at each vertex: four, but where the band ends."""
+    first, marks = numbering
+    for cell in range(len(codes)):
+        for n in range(12):
+            low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+            if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
+                count[vertex_at(first, marks, corners[cell, low], direction)] += 1
+
+
+@njit(nogil=True, cache=True)
+def draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles):
+    """Write the triangles of some cells into their rows, cell c's from offsets[c] on."""
+    first, marks = numbering
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
+    for cell in range(start, stop):
+        code = np.int64(codes[cell])
+        for n in range(12):
+            low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
+            if (code >> low & 1) != (code >> (low | direction) & 1):
+                along[n] = fraction[vertex_at(first, marks, corners[cell, low], direction)]
+        for n in range(cell_triangles(CUBES, code, along, places, drawn)):
+            for corner in range(3):
+                low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
+                triangles[offsets[cell] + n, corner] = vertex_at(first, marks, corners[cell, low], direction)
+
+
+@njit(nogil=True, cache=True)
+def place_crossings(start, stop, keys, direction, fraction, base, step, vertices):
+    """Write the (v, 3) positions of vertices on the edges that leave points `keys` in a direction.
+
+    Whole numbers are added first, as in `o3dleaf.surface.isosurface.polygonise_loops.place_vertices`.
+    """
+    for n in range(start, stop):
+        for axis in range(3):
+            whole = base[axis] + coordinate(keys[n], axis)
+            vertices[n, axis] = (whole + (direction[n] >> axis & 1) * fraction[n]) * step[axis]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def sharpen_fractions(start, stop, here, there, between, fraction):
+    """Move vertices to the zero of the parabola through the values at their edge's ends and at them, `between`.
+
+    The ends differ in sign, so that one zero lies between them, whatever the third value. The parabola is off
+    by F‴ (s − 0) (s − t) (s − 1)/6: by O(h³) at most, and by O(h⁴) where the edge is not tangent to the surface.
+    """
+    # `between` begins at `start`.
+    for n in range(start, stop):
+        a, t = here[n], fraction[n]
+        bend = (between[n - start] - a - t * (there[n] - a)) / (t * (t - 1.0))
+        slope = there[n] - a - bend
+        half = -0.5 * (slope + math.copysign(math.sqrt(max(slope * slope - 4.0 * bend * a, 0.0)), slope))
+        # Both zeros without cancellation; the wanted one is between the ends.
+        found = a / half
+        if not 0.0 <= found <= 1.0:
+            found = half / bend
+        fraction[n] = min(max(found, LEAST_FRACTION), 1.0 - LEAST_FRACTION)

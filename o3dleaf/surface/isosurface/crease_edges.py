@@ -1,0 +1,52 @@
+"""Sharp edges: vertices where the tangent planes of a cell's crossings meet, and the edges between them."""
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.surface.mesh.topology import EdgeTable
+
+LEAST_COSINE = 0.9
+"""Normals 26° apart in one cell make a crease (Kobbelt et al. 2001)."""
+
+BESIDE = 0.5
+"""Part of a cell that the vertex on a crease may lie beside its own: corners that no sample is inside of are there."""
+
+RANK = 0.02
+"""Planes that differ by less than this share of the largest eigenvalue leave a direction open: along an edge, where
+the vertex stays in the middle. Two normals 26° apart leave 0.05."""
+
+
+def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> FloatArray:
+    """Return (k, 3) points nearest to tangent planes: of least Σ (n · (x − p))², and of those nearest to the middle.
+
+    Parameters
+    ----------
+    squares, right, middle : (k, 3, 3), (k, 3), (k, 3) ndarrays
+        Σ n nᵀ, Σ n n · (p − middle), and the mean of the p.
+    """
+    values, axes = np.linalg.eigh(squares)
+    known = values > RANK * values[:, 2:]
+    along = np.einsum("kij,ki->kj", axes, right) / np.where(known, values, np.inf)
+    return np.asarray(middle + np.einsum("kij,kj->ki", axes, along))
+
+
+def join_creases(triangles: IntArray, ordinary: int) -> IntArray:
+    """Return the triangles with the edges swapped that separate two vertices from `ordinary` on.
+
+    Where two fans meet, on the face of two cells, the edge of the face makes way for one along the crease; each
+    triangle has one such edge at most. Where fans meet twice, one of the swaps is not made: no edge is there twice.
+    """
+    edges = EdgeTable.of(triangles)
+    inner = np.flatnonzero((edges.count == 2) & (edges.ends < ordinary).all(axis=1))
+    halves = edges.order[edges.first(inner)[:, np.newaxis] + [0, 1]].astype(np.int64)
+    opposite = triangles.ravel()[halves - halves % 3 + (halves + 2) % 3]
+    meets = (opposite >= ordinary).all(axis=1)
+    halves, opposite = halves[meets], opposite[meets]
+    once = np.unique(np.sort(opposite, axis=1), axis=0, return_index=True)[1]
+    (one, other), (near, far) = halves[once].T, opposite[once].T
+    begin, end = triangles.ravel()[one], triangles.ravel()[other]
+    result = triangles.copy()
+    result[one // 3] = np.column_stack([begin, far, near])
+    result[other // 3] = np.column_stack([far, end, near])
+    return result

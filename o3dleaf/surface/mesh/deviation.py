@@ -1,0 +1,161 @@
+"""How far a mesh is from what it shows: from the surface of a field, and from the points of a scan, both ways."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import open3d as o3d
+from scipy.spatial import KDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.cloud_arrays import CloudLike, points_of
+from o3dleaf.core.field import Field
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import Progress, blocks, get_num_threads
+from o3dleaf.core.units import check_unit, unit_scale
+from o3dleaf.surface.mesh.measurements import Anatomy
+
+SUPPORT = 3.0
+"""A place of the mesh is supported if a point of the scan is within this many median spacings of the scan."""
+
+AT_ONCE = 2**20
+"""Vertices whose distances are asked for together."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """Distances between a mesh and what it shows, in the mesh's unit; None where there is nothing to compare with.
+
+    Attributes
+    ----------
+    to_field : (n,) ndarray or None
+        Of each vertex to the field's surface. Of a closed mesh, where the field knows its
+        ``signed_distance``, |signed_distance|: the rim of a leaf is no level set. Otherwise
+        |F − isovalue| / |∇F|, the first step of Newton's method, at most the diagonal of the field's
+        bounds. Vertices that no triangle uses have NaN, here and in `to_scan`.
+    to_scan : (n,) ndarray or None
+        Of each vertex to the nearest point of the scan.
+    from_scan : (k,) ndarray or None
+        Of each point of the scan to the mesh.
+    spacing : float or None
+        Median distance of the scan's points to their nearest neighbour.
+    unsupported : float or None
+        Part of the area (a third of each triangle to each corner) farther than `SUPPORT` spacings from the scan.
+    unit : str or None
+        The mesh's unit; that of the field if none is given.
+    """
+
+    to_field: FloatArray | None
+    to_scan: FloatArray | None
+    from_scan: FloatArray | None
+    spacing: float | None
+    unsupported: float | None
+    unit: str | None
+
+    @classmethod
+    def of(
+        cls,
+        anatomy: Anatomy,
+        field: Field | None = None,
+        cloud: CloudLike | None = None,
+        unit: str | None = None,
+        *,
+        isovalue: float = 0.0,
+        progress: Progress | None = None,
+    ) -> "Deviation":
+        """Measure a mesh against a field and a scan; the arguments are those of `mesh_report`."""
+        unit = check_unit(unit) or (None if field is None else check_unit(field.unit))
+        to_field = None if field is None else distance_to_field(anatomy, field, unit, isovalue, progress)
+        if cloud is None:
+            return cls(to_field, None, None, None, None, unit)
+        points = points_of(cloud, "cloud", least=2)
+        tree = KDTree(points)
+        spacing = float(np.median(tree.query(points, 2, workers=get_num_threads())[0][:, 1]))
+        to_scan = _at_used(anatomy, lambda some: tree.query(some, workers=get_num_threads())[0])
+        weight = anatomy.vertex_area()
+        far = float(weight[np.nan_to_num(to_scan) > SUPPORT * spacing].sum() / max(weight.sum(), np.finfo(float).tiny))
+        return cls(to_field, to_scan, distance_to_mesh(anatomy.vertices, anatomy.triangles, points), spacing, far, unit)
+
+    def figures(self) -> dict[str, Any]:
+        """Return what a report says of it, by the names there."""
+        parts = {
+            "field_distance": (self.to_field, ("mean", "95pc", "99pc", "max")),
+            "scan_distance": (self.from_scan, ("mean", "95pc", "max")),
+            "support": (self.to_scan, ("median", "95pc", "max")),
+        }
+        found = {f"{name}_{what}": _figure(d, what) for name, (d, whats) in parts.items() for what in whats}
+        return found | {"scan_spacing": self.spacing, "unsupported_share": self.unsupported}
+
+
+def distance_to_field(
+    anatomy: Anatomy, field: Field, unit: str | None, isovalue: float = 0.0, progress: Progress | None = None
+) -> FloatArray:
+    """Return the (n,) distances of a mesh's vertices to a field's surface, in the mesh's `unit`; see `Deviation`."""
+    scale = unit_scale(unit, field.unit)
+    exact = getattr(field, "signed_distance", None)
+    if exact is not None and anatomy.is_closed:
+        closed = {"closed": True} if "closed" in inspect.signature(exact).parameters else {}
+        return _at_used(anatomy, lambda some: np.abs(exact(some * scale, **closed)) / scale, progress)
+    farthest = float(np.linalg.norm(field.bounds[1] - field.bounds[0]))
+
+    def newton(some: FloatArray) -> FloatArray:
+        excess = np.abs(field(some * scale) - isovalue)
+        slope = np.linalg.norm(field.gradient(some * scale), axis=1)
+        # Where the field is flat, the first step of Newton's method leads nowhere near.
+        far = excess >= slope * farthest
+        return np.where(far & (excess > 0), farthest, excess / np.where(slope > 0, slope, 1.0)) / scale
+
+    return _at_used(anatomy, newton, progress)
+
+
+def distance_to_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
+    """Return the (k,) distances of (k, 3) points to the nearest triangle, in single precision about their middle."""
+    if not len(triangles):
+        return np.full(len(points), np.inf)
+    scene, middle = _scene(vertices, triangles, points)
+    found = scene.compute_distance(o3d.core.Tensor.from_numpy((points - middle).astype(np.float32)), get_num_threads())
+    return np.asarray(found.numpy(), dtype=np.float64)
+
+
+def nearest_on_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
+    """Return the (k, 3) places on a mesh nearest to (k, 3) points, in single precision about their middle."""
+    scene, middle = _scene(vertices, triangles, points)
+    query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
+    return np.asarray(scene.compute_closest_points(query, get_num_threads())["points"].numpy() + middle)
+
+
+def _scene(
+    vertices: FloatArray, triangles: IntArray, points: FloatArray
+) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
+    """Return a mesh in Open3D's scene, about the middle of some points, and that middle."""
+    scene = o3d.t.geometry.RaycastingScene(nthreads=get_num_threads())
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    scene.add_triangles(
+        o3d.core.Tensor.from_numpy((vertices - middle).astype(np.float32)),
+        o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)),
+    )
+    return scene, middle
+
+
+def _at_used(
+    anatomy: Anatomy, measure: Callable[[FloatArray], FloatArray], progress: Progress | None = None
+) -> FloatArray:
+    """Return `measure` at the vertices that triangles use, piece by piece, and NaN at the others."""
+    rows, found = np.flatnonzero(anatomy.is_used), np.full(len(anatomy.vertices), np.nan)
+    for start, stop in blocks(len(rows), AT_ONCE):
+        found[rows[start:stop]] = measure(anatomy.vertices[rows[start:stop]])
+        if progress:
+            progress(stop, len(rows))
+    return found
+
+
+def _figure(distance: FloatArray | None, what: str) -> float | None:
+    """Return one figure of some distances, NaN left out; None where there are none."""
+    known = np.empty(0) if distance is None else distance[~np.isnan(distance)]
+    if not len(known):
+        return None
+    if what == "mean":
+        return float(known.mean())
+    return float(np.quantile(known, {"median": 0.5, "95pc": 0.95, "99pc": 0.99, "max": 1.0}[what]))

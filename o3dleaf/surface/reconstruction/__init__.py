@@ -1,0 +1,10 @@
+"""A surface from any point cloud: a field fitted, its surface followed, cut off where the data end.
+
+`fit`                   an oriented cloud to a field
+`proximity`             distances to the nearest data, in their own spacings
+`along_mesh`            distances along a mesh
+`trim`                  the surface cut off where it goes on past its data
+`vertex_support`        sampling density and residual at each vertex
+`reconstruct`           the whole job, one step a line
+`vertex_support_loops`  the compiled loops of proximity and support
+"""

@@ -1,0 +1,102 @@
+"""What vertices are put back onto when they have moved: a field's surface, or the mesh as it was."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+
+MOST_STEPS = 20
+SETTLED = 1e-4
+"""Length of Newton's last step, of the longest one allowed: what is left is about its square."""
+
+Masks = npt.NDArray[np.uint8]
+"""Which labels the triangles around a point have, one bit a label."""
+
+
+class Ground(Protocol):
+    """A surface on which points have charts, coordinates that it is easily asked in."""
+
+    def settle(
+        self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Move points by `shifts` and put them back onto the surface.
+
+        Parameters
+        ----------
+        charts : (n, 3) ndarray
+            Where they are, near the surface.
+        shifts : (n, 3) ndarray
+            In the world.
+        masks : (n,) ndarray of uint8
+        creased : (n,) ndarray of bool
+            Whether they lie on an edge between labels, or a sharp one.
+
+        Returns
+        -------
+        charts, places : (n, 3) ndarrays
+            Where they are now; places are in the world.
+        settled : (n,) ndarray of bool
+            Whether they got there.
+        """
+        ...
+
+
+class FieldGround:
+    """The surface of a field, where it is zero; charts are places. Creases stay where they are."""
+
+    def __init__(
+        self, values: Callable[[FloatArray], FloatArray], gradient: Callable[[FloatArray], FloatArray], longest: float
+    ) -> None:
+        """Stand on a field's surface by its `values` (n,) and `gradient` (n, 3); no step is longer than `longest`."""
+        self.values, self.gradient, self.longest = values, gradient, longest
+
+    def settle(
+        self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        r"""Move points, then follow the gradient: x ← x − F(x) ∇F/\|∇F\|²; see `Ground`."""
+        del masks
+        places = np.where(creased[:, np.newaxis], charts, charts + shifts)
+        settled = ~creased | ~shifts.any(axis=1)
+        active = np.flatnonzero(~creased)
+        for _ in range(MOST_STEPS):
+            if not len(active):
+                break
+            values, slopes = self.values(places[active]), self.gradient(places[active])
+            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
+            steps = -(values / square)[:, np.newaxis] * slopes
+            length = np.linalg.norm(steps, axis=1)
+            places[active] += steps / np.maximum(length / self.longest, 1.0)[:, np.newaxis]
+            # Where the slope is zero there is nowhere to go.
+            active = active[(length > SETTLED * self.longest) | ((length == 0) & (values != 0))]
+        settled[active] = False
+        return places, places, settled
+
+
+class MeshGround:
+    """A mesh as it was; charts are places. Creases stay where they are."""
+
+    def __init__(self, vertices: FloatArray, triangles: IntArray) -> None:
+        """Stand on a mesh."""
+        # float32 holds the digits of what is near zero.
+        self.middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        self.scene = o3d.t.geometry.RaycastingScene()
+        tensors = (vertices - self.middle).astype(np.float32), triangles.astype(np.uint32)
+        self.scene.add_triangles(*(o3d.core.Tensor.from_numpy(each) for each in tensors))
+
+    def settle(
+        self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Move points, then go to the nearest point of the mesh; see `Ground`. Points that do not move are on it."""
+        del masks
+        moving = shifts.any(axis=1)
+        places = charts.copy()
+        rows = np.flatnonzero(moving & ~creased)
+        if len(rows):
+            query = o3d.core.Tensor.from_numpy((charts[rows] + shifts[rows] - self.middle).astype(np.float32))
+            places[rows] = self.scene.compute_closest_points(query)["points"].numpy().astype(np.float64) + self.middle
+        return places, places, ~(moving & creased)

@@ -1,0 +1,294 @@
+"""`clean_mesh`: repairs, in rounds, until a mesh is at rest."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.journal import Journal
+from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, require_triangles
+from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
+from o3dleaf.surface.mesh.surface_distance import surface_distance
+from o3dleaf.surface.mesh.topology import EdgeTable
+from o3dleaf.surface.repair.editable_mesh import NEW, Draft
+from o3dleaf.surface.repair.flips import flip_edges
+from o3dleaf.surface.repair.holes import close_holes
+from o3dleaf.surface.repair.merge_vertices import merge_close
+from o3dleaf.surface.repair.meshlab import simplify_labels, simplify_mesh
+from o3dleaf.surface.repair.repairs import (
+    drop_crossing,
+    drop_flat,
+    drop_repeated,
+    drop_small,
+    split_bowties,
+    thin_edges,
+    turn_flipped,
+    weld,
+)
+
+FOLD_ANGLE = 1.0
+"""Degrees: two triangles that meet at less than this are folded over; the rim of a blade is blunter."""
+
+
+@dataclass(frozen=True)
+class Cleaning:
+    """What `clean_mesh` is asked to do; its arguments."""
+
+    merge: float = 0.0
+    smallest_component: float = 0.0
+    smallest_area: float = 0.0
+    fewest_triangles: int = 0
+    largest_hole: float = 0.0
+    smallest_height: float = 0.0
+    fold_angle: float = FOLD_ANGLE
+    untangle: bool = False
+    orient: bool = True
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(f"{name}: is {value}; give zero (leave alone) or more")
+
+    def steps(self) -> list[Callable[[Draft], Draft]]:
+        """Return the repairs in the order in which one makes work for the next."""
+        flip = partial(flip_edges, height=self.smallest_height, angle=self.fold_angle)
+        small = partial(
+            drop_small, diameter=self.smallest_component, area=self.smallest_area, triangles=self.fewest_triangles
+        )
+        close = partial(close_holes, largest=self.largest_hole, height=self.smallest_height, angle=self.fold_angle)
+        merge = partial(merge_close, distance=self.merge, angle=self.fold_angle, orient=self.orient)
+        return [
+            weld,
+            *([merge] if self.merge > 0 else []),
+            drop_repeated,
+            *([turn_flipped] if self.orient else []),
+            flip,
+            drop_flat,
+            thin_edges,
+            *([drop_crossing] if self.untangle else []),
+            small,
+            *([turn_flipped] if self.orient else []),
+            *([close] if self.largest_hole > 0 else []),
+            Draft.compact,
+            split_bowties,
+        ]
+
+    def of(self, draft: Draft) -> Draft:
+        """Return a mesh that the steps leave as it is, to the bit."""
+        steps = self.steps()
+        # Ends: no step undoes another's, each takes away defects, triangles or vertices, and a split vertex,
+        # which is welded and split again, comes out as it was.
+        while True:
+            before = draft
+            for step in steps:
+                draft = step(draft) if len(draft.triangles) else draft
+            if draft.same(before):
+                return draft
+
+
+def clean_mesh(
+    mesh: MeshLike,
+    *,
+    merge: float = 0.0,
+    smallest_component: float = 0.0,
+    smallest_area: float = 0.0,
+    fewest_triangles: int = 0,
+    largest_hole: float = 0.0,
+    smallest_height: float = 0.0,
+    fold_angle: float = FOLD_ANGLE,
+    untangle: bool = False,
+    orient: bool = True,
+) -> o3d.geometry.TriangleMesh:
+    """Return a mesh without duplicate or flat triangles, non-manifold edges or vertices; no vertex moves.
+
+    Rounds of repairs until nothing changes, so that cleaning twice is cleaning once, bit for bit:
+    vertices in one place are joined, duplicate and flat triangles removed, edges flipped where a
+    triangle is flat or folded over its neighbour, triangles taken away until every edge has at most
+    two (fins before what they stand on), bow-tie vertices split into one a fan, small components
+    removed, flipped triangles turned, holes closed with triangles between their own vertices
+    (MeshLab's ear cutting).
+
+    Nothing gets worse: compared with the mesh whose coincident vertices are joined, there are not
+    more non-manifold edges or vertices, inconsistent edges, degenerate, duplicate or crossing
+    triangles, nor folded edges, of the first two and of the flat and duplicate ones none at all.
+    What would make a defect is not done: such a flip, merge or closed hole is left out. A triangle
+    taken away leaves at most three edges on the boundary, and nothing else adds to it.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Not modified.
+    merge : float
+        Vertices at most this far from an earlier one are joined to it, and none moves farther; in
+        the mesh's unit. With 0 no vertex moves at all.
+    smallest_component : float
+        Pieces whose bounding box has a shorter diagonal than this are removed; in the mesh's unit.
+    smallest_area : float
+        Pieces with a smaller area are removed; in the square of the mesh's unit.
+    fewest_triangles : int
+        Pieces of fewer triangles are removed.
+    largest_hole : float
+        Holes with a perimeter up to this are closed, the rim of an open sheet never is (see
+        `mesh_report` for which loop is a rim); in the mesh's unit.
+    smallest_height : float
+        Triangles with a smaller height over their longest edge, at whose foot a vertex stands like a
+        T, are flipped away where that helps; the surface then moves by at most so much. In the
+        mesh's unit.
+    fold_angle : float
+        Two triangles that meet at less than this are folded over; in degrees, 180 being flat.
+    untangle : bool
+        Remove the triangles that cross others; the holes that they leave are closed up to `largest_hole`.
+    orient : bool
+        Turn the triangles that run against the larger part, by area, of their patch.
+
+    Returns
+    -------
+    open3d.geometry.TriangleMesh
+        float64 vertices, bit for bit some of the input's. Vertex colours stay, normals are computed
+        anew if there were any; texture coordinates and materials are dropped. `clean_labels` says
+        what becomes of labels.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no triangle or a size is below zero.
+    """
+    cleaning = Cleaning(
+        merge=merge,
+        smallest_component=smallest_component,
+        smallest_area=smallest_area,
+        fewest_triangles=fewest_triangles,
+        largest_hole=largest_hole,
+        smallest_height=smallest_height,
+        fold_angle=fold_angle,
+        untangle=untangle,
+        orient=orient,
+    )
+    return _finish(mesh, cleaning.of(Draft.of(*require_triangles(mesh))))
+
+
+def clean_labels(
+    mesh: MeshLike, labels: npt.ArrayLike, **options: float
+) -> tuple[o3d.geometry.TriangleMesh, npt.NDArray[Any]]:
+    """Return what `clean_mesh` makes of a mesh, and the labels of the triangles that are left.
+
+    Parameters
+    ----------
+    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Not modified.
+    labels : (m, ...) array_like
+        One row a triangle; any type. A triangle that closes a hole takes a neighbour's.
+    **options
+        The other arguments of `clean_mesh`.
+
+    Raises
+    ------
+    InputError
+        As `clean_mesh`; if there is not one label a triangle.
+    """
+    draft, given = Draft.of(*require_triangles(mesh)), np.asarray(labels)
+    if given.shape[:1] != draft.triangle_origin.shape:
+        raise InputError(f"labels: has shape {given.shape}; give one a triangle, {len(draft.triangles)} in all")
+    draft = Cleaning(**options).of(draft)  # type: ignore[arg-type]
+    return _finish(mesh, draft), given[_spread(draft)]
+
+
+def _spread(draft: Draft) -> IntArray:
+    """Return the origins of the triangles; new ones take the first that a neighbour has."""
+    origin = draft.triangle_origin.copy()
+    edges = EdgeTable.of(draft.triangles)
+    pairs = edges.order[edges.first(np.flatnonzero(edges.count == 2))[:, np.newaxis] + [0, 1]] // 3
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    while (origin == NEW).any():
+        to, of = pairs[(origin[pairs[:, 0]] == NEW) & (origin[pairs[:, 1]] != NEW)].T
+        origin[to[::-1]] = origin[of[::-1]]
+    return origin
+
+
+def _finish(mesh: MeshLike, draft: Draft) -> o3d.geometry.TriangleMesh:
+    """Return the draft as a mesh, with the colours and normals that the input had."""
+    result = build_mesh(draft.vertices, draft.triangles)
+    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
+        mesh = mesh.to_legacy()
+    if isinstance(mesh, o3d.geometry.TriangleMesh):
+        if mesh.has_vertex_colors():
+            result.vertex_colors = o3d.utility.Vector3dVector(np.asarray(mesh.vertex_colors)[draft.vertex_origin])
+        if mesh.has_vertex_normals():
+            result.compute_vertex_normals()
+    return result
+
+
+FIGURES = (
+    "vertices",
+    "triangles",
+    "components",
+    "boundary_edges",
+    "holes",
+    "nonmanifold_edges",
+    "nonmanifold_vertices",
+    "inconsistent_edges",
+    "self_intersections",
+    "degenerate_triangles",
+    "duplicate_triangles",
+    "min_angle_deg",
+    "area",
+)
+"""Of `MeshReport`: what a table of before and after shows."""
+
+
+class CleaningRun:
+    """A mesh cleaned, simplified on request, and compared with what it was.
+
+    Parameters
+    ----------
+    cleaning, simplifying : dict
+        Arguments of `clean_mesh`; of `simplify_mesh`, if any of them is not None.
+
+    Attributes
+    ----------
+    reports : list of MeshReport
+        Of the mesh as it came, cleaned, and simplified.
+    distance : float or None
+        Between the cleaned and the simplified surface.
+    """
+
+    def __init__(self, cleaning: Mapping[str, float], simplifying: Mapping[str, float | None]) -> None:
+        self.cleaning, self.simplifying = Cleaning(**cleaning), simplifying  # type: ignore[arg-type]
+        self.reports: list[MeshReport] = []
+        self.distance: float | None = None
+
+    def run(
+        self, mesh: o3d.geometry.TriangleMesh, labels: npt.ArrayLike | None, journal: Journal
+    ) -> tuple[o3d.geometry.TriangleMesh, npt.NDArray[Any] | None]:
+        """Return the mesh and its labels, if it has any; `journal` shows how far it is."""
+        with journal.stage("clean"):
+            draft = self.cleaning.of(Draft.of(*require_triangles(mesh)))
+            found = _finish(mesh, draft)
+            left = None if labels is None else np.asarray(labels)[_spread(draft)]
+        results = [mesh, found]
+        if any(each is not None for each in self.simplifying.values()):
+            with journal.stage("simplify"):
+                if left is None:
+                    results.append(simplify_mesh(found, **self.simplifying))  # type: ignore[arg-type]
+                else:
+                    smaller, left = simplify_labels(found, left, **self.simplifying)
+                    results.append(smaller)
+                self.distance = surface_distance(found, results[-1])
+        with journal.stage("report"):
+            self.reports = [mesh_report(each) for each in results]
+        return results[-1], left
+
+    def table(self) -> list[str]:
+        """Return lines that compare the reports, and the distance."""
+        heads = ("before", "cleaned", "simplified")[: len(self.reports)]
+        rows = [[name.replace("_", " "), *(getattr(each, name) for each in self.reports)] for name in FIGURES]
+        lines = ["".join([f"{'':<22}", *(f"{head:>14}" for head in heads)])]
+        for name, *values in rows:
+            cells = (f"{each:>14,.6g}" if isinstance(each, float) else f"{each:>14,}" for each in values)
+            lines.append("".join([f"{name:<22}", *cells]))
+        return lines + ([] if self.distance is None else [f"{'moved by simplifying':<22}{self.distance:>14,.6g}"])

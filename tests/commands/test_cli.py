@@ -1,0 +1,328 @@
+"""The commands as a user runs them: what they write, and the one line that bad input gets."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from o3dleaf.io.triangle_mesh import read_triangle_mesh
+from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples.scan import wheat_scan
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+
+PROGRAM = Path(sys.executable).with_name("o3dleaf")
+
+
+def process(*arguments):
+    """Call the installed program, as a shell does."""
+    words = [str(PROGRAM), *(str(each) for each in arguments)]
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A scan, a midrib and a small volume, good ones."""
+    folder = tmp_path_factory.mktemp("input")
+    scan = wheat_scan(count=2500)
+    o3d.io.write_point_cloud(folder / "scan.ply", scan.cloud)
+    midrib = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.midrib))
+    o3d.io.write_point_cloud(folder / "midrib.ply", midrib)
+    volume, _ = wheat_ct(size=(720, 720, 480))
+    write_volume(folder / "ct.tif", volume)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bad(files, tmp_path_factory):
+    """One bad file after the other, by name."""
+    folder = tmp_path_factory.mktemp("bad")
+    points = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
+
+    def cloud(name, rows):
+        np.savetxt(folder / name, rows)
+        return folder / name
+
+    spoilt = points.copy()
+    spoilt[5] = np.nan
+    (folder / "empty.ply").touch()
+    (folder / "garbage.ply").write_bytes(bytes(range(256)) * 40)
+    (folder / "garbage.tif").write_bytes(bytes(range(256)) * 40)
+    volume = wheat_ct(size=(720, 720, 480))[0]
+    flat = Volume(np.ones((20, 20, 20), dtype=np.float32), volume.spacing, volume.origin, volume.unit)
+    write_volume(folder / "flat.tif", flat)
+    return {
+        "empty": folder / "empty.ply",
+        "nan": cloud("nan.xyz", spoilt),
+        "two": cloud("two.xyz", points[:2]),
+        "one": cloud("one.xyz", points[:1]),
+        "line": cloud("line.xyz", np.linspace([0, 0, 0], [100, 0, 0], 500)),
+        "same": cloud("same.xyz", np.ones((200, 3))),
+        "garbage": folder / "garbage.ply",
+        "flat": folder / "flat.tif",
+        "garbage_ct": folder / "garbage.tif",
+        "missing": folder / "missing.ply",
+    }
+
+
+CASES = {
+    "an empty cloud": (("{empty}",), "empty"),
+    "NaN": (("{nan}",), "NaN"),
+    "two points": (("{two}",), "2 points"),
+    "a cloud on a line": (("{line}", "--midrib", "{line}"), "one line"),
+    "a cloud on a line, without a midrib": (("{line}",), "one line"),
+    "a cloud in one place": (("{same}",), "damaged"),
+    "no such file": (("{missing}",), "no such file"),
+    "an unreadable cloud": (("{garbage}",), "PLY"),
+    "a midrib of one point": (("{scan}", "--midrib", "{one}"), "1 points"),
+    "a volume of one value": (("{scan}", "--ct", "{flat}"), "one value"),
+    "an unreadable volume": (("{scan}", "--ct", "{garbage_ct}"), "TIFF"),
+    "a scan a thousand times too small": (("{scan}", "--scan-unit", "um"), "unit"),
+    "a scan a thousand times too large": (("{scan}", "--scan-unit", "m"), "unit"),
+    "a volume a thousand times too large": (
+        ("{scan}", "--ct", "{ct}", "--ct-unit", "mm", "--voxel-spacing", "24"),
+        "unit",
+    ),
+    "an unknown unit": (("{scan}", "--scan-unit", "inch"), "unknown 'inch'"),
+    "a spacing of nothing": (("{scan}", "--spacing", "0"), "spacing"),
+    "a spacing larger than the leaf": (("{scan}", "--spacing", "500"), "spacing"),
+    "an unknown threshold": (("{scan}", "--ct", "{ct}", "--level", "best"), "best"),
+    "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
+    "no threads": (("{scan}", "--threads", "0"), "threads"),
+    "a solid of a blade without thickness": (("{scan}", "--closed"), "give ct"),
+    "one window in two ways": (("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"), "one of them"),
+    "a fine window of four numbers": (("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2"), "five numbers"),
+    "a fine window in a window": (
+        ("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2 0.1", "--region", "1", "1", "2", "2"),
+        "the whole leaf",
+    ),
+    "a grid of an unknown kind": (("{scan}", "--ct", "{ct}", "--grid", "grid.txt"), "suffix"),
+    "an unknown part of a grid": (("{scan}", "--ct", "{ct}", "--grid-of", "colour"), "colour"),
+    "an unknown distortion": (("{scan}", "--distortion", "taste"), "taste"),
+    "a share of triangles above one": (("{scan}", "--ct", "{ct}", "--simplify", "3"), "share"),
+    "an unknown period": (("{scan}", "--ct", "{ct}", "--period", "worst"), "period"),
+    "an unknown offset": (("{scan}", "--ct", "{ct}", "--offset", "down"), "down"),
+    "a point beside the leaf": (("{scan}", "--around", "0", "0", "900"), "beside the blade"),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input_gets_one_line_and_leaves_nothing(run, case, files, bad, tmp_path):
+    arguments, cause = CASES[case]
+    places = bad | {"scan": files / "scan.ply", "ct": files / "ct.tif"}
+    out = tmp_path / "out"
+    out.mkdir()
+    result = run("leaf", *(word.format(**places) for word in arguments), "-o", out / "leaf.ply", "--quiet")
+    assert result.returncode == 2
+    lines = result.stderr.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("o3dleaf: error: ")
+    assert cause in lines[0]
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("output", ["leaf.xyz", "nowhere/leaf.ply"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files, tmp_path, output):
+    result = run("leaf", files / "scan.ply", "-o", tmp_path / output)
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_leaf_from_files(run, files, tmp_path):
+    output = tmp_path / "leaf.ply"
+    result = run(
+        "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
+        "--region", 90, -2, 96, 2, "-o", output,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "extract mesh" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.ply", "leaf.png", "leaf.json"}
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    assert summary["unit"] == "mm"
+    assert summary["micro_structure"]["unit"] == "um"
+    assert summary["mesh"]["components"] == 2
+    assert summary["mesh"]["manifold"]
+    assert summary["settings"]["spacing"] == 0.1
+    assert {"fit micro-scale interpolant", "fit height map", "extract mesh"} <= set(summary["seconds"])
+    assert {"python", "numba", "open3d"} <= set(summary["versions"])
+    mesh = o3d.io.read_triangle_mesh(output)
+    assert len(mesh.triangles) == summary["mesh"]["triangles"]
+
+
+def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_path):
+    scan = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
+    middle = scan[np.argmin(np.linalg.norm(scan - np.median(scan, axis=0), axis=1))]
+    result = run(
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.05,
+        "--around", *middle, "--window", 1.5, "--closed", "--period", "best", "--offset", "normal",
+        "--tile-solid", tmp_path / "tile.stl", "--distortion", "thickness", "--no-picture", "-o", tmp_path / "leaf.stl",
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "triangles at 0.0" in result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.stl", "tile.stl", "leaf.distortion.png", "leaf.json"}
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    assert summary["mesh"]["watertight"]
+    assert summary["surface"]["closed"]
+    assert summary["surface"]["triangles"] == len(o3d.io.read_triangle_mesh(tmp_path / "leaf.stl").triangles)
+    assert not summary["frame"]["folded"]
+    # STL repeats every corner; equal ones make the block whole again.
+    assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl").remove_duplicated_vertices()).watertight
+
+
+def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
+    result = run(
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
+        "--fine", "95 -1 96 0.5 0.1", "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
+        "--no-picture", "-o", tmp_path / "leaf.obj", "-q",
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"leaf.obj", "leaf.nrrd", "leaf.json"}
+    report = json.loads((tmp_path / "leaf.json").read_text())["mesh"]
+    assert report["manifold"]
+    assert (report["components"], report["boundary_loops"]) == (2, 2)
+    assert {line for line in (tmp_path / "leaf.obj").read_text().splitlines() if line[:1] == "g"} == {
+        "g adaxial",
+        "g abaxial",
+    }
+
+
+def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
+    result = run(
+        "patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--tile-solid", tmp_path / "t.ply", "--spacing", 24
+    )
+    assert result.returncode == 0, result.stderr
+    assert "seam energy" in result.stdout
+    assert mesh_report(read_triangle_mesh(tmp_path / "t.ply")).watertight
+    assert "both or none" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
+
+
+def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
+    result = process("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
+    assert result.returncode == 0, result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
+    assert json.loads((tmp_path / "blade.json").read_text())["mesh"]["components"] == 1
+
+
+def test_info_says_what_a_file_holds(run, files, tmp_path):
+    result = run("info", files / "ct.tif", "--json", tmp_path / "ct.json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads((tmp_path / "ct.json").read_text())["shape"] == [30, 30, 20]
+    assert "2500" in run("info", files / "scan.ply", "--unit", "mm").stdout
+
+
+def test_clean_and_render(run, tmp_path):
+    sphere = o3d.geometry.TriangleMesh.create_sphere(1.0, 30)
+    sphere += o3d.geometry.TriangleMesh.create_sphere(0.01).translate((3, 0, 0))
+    o3d.io.write_triangle_mesh(tmp_path / "dirty.ply", sphere)
+    cleaned = run("clean", tmp_path / "dirty.ply", "--smallest-component", 0.1, "-o", tmp_path / "clean.ply")
+    assert cleaned.returncode == 0, cleaned.stderr
+    assert len(o3d.io.read_triangle_mesh(tmp_path / "clean.ply").cluster_connected_triangles()[1]) == 1
+    o3d.io.write_point_cloud(tmp_path / "points.ply", sphere.sample_points_uniformly(500))
+    drawn = run("render", tmp_path / "clean.ply", tmp_path / "points.ply", "-o", tmp_path / "clean.png", "--unit", "mm")
+    assert drawn.returncode == 0, drawn.stderr
+    assert (tmp_path / "clean.png").stat().st_size > 10_000
+
+
+def test_figures_are_drawn_and_what_is_left_out_is_said(run, files, tmp_path):
+    only = ("--only", "flattened,histogram", "--formats", "png")
+    drawn = run("figures", files / "scan.ply", "--midrib", files / "midrib.ply", *only, "-o", tmp_path / "figures")
+    assert drawn.returncode == 0, drawn.stderr
+    assert sorted(path.name for path in (tmp_path / "figures").iterdir()) == ["2-flattened.png", "captions.md"]
+    assert "histogram: left out" in " ".join(drawn.stderr.split())
+
+
+def test_view_without_a_screen_says_so(run, files, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    result = run("view", files / "scan.ply")
+    assert result.returncode == 2
+    assert "no screen" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "command", ["demo", "leaf", "patch", "sample", "info", "clean", "render", "pick", "view", "figures"]
+)
+def test_each_command_has_help(run, command):
+    result = run(command, "--help")
+    assert result.returncode == 0
+    assert "Usage" in result.stdout
+
+
+def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
+    fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
+    assert fitted.returncode == 0, fitted.stderr
+    window = ("--spacing", 0.1, "--region", 90, -2, 94, 2, "--no-picture", "-q", "--midrib", files / "midrib.ply")
+    for name, ct in {"model": tmp_path / "micro.o3l", "volume": files / "ct.tif"}.items():
+        result = run("leaf", files / "scan.ply", "--ct", ct, *window, "-o", tmp_path / f"{name}.ply")
+        assert result.returncode == 0, result.stderr
+    assert (tmp_path / "model.ply").read_bytes() == (tmp_path / "volume.ply").read_bytes()
+
+
+def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
+    samples = tmp_path / "samples"
+    samples.mkdir()
+    for name, source in {
+        "wheat_scan.ply": "scan.ply",
+        "wheat_midrib.ply": "midrib.ply",
+        "wheat_ct_24um.tif": "ct.tif",
+    }.items():
+        (samples / name).write_bytes((files / source).read_bytes())
+    result = run("demo", "--samples", samples, "-o", tmp_path / "demo", "--spacing", 0.3, "-q")
+    assert result.returncode == 0, result.stderr
+    written = {path.name for path in (tmp_path / "demo").iterdir()}
+    assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}
+
+
+def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
+    words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.012", "-o", tmp_path / "leaf.ply"]
+    process = subprocess.Popen([str(PROGRAM), *map(str, words)], stderr=subprocess.PIPE, text=True)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(timeout=8)
+    process.send_signal(signal.SIGINT)
+    _, rest = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert rest.strip().splitlines()[-1].startswith("o3dleaf: interrupted")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_read_is_never_written_over(run, files, tmp_path):
+    scan, ct = tmp_path / "scan.ply", tmp_path / "ct.tif"
+    scan.write_bytes((files / "scan.ply").read_bytes())
+    ct.write_bytes((files / "ct.tif").read_bytes())
+    before = {path: path.read_bytes() for path in (scan, ct)}
+    link = tmp_path / "link.ply"
+    link.symlink_to(scan)
+    for words in (
+        ("leaf", scan, "-o", scan),
+        ("leaf", scan, "-o", link),
+        ("leaf", scan, "--midrib", link, "-o", scan),
+        ("clean", scan, "-o", scan),
+    ):
+        result = run(*words)
+        assert result.returncode == 2
+        assert "not written over" in result.stderr
+    assert all(path.read_bytes() == content for path, content in before.items())
+
+
+def test_a_read_only_file_is_not_replaced(run, files, tmp_path):
+    """A rename would replace it, and root may do anything; the mode is what counts."""
+    target = tmp_path / "leaf.ply"
+    target.write_text("mine")
+    target.chmod(0o444)
+    result = run("leaf", files / "scan.ply", "-o", target)
+    assert result.returncode == 2
+    assert "read-only" in result.stderr
+    assert target.read_text() == "mine"
+
+
+def test_an_error_is_one_line_with_the_progress_shown_too(files, tmp_path):
+    result = process("leaf", files / "scan.ply", "--scan-unit", "um", "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1

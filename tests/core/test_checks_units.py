@@ -1,0 +1,149 @@
+"""The border: what comes in is a clean array in a known unit, or an error that says what to do."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from o3dleaf import checks
+from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
+from o3dleaf.core.units import METRES, check_unit, unit_scale
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [[1, 2, 3], [4, 5, 6]],
+        np.array([[1, 2, 3], [4, 5, 6]], dtype=np.float32),
+        np.array([[1, 2, 3], [4, 5, 6]], order="F"),
+        np.arange(1, 13).reshape(2, 6)[:, ::2] // 2 + [[1, 1, 1], [0, 0, 0]],
+        np.matrix([[1.0, 2, 3], [4, 5, 6]]),
+    ],
+    ids=["list", "float32", "column-major", "strided", "matrix"],
+)
+def test_points_of_any_make_become_one_layout(points):
+    found = checks.as_points(points)
+    assert type(found) is np.ndarray
+    assert found.dtype == np.float64
+    assert found.flags.c_contiguous
+    assert found.flags.aligned
+    assert found.flags.writeable
+    assert found.shape == (2, 3)
+
+
+def test_a_clean_array_is_not_copied_and_a_read_only_one_is():
+    points = np.ones((4, 3))
+    assert checks.as_points(points) is points
+    points.setflags(write=False)
+    found = checks.as_points(points)
+    assert found is not points
+    assert not np.shares_memory(found, points)
+
+
+def test_one_flat_point_is_taken_where_the_dimension_is_known():
+    assert checks.as_points([1, 2, 3], dim=3).shape == (1, 3)
+    with pytest.raises(InputError, match=r"shape \(3,\); give one point a row, shape \(n, d\)"):
+        checks.as_points([1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    ("points", "options", "message"),
+    [
+        (np.ones((3, 2)), {"dim": 3}, r"shape \(3, 2\); give one point a row, shape \(n, 3\)"),
+        (np.ones((3, 0)), {}, r"shape \(3, 0\)"),
+        (np.ones((2, 2, 2)), {}, r"shape \(2, 2, 2\)"),
+        (3.0, {}, r"shape \(\)"),
+        ([], {}, r"shape \(0,\)"),
+        (np.empty((0, 3)), {"least": 1}, "holds 0 points; at least 1"),
+        ([["a", "b"]], {}, "not an array of numbers"),
+        ([[1, 2], [3]], {}, "not an array of numbers"),
+        ([[None, 1.0]], {}, "NaN"),
+        ([[np.nan, 1], [np.inf, 2]], {}, r"2 values are NaN or infinite, the first at index \(0, 0\)"),
+    ],
+)
+def test_what_is_no_array_of_points_is_refused_with_its_name(points, options, message):
+    with pytest.raises(InputError, match=message) as caught:
+        checks.as_points(points, "cloud", **options)
+    assert str(caught.value).startswith("cloud: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_values_are_one_a_point():
+    assert checks.as_values([1, 2], 2).dtype == np.float64
+    for bad in ([1, 2, 3], [[1], [2]], 5.0):
+        with pytest.raises(InputError, match=r"one value a point, shape \(2,\)"):
+            checks.as_values(bad, 2)
+    with pytest.raises(InputError, match="NaN"):
+        checks.as_values([1, np.nan], 2)
+    with pytest.raises(InputError, match="not an array of numbers"):
+        checks.as_values(["one", "two"], 2)
+
+
+def test_weights_are_above_zero():
+    np.testing.assert_array_equal(checks.as_weights([1, 0.5], 2), [1, 0.5])
+    with pytest.raises(InputError, match="1 are not above zero"):
+        checks.as_weights([1, 0], 2)
+
+
+def test_bounds_are_a_lower_and_an_upper_corner():
+    np.testing.assert_array_equal(checks.as_bounds([[0, 0], [1, 0]], 2), [[0, 0], [1, 0]])
+    for bad in ([[0, 0]], [[1, 0], [0, 1]], [[0, 0], [1, 1], [2, 2]]):
+        with pytest.raises(InputError, match=r"lower corner, then the upper corner, shape \(2, 2\)"):
+            checks.as_bounds(bad, 2)
+
+
+def test_numbers_choices_and_files(tmp_path):
+    assert checks.require_positive(2, "spacing") == 2.0
+    for bad in (0, -1, np.nan, np.inf, "a", None):
+        with pytest.raises(InputError, match="above zero"):
+            checks.require_positive(bad, "spacing")
+    assert checks.as_number("-2", "isovalue") == -2.0
+    for bad in (np.nan, -np.inf, "a", None, [1, 2]):
+        with pytest.raises(InputError, match=r"isovalue: is .*; give a finite number"):
+            checks.as_number(bad, "isovalue")
+    assert checks.require_choice("b", "abc", "letter") == "b"
+    with pytest.raises(InputError, match="letter: unknown 'd'; choose one of a, b, c"):
+        checks.require_choice("d", iter("abc"), "letter")
+    with pytest.raises(InputError, match="no such file"):
+        checks.require_file(tmp_path / "missing.ply")
+    with pytest.raises(InputError, match="no such file"):
+        checks.require_file(tmp_path)
+    (tmp_path / "empty.ply").touch()
+    with pytest.raises(InputError, match="the file is empty"):
+        checks.require_file(tmp_path / "empty.ply")
+    (tmp_path / "full.ply").write_text("ply")
+    assert checks.require_file(str(tmp_path / "full.ply")) == tmp_path / "full.ply"
+
+
+def test_every_error_of_ours_has_one_base_and_input_errors_are_value_errors():
+    assert issubclass(InputError, O3DLeafError)
+    assert issubclass(InputError, ValueError)
+    assert issubclass(UnitError, InputError)
+
+
+@given(a=st.sampled_from(list(METRES)), b=st.sampled_from(list(METRES)), c=st.sampled_from(list(METRES)))
+def test_unit_scales_compose_and_invert(a, b, c):
+    assert unit_scale(a, b) * unit_scale(b, c) == pytest.approx(unit_scale(a, c), rel=1e-15)
+    assert unit_scale(a, b) * unit_scale(b, a) == pytest.approx(1, rel=1e-15)
+    assert unit_scale(a, a) == 1.0
+
+
+def test_a_millimetre_is_a_thousand_micrometres():
+    assert unit_scale("mm", "um") == pytest.approx(1000)
+    assert unit_scale("µm", "mm") == pytest.approx(1e-3)
+    assert unit_scale("m", "cm") == pytest.approx(100)
+    assert unit_scale("um", "nm") == pytest.approx(1000)
+
+
+def test_both_letters_mu_are_understood():
+    assert check_unit("\N{MICRO SIGN}m") == check_unit("\N{GREEK SMALL LETTER MU}m") == check_unit("um") == "um"
+
+
+def test_units_never_mix_in_silence():
+    assert unit_scale(None, None) == 1.0
+    assert check_unit(None) is None
+    for pair in (("mm", None), (None, "um")):
+        with pytest.raises(UnitError, match="name the unit of both"):
+            unit_scale(*pair)
+    with pytest.raises(UnitError, match="unknown 'inch'; choose one of m, cm, mm, um, nm"):
+        check_unit("inch")

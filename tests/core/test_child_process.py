@@ -1,0 +1,138 @@
+"""A library that crashes, hangs or fails in a child process is one line here, and leaves nothing behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from o3dleaf.core.child_process import run_apart
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from o3dleaf.surface.repair.meshlab import screened_poisson
+from tolerances import POISSON_SPHERE
+
+MISDEEDS = """
+import ctypes, os, time
+import numpy as np
+from o3dleaf.core.errors import InputError
+
+def double(array, other, times):
+    return times * array, other
+
+def crash(array):
+    ctypes.string_at(0)
+
+def hang(array):
+    open(os.environ["MISDEEDS"], "w").write(str(os.getpid()))
+    time.sleep(600)
+
+def refuse(array):
+    raise InputError("array: is wrong; give another")
+
+def fail(array):
+    raise RuntimeError("the filter said no")
+"""
+"""Functions that the child imports; not from this file, which pytest imports under no name."""
+
+
+@pytest.fixture
+def misdeeds(tmp_path, monkeypatch):
+    (tmp_path / "misdeeds.py").write_text(MISDEEDS)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("MISDEEDS", str(tmp_path / "pid"))
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    import misdeeds
+
+    yield misdeeds
+    assert list((tmp_path / "temporary").iterdir()) == []
+    del sys.modules["misdeeds"]
+
+
+def call(function, *arrays, seconds=30.0, **options):
+    given = arrays or (np.zeros(2),)
+    return run_apart(function, given, options, name="the filter", cure="try another", seconds=seconds)
+
+
+def test_arrays_go_over_and_come_back(misdeeds):
+    array, other = np.arange(6.0).reshape(2, 3), np.array([[1, 2]], dtype=np.uint8)
+    twice, same = call(misdeeds.double, array, other, times=2)
+    assert np.array_equal(twice, 2 * array)
+    assert (same.dtype, same.tolist()) == (other.dtype, other.tolist())
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        ("crash", O3DLeafError, r"the filter: died of SIGSEGV.*; try another"),
+        (
+            "fail",
+            O3DLeafError,
+            r"the filter: failed with exit code 1 \(RuntimeError: the filter said no\); try",
+        ),
+        ("refuse", InputError, r"^array: is wrong; give another$"),
+    ],
+)
+def test_what_goes_wrong_is_one_line(misdeeds, name, error, message):
+    with pytest.raises(O3DLeafError, match=message) as caught:
+        call(getattr(misdeeds, name))
+    assert type(caught.value) is error
+    assert "\n" not in str(caught.value)
+
+
+def is_running(process: int) -> bool:
+    """Return whether a process runs; a zombie, which waits for its parent to ask after it, does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_for(condition):
+    end = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def test_a_hang_ends_at_the_limit(misdeeds, tmp_path):
+    start = time.monotonic()
+    with pytest.raises(O3DLeafError, match=r"the filter: did not end within 1 s and was stopped; try another"):
+        call(misdeeds.hang, seconds=1.0)
+    assert time.monotonic() - start < 10
+    assert not is_running(int((tmp_path / "pid").read_text()))
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_the_child_ends_with_its_parent(misdeeds, tmp_path, how):
+    """Ctrl-C reaches the parent alone and leaves no folder; a parent that is killed takes its child along."""
+    code = "import tempfile, sys; tempfile.tempdir = sys.argv[1]\n"
+    code += "import numpy as np, misdeeds; from o3dleaf.core.child_process import run_apart\n"
+    code += "run_apart(misdeeds.hang, (np.zeros(1),), {}, name='it', cure='no', seconds=60)"
+    path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
+    place = tmp_path / "temporary" if how == signal.SIGINT else tmp_path
+    with subprocess.Popen([sys.executable, "-c", code, place], env=os.environ | {"PYTHONPATH": path}) as parent:
+        wait_for(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
+        child = int((tmp_path / "pid").read_text())
+        parent.send_signal(how)
+        parent.wait()
+    wait_for(lambda: not is_running(child))
+
+
+def test_screened_poisson_of_a_sphere_is_a_sphere():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(4000, 3))
+    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
+    mesh = screened_poisson(points, points, depth=5)
+    report = mesh_report(mesh)
+    assert report.volume == pytest.approx(4 / 3 * np.pi, rel=POISSON_SPHERE)
+    with pytest.raises(InputError, match="one a point"):
+        screened_poisson(points, points[1:])
+    with pytest.raises(O3DLeafError, match="found no surface"):
+        screened_poisson(points[:1], points[:1], 4)

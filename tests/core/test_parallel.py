@@ -1,0 +1,341 @@
+"""The thread pool: every block once, errors and Ctrl-C out, progress to the end, alive after a fork."""
+
+import gc
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.parallel import (
+    WHOLE,
+    blocks,
+    get_num_threads,
+    run_blocks,
+    set_num_threads,
+    share_out,
+    single_threaded_blas,
+)
+from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
+
+
+@pytest.fixture(autouse=True)
+def _two_threads():
+    before = get_num_threads()
+    set_num_threads(2)
+    yield
+    set_num_threads(before)
+
+
+@given(
+    shares=st.lists(st.floats(0.01, 100), min_size=1, max_size=5),
+    told=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 7), st.integers(0, 7)), max_size=30),
+)
+def test_steps_that_share_a_bar_never_move_it_back_and_the_last_ends_it(shares, told):
+    seen = []
+    steps = share_out(lambda *at: seen.append(at), *shares)
+    for number, done, total in told:
+        steps[number % len(steps)](min(done, total), total)
+    steps[-1](1, 1)
+    assert {total for _, total in seen} == {WHOLE}
+    assert all(one < other for (one, _), (other, _) in pairwise(seen))
+    assert seen[-1] == (WHOLE, WHOLE)
+
+
+def test_a_step_moves_the_bar_by_its_share_and_shares_can_be_shared_out():
+    seen = []
+    first, second = share_out(lambda *at: seen.append(at[0] / at[1]), 1, 3)
+    early, late = share_out(second, 1, 1)
+    for step, done, total in ((first, 1, 2), (first, 2, 2), (early, 5, 10), (late, 0, 3), (late, 3, 3)):
+        step(done, total)
+    np.testing.assert_allclose(seen, [1 / 8, 1 / 4, 7 / 16, 5 / 8, 1], rtol=0, atol=2 / WHOLE)
+    assert share_out(None, 1, 3) == (None, None)
+
+
+@given(count=st.integers(0, 100), size=st.integers(1, 30))
+def test_blocks_cover_every_item_once_in_order(count, size):
+    pairs = list(blocks(count, size))
+    assert [i for start, stop in pairs for i in range(start, stop)] == list(range(count))
+    assert all(0 < stop - start <= size for start, stop in pairs)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize(("count", "size"), [(0, 3), (2, 3), (3, 3), (100, 7)])
+def test_every_item_is_done_once_and_progress_reaches_the_total(threads, count, size):
+    set_num_threads(threads)
+    assert get_num_threads() == threads
+    done, seen = np.zeros(count, dtype=int), []
+
+    def task(start, stop):
+        done[start:stop] += 1
+
+    run_blocks(task, count, size, lambda *at: seen.append(at))
+    assert np.all(done == 1)
+    assert len(seen) == len(list(blocks(count, size)))
+    assert sorted(seen) == seen
+    assert not seen or seen[-1] == (count, count)
+
+
+def test_progress_is_called_from_the_calling_thread_while_the_work_goes_on():
+    callers, ahead = set(), []
+
+    def progress(done, total):
+        callers.add(threading.current_thread())
+        ahead.append(done < total)
+
+    run_blocks(lambda start, stop: time.sleep(0.002), 20, 1, progress)
+    assert callers == {threading.current_thread()}
+    assert ahead[0]
+
+
+def test_the_blocks_run_side_by_side():
+    meeting = threading.Barrier(2, timeout=10)
+    run_blocks(lambda start, stop: meeting.wait(), 2, 1)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_error_comes_out_and_cancels_what_has_not_started(threads):
+    set_num_threads(threads)
+    started = []
+
+    def task(start, stop):
+        started.append(start)
+        if start == 3:
+            raise ValueError("block three")
+        time.sleep(0.002)
+
+    with pytest.raises(ValueError, match="block three"):
+        run_blocks(task, 1000, 1)
+    count = len(started)
+    assert count < 100
+    time.sleep(0.02)
+    assert len(started) == count
+
+
+def test_nothing_runs_any_more_when_the_error_arrives():
+    """A caller who catches the error may touch the arrays again."""
+    running = []
+
+    def task(start, stop):
+        if start == 0:
+            raise ValueError("at once")
+        running.append(start)
+        time.sleep(0.1)
+        running.remove(start)
+
+    for _ in range(3):
+        with pytest.raises(ValueError, match="at once"):
+            run_blocks(task, 50, 1)
+        assert not running
+
+
+def test_an_error_in_progress_comes_out_too():
+    def progress(done, total):
+        raise ValueError("bar")
+
+    with pytest.raises(ValueError, match="bar"):
+        run_blocks(lambda start, stop: None, 10, 1, progress)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interrupt_in_a_task_comes_out(threads):
+    set_num_threads(threads)
+
+    def task(start, stop):
+        if start == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_blocks(task, 20, 1)
+
+
+@pytest.fixture
+def _no_garbage():
+    """Python drops an interrupt that arrives inside a destructor."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.usefixtures("_no_garbage")
+def test_ctrl_c_stops_the_work():
+    """The signal reaches the main thread while it waits for the blocks."""
+    started = []
+
+    def task(start, stop):
+        started.append(start)
+        if start == 20:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        time.sleep(0.005)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_blocks(task, 1000, 1)
+    assert len(started) < 500
+
+
+def test_the_pool_works_on_after_an_error():
+    with pytest.raises(ZeroDivisionError):
+        run_blocks(lambda start, stop: 1 // start, 10, 1)
+    done = np.zeros(10)
+    run_blocks(lambda start, stop: done.__setitem__(slice(start, stop), 1), 10, 1)
+    assert done.all()
+
+
+def test_a_block_may_use_the_pool_itself():
+    """A Field asked from inside a block runs blocks of its own; on the same two threads it would wait for ever."""
+
+    def nested():
+        done = np.zeros((8, 5), dtype=int)
+
+        def outer(start, stop):
+            run_blocks(lambda first, last: done.__setitem__((start, slice(first, last)), 1), 5, 1)
+
+        run_blocks(outer, 8, 1)
+        os._exit(0 if done.all() else 1)
+
+    child = multiprocessing.get_context("fork").Process(target=nested, daemon=True)
+    child.start()
+    child.join(20)
+    waiting = child.is_alive()
+    child.kill()
+    assert not waiting
+    assert child.exitcode == 0
+
+
+def test_several_callers_share_the_pool():
+    sums = np.zeros((6, 50))
+
+    def caller(row):
+        run_blocks(lambda start, stop: sums.__setitem__((row, start), start), 50, 1)
+
+    callers = [threading.Thread(target=caller, args=(row,)) for row in range(6)]
+    for thread in callers:
+        thread.start()
+    for thread in callers:
+        thread.join(20)
+    np.testing.assert_array_equal(sums, np.arange(50.0) * np.ones((6, 1)))
+
+
+def test_the_cost_of_a_block_does_not_grow_with_their_number():
+    """Waiting for the first of all pending blocks again and again takes 20 s for these."""
+    start = time.perf_counter()
+    run_blocks(lambda start, stop: None, 20_000, 1)
+    assert time.perf_counter() - start < 10
+
+
+def test_fewer_than_one_thread_is_refused():
+    for threads in (0, -3):
+        with pytest.raises(InputError, match="give 1 or more"):
+            set_num_threads(threads)
+
+
+def fit_and_ask():
+    rng = np.random.default_rng(0)
+    points = rng.random((200, 3))
+    return RBFInterpolant.fit(points, points.sum(axis=1) ** 2)(rng.random((5000, 3)))
+
+
+def test_a_forked_child_computes_the_same_bits():
+    expected = fit_and_ask().tobytes()
+    child = os.fork()
+    if child == 0:  # nothing but os._exit may end this branch
+        signal.alarm(60)
+        os._exit(0 if fit_and_ask().tobytes() == expected else 1)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 0
+
+
+def test_a_multiprocessing_child_of_either_kind_computes_the_same_bits():
+    expected = fit_and_ask()
+    context = multiprocessing.get_context("fork")
+    there, here = context.Pipe()
+    child = context.Process(target=lambda: there.send(fit_and_ask()), daemon=True)
+    child.start()
+    assert here.poll(60)
+    np.testing.assert_array_equal(here.recv(), expected)
+    child.join(20)
+    assert child.exitcode == 0
+
+
+def blas_threads():
+    return {found["filepath"]: found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"}
+
+
+@pytest.fixture
+def blas():
+    """BLAS at two threads, whatever the machine, so that a limit of one is seen."""
+    with single_threaded_blas():
+        pass  # what this loads stays loaded
+    with threadpool_limits(limits=2, user_api="blas"):
+        yield blas_threads()
+
+
+def test_the_blas_limit_holds_inside_and_is_lifted_outside(blas):
+    assert set(blas.values()) == {2}
+    with single_threaded_blas():
+        assert set(blas_threads().values()) == {1}
+    assert blas_threads() == blas
+
+
+def test_a_library_that_comes_later_does_not_escape_the_limit():
+    """Numba calls SciPy's BLAS, which is loaded at its first use: inside the limit, if nobody did before."""
+    code = """
+from threadpoolctl import threadpool_info
+from o3dleaf.core.parallel import single_threaded_blas
+with single_threaded_blas():
+    import scipy.linalg
+    print({found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"})
+"""
+    child = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert child.stdout.strip() == "{1}"
+
+
+def test_nested_limits_are_lifted_by_the_last(blas):
+    with single_threaded_blas():
+        with single_threaded_blas():
+            pass
+        assert set(blas_threads().values()) == {1}
+    assert blas_threads() == blas
+
+
+def test_the_limit_is_lifted_after_an_error(blas):
+    with pytest.raises(ValueError, match="inside"), single_threaded_blas():
+        raise ValueError("inside")
+    assert blas_threads() == blas
+
+
+def test_concurrent_limits_are_lifted_by_the_last(blas):
+    inside, leave, seen = threading.Barrier(3, timeout=10), [threading.Event() for _ in range(2)], []
+
+    def user(number):
+        with single_threaded_blas():
+            inside.wait()
+            leave[number].wait(10)
+            seen.append(set(blas_threads().values()))
+
+    users = [threading.Thread(target=user, args=(number,)) for number in range(2)]
+    for thread in users:
+        thread.start()
+    inside.wait()
+    for number, thread in enumerate(users):
+        leave[number].set()
+        thread.join(10)
+    assert seen == [{1}, {1}]
+    assert blas_threads() == blas

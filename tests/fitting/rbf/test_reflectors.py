@@ -1,0 +1,74 @@
+"""Reflectors all at once, ranks without singular values, and small systems without LAPACK: as the long way says."""
+
+import numpy as np
+import pytest
+
+from o3dleaf.fitting.rbf import cholesky_loops, reflector_loops, solve_loops
+from tolerances import ROUNDING
+
+
+def made(columns):
+    """Reflectors of a random tail, and Q as the product of them, one after another."""
+    tail = np.random.default_rng(columns).normal(size=(30, columns))
+    vectors, betas = reflector_loops.householder(tail)
+    q = np.eye(30)
+    for v, beta in zip(vectors, betas, strict=True):
+        q = q @ (np.eye(30) - beta * np.outer(v, v))
+    return vectors, betas, q
+
+
+@pytest.mark.parametrize("columns", [0, 1, 4, 9, 10])
+def test_all_reflectors_at_once_turn_a_matrix_on_both_sides(columns):
+    vectors, betas, q = made(columns)
+    half = np.random.default_rng(1).normal(size=(30, 30))
+    matrix = half + half.T
+    for forward, turned in ((True, q.T @ matrix @ q), (False, q @ matrix @ q.T)):
+        found = matrix.copy()
+        reflector_loops.reflect_both_sides(found, vectors, betas, forward)
+        assert np.array_equal(found, found.T)
+        np.testing.assert_allclose(found, turned, atol=ROUNDING * np.abs(turned).max())
+
+
+def test_the_block_of_reflectors_is_their_product():
+    vectors, betas, q = made(7)
+    block = np.eye(30) - vectors.T @ reflector_loops.block_reflector(vectors, betas) @ vectors
+    np.testing.assert_allclose(block, q, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("least", [1.0, 1e-3, 1e-5])
+def test_the_norms_of_a_triangle_bound_its_condition(least):
+    """|R| |R⁻¹| is at least the quotient of the extreme singular values, and at most columns times that."""
+    rng = np.random.default_rng(3)
+    left, right = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
+    triangle = np.linalg.qr(left * np.append(np.ones(5), least) @ right)[1]
+    bound = reflector_loops.norm(triangle) * reflector_loops.inverse_norm(triangle)
+    values = np.linalg.svd(triangle, compute_uv=False)
+    condition = values[0] / values[-1]
+    assert bound >= condition * (1 - ROUNDING * condition)
+    assert bound <= 6 * condition * (1 + ROUNDING * condition)
+
+
+def test_a_singular_triangle_has_no_inverse_of_any_norm():
+    assert not reflector_loops.inverse_norm(np.array([[1.0, 2.0], [0.0, 0.0]])) < np.inf
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e-7, 1e-9])
+def test_a_direction_counts_down_to_the_tolerance_of_the_rank(share):
+    """Points off a plane by a share of their extent have the rank of space down to 1e-8 of it, whoever tells it."""
+    points = np.random.default_rng(2).uniform(-1, 1, (3, 40))
+    points[2] *= share
+    exponents = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    tail, frame = solve_loops.tail_matrix(points, exponents), solve_loops.natural_monomials(points, exponents)
+    assert len(reflector_loops.restrict_tail(tail, frame)[2]) == (4 if share > reflector_loops.RANK_TOLERANCE else 3)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_small_systems_are_solved_as_large_ones_are(size):
+    """Also singular ones, which leave a direction out."""
+    rng = np.random.default_rng(size)
+    rows = rng.normal(size=(size, size + 2))
+    for factor in (rows, np.repeat(rows[:1], size, axis=0)):
+        matrix, right = factor @ factor.T, factor @ rng.normal(size=size + 2)
+        few, many = right.copy(), right.copy()
+        assert cholesky_loops.solve_few(matrix.copy(), few) == cholesky_loops.solve_positive(matrix.copy(), many)
+        np.testing.assert_allclose(few, many, rtol=ROUNDING * np.linalg.cond(factor[: None if factor is rows else 1]))

@@ -1,0 +1,90 @@
+import numpy as np
+import open3d as o3d
+import pytest
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.point_cloud import read_point_cloud
+from o3dleaf.surface.cloud.prepare import remove_stray_points
+
+
+def cloud_of(points):
+    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.asarray(points, dtype=np.float64)))
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd", ".xyz"])
+def test_what_open3d_wrote_is_read_back(tmp_path, suffix):
+    points = np.random.default_rng(0).uniform(0, 100, (50, 3)).round(6)
+    o3d.io.write_point_cloud(tmp_path / f"scan{suffix}", cloud_of(points))
+    assert np.asarray(read_point_cloud(tmp_path / f"scan{suffix}").points) == pytest.approx(points, abs=1e-5)
+
+
+def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_path):
+    file = tmp_path / "bomb.ply"
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
+    file.write_text(head + "property double x\nproperty double y\nproperty double z\nend_header\n" + 100 * "x")
+    with pytest.raises(InputError, match="cut off"):
+        read_point_cloud(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("none.ply", None, "no such file"),
+        ("empty.ply", "", "empty"),
+        ("text.ply", "hello", "does not begin with 'ply'"),
+        ("nothing.ply", "ply\nformat ascii 1.0\nend_header\n", "names no points"),
+        ("scan.las", "LASF", "unknown kind"),
+        ("words.xyz", "these are words\n", "no points"),
+        ("two.xyz", "0 0 0\n1 1 1\n", "at least 3"),
+        ("nan.xyz", "0 0 0\n1 1 nan\n1 2 3\n4 5 6\n", "NaN"),
+    ],
+)
+def test_a_bad_file_is_refused_with_its_cause(tmp_path, name, content, message):
+    file = tmp_path / name
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_point_cloud(file)
+
+
+def test_repeated_and_stray_points_go_and_are_counted():
+    rng = np.random.default_rng(1)
+    leaf = np.column_stack([rng.uniform(0, 100, 3000), rng.uniform(-5, 5, 3000), np.zeros(3000)])
+    far = np.array([[50.0, 0, 400], [-300, 0, 0]])
+    prepared = remove_stray_points(np.concatenate([leaf, leaf[:7], far]))
+    assert (prepared.repeated, prepared.stray) == (7, 2)
+    assert {tuple(p) for p in prepared.points} == {tuple(p) for p in leaf}
+
+
+def test_the_real_leaf_keeps_its_thin_parts(real_scan):
+    prepared = remove_stray_points(read_point_cloud(real_scan("wheat/wheat_leaf.ply")))
+    assert prepared.repeated == 0
+    assert prepared.stray <= 3
+
+
+def test_tensor_clouds_and_arrays_are_taken_alike():
+    points = np.random.default_rng(2).uniform(0, 1, (200, 3))
+    tensor = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
+    for held in (points, cloud_of(points), tensor):
+        assert np.array_equal(remove_stray_points(held).points, remove_stray_points(points).points)
+
+
+@pytest.mark.parametrize("ascii_text", [True, False])
+@pytest.mark.parametrize("colours", [True, False])
+def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
+    whole = cloud_of(np.random.default_rng(3).uniform(0, 100, (500, 3)))
+    if colours:
+        whole.paint_uniform_color((0.1, 0.5, 0.1))
+    o3d.io.write_point_cloud(tmp_path / "scan.ply", whole, write_ascii=ascii_text)
+    assert len(read_point_cloud(tmp_path / "scan.ply").points) == 500
+    content = (tmp_path / "scan.ply").read_bytes()
+    for share in (0.5, 0.9, 0.99):
+        (tmp_path / "cut.ply").write_bytes(content[: int(share * len(content))])
+        with pytest.raises(InputError, match="cut off"):
+            read_point_cloud(tmp_path / "cut.ply")
+
+
+@pytest.mark.parametrize("points", [np.ones((200, 3)), np.random.default_rng(4).uniform(0, 1e300, (200, 3))])
+def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points):
+    with pytest.raises(InputError, match="is it damaged"):
+        remove_stray_points(points)

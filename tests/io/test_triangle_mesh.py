@@ -1,0 +1,94 @@
+"""What is written reads back; what fails leaves nothing behind."""
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from mesh_fields import sphere
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.io import triangle_mesh
+from o3dleaf.io.triangle_mesh import write_triangle_mesh
+from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from tolerances import STL_DIGITS
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return extract_isosurface(sphere(), 0.2)
+
+
+def test_ply_keeps_every_digit(ball, tmp_path):
+    write_triangle_mesh(tmp_path / "ball.ply", ball)
+    again = o3d.io.read_triangle_mesh(tmp_path / "ball.ply")
+    assert np.array_equal(np.asarray(again.vertices), np.asarray(ball.vertices))
+    assert np.array_equal(np.asarray(again.triangles), np.asarray(ball.triangles))
+    assert not ball.has_triangle_normals()
+
+
+@pytest.mark.parametrize("normals", [False, True])
+def test_obj_keeps_every_digit(ball, tmp_path, monkeypatch, normals):
+    monkeypatch.setattr(triangle_mesh, "LINES", 100)
+    mesh = o3d.geometry.TriangleMesh(ball)
+    if normals:
+        mesh.compute_vertex_normals()
+    write_triangle_mesh(tmp_path / "ball.obj", mesh)
+    rows = [line.split() for line in (tmp_path / "ball.obj").read_text(encoding="ascii").splitlines()]
+    vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=np.float64)
+    faces = np.array([[corner.split("/")[0] for corner in row[1:]] for row in rows if row[0] == "f"], dtype=int) - 1
+    assert np.array_equal(vertices, np.asarray(ball.vertices))
+    assert np.array_equal(faces, np.asarray(ball.triangles))
+    again = o3d.io.read_triangle_mesh(tmp_path / "ball.obj")
+    assert len(again.triangles) == len(ball.triangles)
+    assert again.has_vertex_normals() == normals
+
+
+def test_stl_has_the_triangles_and_their_normals(ball, tmp_path):
+    write_triangle_mesh(tmp_path / "ball.STL", ball)
+    again = o3d.io.read_triangle_mesh(tmp_path / "ball.STL")
+    vertices, triangles = mesh_arrays(again)
+    expected = np.asarray(ball.vertices)[np.asarray(ball.triangles)]
+    assert np.abs(vertices[triangles] - expected).max() < STL_DIGITS
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    facets = np.frombuffer((tmp_path / "ball.STL").read_bytes()[84:], dtype=record)
+    middle = facets["corners"].mean(axis=1)
+    assert (np.einsum("ij,ij->i", facets["normal"], middle) > 0).all()
+    assert not ball.has_triangle_normals()
+
+
+def test_arrays_and_tensor_meshes_are_written_too(ball, tmp_path):
+    for name, mesh in [("a.ply", mesh_arrays(ball)), ("b.ply", o3d.t.geometry.TriangleMesh.from_legacy(ball))]:
+        write_triangle_mesh(tmp_path / name, mesh)
+        assert len(o3d.io.read_triangle_mesh(tmp_path / name).triangles) == len(ball.triangles)
+
+
+@pytest.mark.parametrize(
+    ("name", "mesh", "words"),
+    [
+        ("leaf.xyz", None, "unknown suffix"),
+        ("leaf", None, "unknown suffix"),
+        ("missing/leaf.ply", None, "folder"),
+        ("leaf.ply", o3d.geometry.TriangleMesh(), "no triangles"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_and_leaves_nothing(ball, tmp_path, name, mesh, words):
+    with pytest.raises(InputError, match=words):
+        write_triangle_mesh(tmp_path / name, ball if mesh is None else mesh)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("how", ["says no", "breaks off"])
+def test_a_failure_leaves_the_old_file_and_nothing_else(ball, tmp_path, monkeypatch, how):
+    (tmp_path / "ball.ply").write_text("old")
+
+    def fail(path, *_, **__):
+        path.write_text("half of it")
+        if how == "breaks off":
+            raise OSError(28, "No space left on device")
+        return False
+
+    monkeypatch.setattr(o3d.io, "write_triangle_mesh", fail)
+    with pytest.raises(O3DLeafError):
+        write_triangle_mesh(tmp_path / "ball.ply", ball)
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.ply"]
+    assert (tmp_path / "ball.ply").read_text() == "old"

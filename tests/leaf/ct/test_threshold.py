@@ -1,0 +1,82 @@
+"""The threshold lies between air and leaf, whatever noise, drift, padding and imbalance do to the histogram."""
+
+import numpy as np
+import pytest
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.threshold import histogram_threshold
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.samples.ct import wheat_ct
+
+METHODS = ["valley", "otsu"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.025])
+def test_between_the_peaks_of_a_noisy_drifting_leaf(method, noise):
+    volume, truth = wheat_ct(seed=3, noise=noise, drift=0.15)
+    clean = wheat_ct(seed=3, noise=0.0, drift=0.0)[0].data
+    level = volume.threshold(method)
+    # Between the peaks and in the valley: nearly no voxel deep in the leaf or far out in the air is on the wrong side.
+    leaf, air = volume.data[clean > 1.99 * truth.level], volume.data[clean < 0.01 * truth.level]
+    assert np.quantile(air, 0.95) < level < np.quantile(leaf, 0.05)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_two_peaks_of_any_share(method, share):
+    rng = np.random.default_rng(5)
+    leaf = rng.random(40_000) < share
+    data = np.where(leaf, 200.0, 50.0) + rng.normal(0, 15, 40_000)
+    level = histogram_threshold(data, method)
+    assert 50 + 45 < level < 200 - 45
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_zero_padding_does_not_move_it(method):
+    volume, _ = wheat_ct(seed=0)
+    padded = np.pad(volume.data, 12)
+    assert histogram_threshold(padded, method) == volume.threshold(method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_scales_and_shifts_with_the_intensities(method):
+    volume, _ = wheat_ct(seed=0)
+    data = volume.data.astype(float)
+    bin_width = np.ptp(data) / 256
+    moved = histogram_threshold(3000.0 * data + 500.0, method)
+    assert abs((moved - 500.0) / 3000.0 - volume.threshold(method)) < bin_width
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_whole_number_intensities_will_do(method):
+    volume, _ = wheat_ct(seed=0)
+    grey = np.clip(np.rint(volume.data * 1000) + 40, 0, 255).astype(np.uint8)
+    assert 60 < histogram_threshold(grey, method) < 200
+
+
+def test_air_that_the_scanner_set_to_zero_counts_as_air():
+    data = np.zeros(10_000)
+    data[:4000] = np.random.default_rng(0).normal(200, 10, 4000)
+    assert 0 < histogram_threshold(data) < 170
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", ["normal", "uniform", "exponential"])
+def test_one_peak_is_refused(method, name):
+    data = getattr(np.random.default_rng(2), name)(size=(40, 40, 40))
+    with pytest.raises(InputError, match="two peaks"):
+        histogram_threshold(data, method)
+
+
+@pytest.mark.parametrize("value", [0, 7])
+def test_one_value_is_refused(value):
+    volume = Volume(np.full((4, 4, 4), value), 1.0)
+    for method in (*METHODS, 3.0):
+        with pytest.raises(InputError, match=r"one value|range"):
+            volume.threshold(method)
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(InputError, match="valley"):
+        histogram_threshold(np.arange(10.0), "magic")

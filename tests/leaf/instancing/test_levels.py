@@ -1,0 +1,152 @@
+"""Finer windows in a coarser surface: one mesh, no crack, each level the surface of its own spacing."""
+
+from itertools import combinations
+
+import numpy as np
+import pymeshlab
+import pytest
+
+from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
+from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.surface.isosurface.polygonise import polygonise
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from tile_fields import LATTICE, area, assemble, layer, outline
+
+
+def finer(lattice, ratio):
+    nx, ny, nz = lattice.shape
+    spacing = tuple(np.array(lattice.spacing) / ratio)
+    return TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
+
+
+def nested(ratios=(4, 2), *, closed=False):
+    """The layer with a window, and a window in the window."""
+    root = Level(
+        extract_tile(layer, LATTICE),
+        footprint(outline(), np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None),
+        np.array([[-90, -50], [160, 60]]),
+        closed,
+    )
+    first = finer(LATTICE, ratios[0])
+    box = np.array([[30, 22], [44, 34]]) * ratios[0]
+    window = Level(extract_tile(layer, first), root.footprint, box, False, ratios[0])
+    inner = np.array([box[0] + [6, 7], box[0] + [20, 17]]) * ratios[1]
+    window.children.append(Level(extract_tile(layer, finer(first, ratios[1])), root.footprint, inner, False, ratios[1]))
+    root.children.append(window)
+    return root
+
+
+def crossing_pairs(vertices, triangles):
+    """Pairs of triangles without a common corner that no plane parts, among those that MeshLab takes for crossing.
+
+    Its filter counts some that are apart; two convex bodies are apart if and only if one of the normals of their
+    sides, or a product of their edges, parts them.
+    """
+    session = pymeshlab.MeshSet(verbose=False)
+    session.add_mesh(pymeshlab.Mesh(vertices, triangles.astype(np.int32)))
+    session.compute_selection_by_self_intersections_per_face()
+    suspects = np.flatnonzero(session.current_mesh().face_selection_array())
+    return [
+        (one, other)
+        for one, other in combinations(suspects.tolist(), 2)
+        if not set(triangles[one]) & set(triangles[other]) and not are_apart(vertices[triangles[[one, other]]])
+    ]
+
+
+def are_apart(pair):
+    edges = np.roll(pair, -1, axis=1) - pair
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    within = np.cross(normals[:, np.newaxis], edges).reshape(-1, 3)
+    across = np.cross(edges[0][:, np.newaxis], edges[1]).reshape(-1, 3)
+    axes = np.concatenate([normals, within, across])
+    low, high = (end(pair @ axes.T, axis=1) for end in (np.min, np.max))
+    return bool(np.any((low[0] > high[1]) | (low[1] > high[0])))
+
+
+@pytest.mark.parametrize("ratios", [(4, 2), (2, 4)])
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
+    vertices, triangles, labels = extract_levels(nested(ratios, closed=closed), layer)
+    report = mesh_report((vertices, triangles))
+    assert report.manifold
+    assert report.oriented
+    assert report.components == (1 if closed else 2)
+    assert report.boundary_loops == (0 if closed else 2)
+    assert report.holes == 0
+    assert report.genus == 0
+    assert not crossing_pairs(vertices, triangles)
+    assert set(np.unique(labels)) == ({0, 1, 2} if closed else {0, 1})
+    if closed:
+        assert report.volume == pytest.approx(2 * 0.1037 * area(outline()), rel=0.01)
+
+
+def test_each_level_is_the_surface_of_its_own_spacing():
+    """A ring of cells from every curtain, the vertices are those of the whole surface at that spacing."""
+    root = nested()
+    vertices, _, _ = extract_levels(root, layer)
+    coarse = assemble(root.tile, outline())[1].vertices
+    window = root.children[0]
+    low, high = (window.tile.lattice.positions([[*corner, 0]])[0, :2] for corner in window.box)
+    step = np.array(LATTICE.spacing[:2])
+
+    def outside(points):
+        return ((points[:, :2] < low - step) | (points[:, :2] > high + step)).any(axis=1)
+
+    assert np.array_equal(as_rows(vertices[outside(vertices)]), as_rows(coarse[outside(coarse)]))
+    fine = assemble(window.tile, outline(), np.array([low, high]))[1].vertices
+    hole = np.array([window.tile.lattice.positions([[*c, 0]])[0, :2] for c in window.children[0].box // 2])
+
+    def within(points):
+        edge = step / 4 * 1.5
+        inner = ((points[:, :2] > low + edge) & (points[:, :2] < high - edge)).all(axis=1)
+        return inner & ((points[:, :2] < hole[0] - edge) | (points[:, :2] > hole[1] + edge)).any(axis=1)
+
+    assert within(fine).sum() > 1000
+    assert np.array_equal(as_rows(vertices[within(vertices)]), as_rows(fine[within(fine)]))
+
+
+def as_rows(points):
+    return points[np.lexsort(points.T)]
+
+
+@pytest.mark.parametrize("ratio", [2, 4, 8])
+def test_a_refined_face_is_crossed_where_the_coarse_one_is_and_keeps_its_curves(ratio):
+    """As many curves, ending on the same edges, also where inside corners lie across from one another."""
+    rng = np.random.default_rng(1)
+    coarse = rng.normal(size=(12, 9))
+    fine = refine_face(coarse, ratio)
+    assert np.array_equal(fine[::ratio, ::ratio], coarse)
+
+    def curves(samples):
+        mesh = polygonise(np.stack([samples, samples]), 0.0)
+        report = mesh_report(mesh)
+        return report.components, report.boundary_loops
+
+    assert curves(fine) == curves(coarse)
+
+
+def test_the_edges_of_squares_are_refined_alike_from_both_sides():
+    rng = np.random.default_rng(2)
+    coarse = rng.normal(size=(2, 3))
+    whole = refine_face(coarse, 4)
+    assert np.array_equal(refine_face(coarse[:, :2], 4)[:, -1], whole[:, 4])
+    assert np.array_equal(refine_face(coarse[:, 1:], 4)[:, 0], whole[:, 4])
+
+
+def test_a_window_that_reaches_the_rim_is_refused():
+    root = nested()
+    root.children[0] = Level(root.children[0].tile, root.footprint, np.array([[120, 0], [140, 12]]) * 4, False, 4)
+    with pytest.raises(InputError, match="reaches the rim"):
+        extract_levels(root, layer)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_an_outline_of_two_parts_is_refused_though_one_has_a_fine_window(closed):
+    root = nested((2, 2), closed=closed)
+    sides = np.concatenate([outline(), outline() + [20, 0, 20, 0]])
+    plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
+    two = Level(root.tile, plane, root.box, closed, children=root.children)
+    with pytest.raises(ReconstructionError, match="2 pieces" if closed else "4 sheets"):
+        extract_levels(two, layer)

@@ -1,0 +1,384 @@
+"""A whole leaf realised: windows of one surface, closed solids, levels, blends; counted before it is made."""
+
+import tracemalloc
+from types import SimpleNamespace
+
+import numpy as np
+import open3d as o3d
+import pytest
+import shapely
+
+from leaf_fields import leaf_of
+from leaf_fields import texture as texture_of
+from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.leaf.instancing import assembly
+from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.leaf.macro.outline import sides_of
+from o3dleaf.leaf.meshing import LAYERS, is_one_tile, leaf_lattice, tile_lattice
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from tolerances import ON_SURFACE
+
+HALF = 0.2037
+"""Mean half thickness of the blade; its ridges run across, the tile is 2 by 2 and 1 high."""
+
+
+def ridged(phase=0.0, half=HALF):
+    return lambda x, y, z: half + 0.05 * np.cos(np.pi * x + phase) + 0.03 * np.sin(np.pi * y) - np.abs(z)
+
+
+@pytest.fixture(scope="module")
+def leaf():
+    """A strip of 20 by 6, bent about a circle of radius 15."""
+    return leaf_of(texture_of(ridged()), bend=15.0)[0]
+
+
+@pytest.fixture(scope="module")
+def normal_leaf(leaf):
+    blade = leaf.blade
+    return MultiscaleLeaf(leaf.texture, blade.frame, blade.height_map, blade.outline, offset="normal")
+
+
+@pytest.fixture(scope="module")
+def blend_leaf(leaf):
+    """Two textures that pass into one another midway."""
+    blade = leaf.blade
+    field = PatchBlend([leaf.texture, texture_of(ridged(1.0, 0.15))], [10.3], 0.5)
+    return MultiscaleLeaf(field, blade.frame, blade.height_map, blade.outline)
+
+
+def arrays(mesh):
+    mesh = mesh.mesh if hasattr(mesh, "mesh") else mesh
+    return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+
+
+def rows(points):
+    return {row.tobytes() for row in np.ascontiguousarray(points)}
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
+@pytest.mark.parametrize("region", [[[5.03, -1.07], [8.9, 1.9]], [[7.0, -1.0], [9.0, 1.0]], [[4.5, -0.35], [4.9, 0.1]]])
+def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, closed, method, region):
+    """In the cells that both have, the vertices are the same bits; the second window is one tile, whole."""
+    whole, window = (
+        arrays(leaf.realise(0.1, box, closed=closed, method=method).extract())[0] for box in (None, region)
+    )
+    region = np.array(region)
+    step = 0.1 * 1.01
+
+    def within(vertices):
+        flat = leaf.blade.flatten(vertices)[:, :2]
+        return vertices[((flat > region[0] + step) & (flat < region[1] - step)).all(axis=1)]
+
+    common = rows(within(window))
+    assert len(common) > (4 if region[1, 0] - region[0, 0] < 1 else 400)
+    assert common == rows(within(whole))
+
+
+def test_a_window_has_its_place_and_no_more(leaf):
+    region = np.array([[5.03, -1.07], [8.9, 1.9]])
+    for closed in (False, True):
+        vertices, _ = arrays(leaf.realise(0.1, region, closed=closed).extract())
+        flat = leaf.blade.flatten(vertices)[:, :2]
+        slack = 1e-9 if not closed else 0.02
+        assert np.all(flat >= region[0] - slack)
+        assert np.all(flat <= region[1] + slack)
+        assert np.abs(np.array([flat.min(axis=0), flat.max(axis=0)]) - region).max() < 0.1
+
+
+def test_a_window_beside_the_leaf_is_refused(leaf):
+    for closed in (False, True):
+        with pytest.raises(ReconstructionError, match="another region"):
+            leaf.realise(0.2, [[40, 0], [44, 2]], closed=closed)
+
+
+@pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
+def test_a_closed_leaf_is_watertight_outward_and_has_the_volume_of_its_blade(leaf, method):
+    solid = leaf.realise(0.15, closed=True, method=method).extract()
+    report = mesh_report(solid.mesh)
+    assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
+    assert report.manifold
+    assert report.oriented
+    # The bent strip's middle surface is 20 by 6; offsets up and down of it cancel.
+    assert report.volume == pytest.approx(leaf.blade.outline.rounded.area * 2 * HALF, rel=0.02)
+    vertices, triangles = arrays(solid)
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    faces = solid.labels != RIM
+    outward = -leaf.gradient(corners[faces].mean(axis=1))
+    assert np.all(np.einsum("ij,ij->i", outward, normals[faces]) > 0)
+
+
+def test_labels_say_which_face_a_triangle_is_of(leaf):
+    for closed in (False, True):
+        mesh = leaf.realise(0.15, closed=closed).extract()
+        vertices, triangles = arrays(mesh)
+        height = leaf.blade.flatten(vertices)[:, 2][triangles].mean(axis=1)
+        assert mesh.labels.shape == (mesh.triangles,)
+        assert set(np.unique(mesh.labels)) == ({ADAXIAL, ABAXIAL, RIM} if closed else {ADAXIAL, ABAXIAL})
+        assert height[mesh.labels == ADAXIAL].min() > 0 > height[mesh.labels == ABAXIAL].max()
+        if closed:
+            rim = np.unique(triangles[mesh.labels == RIM])
+            plane = leaf.blade.flatten(vertices[rim])[:, :2]
+            assert (np.minimum(plane[:, 0], 20 - plane[:, 0]).clip(0) < 0.4).sum() > 50
+            edge = np.minimum(np.minimum(plane[:, 0], 20 - plane[:, 0]), 3 - np.abs(plane[:, 1]))
+            assert edge.max() < 0.45
+
+
+@pytest.mark.parametrize("name", ["leaf", "normal_leaf", "blend_leaf"])
+def test_vertices_lie_on_the_surface_and_triangles_to_second_order(name, request):
+    leaf = request.getfixturevalue(name)
+    errors = []
+    for spacing in (0.06, 0.03) if name == "blend_leaf" else (0.03, 0.015):
+        solid = leaf.realise(spacing, [[9.4, -0.5], [11.2, 0.5]], closed=True).extract()
+        vertices, triangles = arrays(solid)
+        on_rim = np.zeros(len(vertices), dtype=bool)
+        on_rim[triangles[solid.labels == RIM]] = True
+        face = triangles[~on_rim[triangles].any(axis=1)]
+        off = np.abs(leaf(vertices[face.ravel()])) / np.linalg.norm(leaf.gradient(vertices[face.ravel()]), axis=1)
+        assert off.max() < ON_SURFACE * spacing
+        errors.append(np.sqrt(np.mean(leaf(vertices[face].mean(axis=1)) ** 2)))
+    assert errors[0] < 0.1**2
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.35)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("name", ["normal_leaf", "blend_leaf"])
+def test_other_offsets_and_blends_are_manifold_too(name, closed, request):
+    mesh = request.getfixturevalue(name).realise(0.15, closed=closed).extract()
+    report = mesh_report(mesh.mesh)
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.genus) == ((1, 0) if closed else (2, 0))
+    assert report.boundary_loops == (0 if closed else 2)
+
+
+def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
+    """Tiles are not alike there: one row of tiles is made for all of the blade."""
+    whole, blend = (arrays(each.extract_mesh(0.1))[0] for each in (leaf, blend_leaf))
+    along = blend_leaf.blade.flatten(blend)[:, 0]
+    assert np.abs(leaf(blend[along < 9.7])).max() < 0.1**2
+    assert (along < 9.7).sum() == pytest.approx((leaf.blade.flatten(whole)[:, 0] < 9.7).sum(), rel=0.02)
+    assert np.abs(blend_leaf(blend)).max() < 0.1**2
+    assert np.abs(leaf(blend[along > 11])).max() > 0.05
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh_tile": 0.2}])
+def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
+    full, reduced = (leaf.realise(0.1, closed=closed, **each) for each in ({}, how))
+    made = reduced.extract()
+    assert (made.vertices, made.triangles) == (reduced.vertices, reduced.triangles)
+    report, plain = (mesh_report(each.mesh) for each in (made, full.extract()))
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_loops, report.genus) == (
+        plain.components, plain.boundary_loops, plain.genus)  # fmt: skip
+    assert report.area == pytest.approx(plain.area, rel=0.01)
+    share = report.triangles / plain.triangles
+    if "simplify" in how:
+        # The tiles at the rim, two of three, stay.
+        assert how["simplify"] < share < 1 - 0.25 * (1 - how["simplify"])
+        assert len(reduced.assembly.reduced.nodes) == pytest.approx(how["simplify"] * len(reduced.tile.nodes), rel=0.01)
+    else:
+        assert 0.5 < share < 0.95
+        vertices, triangles = arrays(made)
+        corners = vertices[triangles[np.abs(vertices[triangles][:, :, 1]).max(axis=1) < 0.8]]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        # Edges of 0.1 along the tile's border stay.
+        assert 0.12 < np.median(edges) < 0.18
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"simplify": 0.5, "remesh_tile": 0.2}, "give one"),
+        ({"simplify": 1.0}, "between 0 and 1"),
+        ({"simplify": 0.0}, "between 0 and 1"),
+        ({"method": "squares"}, "cubes, tetrahedra"),
+        ({"region": [[1, 1], [0, 0]]}, "region"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(leaf, how, words):
+    with pytest.raises(InputError, match=words):
+        leaf.realise(0.2, **how)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
+@pytest.mark.parametrize("closed", [False, True])
+def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
+    realisation = leaf.realise(0.25, closed=closed)
+    path, calls = tmp_path / f"leaf{suffix}", []
+    said = realisation.bytes(path)
+    assert not list(tmp_path.iterdir())
+    realisation.write(path, lambda done, total: calls.append((done, total)))
+    made = realisation.extract()
+    assert (made.vertices, made.triangles) == (realisation.vertices, realisation.triangles)
+    assert calls[-1] == (realisation.vertices,) * 2
+    assert [done for done, _ in calls] == sorted(done for done, _ in calls)
+    size = path.stat().st_size
+    assert 0.6 * said < size <= said if suffix == ".obj" else size == said
+    made.write(tmp_path / f"again{suffix}", realisation._comments)
+    assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
+    assert realisation.seconds > 0
+    assert (realisation.voids, realisation.specks, realisation.scraps.pieces) == (0, 0, 0)
+    assert len(o3d.io.read_triangle_mesh(path).triangles) == made.triangles
+
+
+@pytest.mark.parametrize("spacing", [0.0501, 0.13, 0.7, 5.0])
+def test_the_lattice_divides_the_period_and_holds_the_patch(leaf, spacing):
+    lattice = tile_lattice(leaf.texture, 1.0, spacing)
+    assert np.allclose(lattice.period, leaf.texture.period, rtol=1e-14)
+    expected = leaf.texture.period / np.maximum(np.round(leaf.texture.period / spacing), 1)
+    assert np.allclose(lattice.spacing[:2], expected)
+    layer = lattice.spacing[2]
+    assert layer <= spacing * (1 + 1e-12)
+    assert spacing / layer == pytest.approx(round(spacing / layer))
+    low, high = leaf.texture.cell[:, 2]
+    assert (high - low) / layer >= LAYERS - 1e-9
+    first, last = lattice.positions([[0, 0, 1], [0, 0, lattice.shape[2] - 2]])[:, 2]
+    assert first <= low + 1e-9
+    assert last >= high - 1e-9
+    assert first > low - 1.001 * layer
+    assert last < high + 1.001 * layer
+
+
+def test_one_flat_period_is_a_closed_block(leaf):
+    block = leaf.extract_tile(0.1)
+    report = mesh_report(block.mesh)
+    assert report.watertight
+    assert report.genus == 0
+    assert report.volume == pytest.approx(2 * HALF * 4.0, rel=0.01)
+    vertices, triangles = arrays(block)
+    assert np.allclose(np.ptp(vertices[:, :2], axis=0), leaf.texture.period, rtol=1e-12)
+    assert np.abs(leaf.texture(vertices[np.unique(triangles[block.labels != RIM])])).max() < 0.1**2
+    assert set(np.unique(block.labels)) == {ADAXIAL, ABAXIAL, RIM}
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
+    windows = [([[6.2, -0.7], [9.1, 0.7]], 0.1), ([[7.1, -0.35], [8.2, 0.3]], 0.05)]
+    found = leaf.extract_levels(0.25, windows, closed=closed)
+    report = mesh_report(found.mesh)
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.genus, report.holes) == ((1, 0, 0) if closed else (2, 0, 0))
+    assert report.boundary_loops == (0 if closed else 2)
+    vertices, triangles = arrays(found)
+    flat = leaf.blade.flatten(vertices)
+    corners = flat[triangles]
+    middle = corners.mean(axis=1)
+    size = np.linalg.norm(corners[:, 1, :2] - corners[:, 0, :2], axis=1)
+    for (box, spacing), inner in zip(windows, (np.array(windows[1][0]), None), strict=True):
+        region = np.array(box)
+        within = ((middle[:, :2] > region[0]) & (middle[:, :2] < region[1])).all(axis=1)
+        if inner is not None:
+            within &= ((middle[:, :2] < inner[0] - 0.3) | (middle[:, :2] > inner[1] + 0.3)).any(axis=1)
+        within &= found.labels != RIM
+        assert 0.9 * spacing < np.median(size[within]) <= 1.6 * spacing
+    assert np.all((middle[:, 2] > 0)[found.labels != RIM] == (found.labels == ADAXIAL)[found.labels != RIM])
+    coarse = leaf.realise(0.25, closed=closed).extract()
+    far = leaf.blade.flatten(arrays(coarse)[0])[:, 0] > 10
+    assert rows(arrays(coarse)[0][far]) == rows(vertices[flat[:, 0] > 10])
+
+
+def test_a_window_of_one_coarse_cell_has_room_for_a_finer_one(leaf):
+    report = mesh_report(leaf.extract_levels(0.25, [([[7.1, 0.1], [7.12, 0.12]], 0.125)]).mesh)
+    assert report.manifold
+    assert (report.components, report.boundary_loops, report.holes) == (2, 2, 0)
+
+
+def test_a_window_that_ends_with_a_tile_is_whole(leaf):
+    report = mesh_report(leaf.extract_levels(0.25, [([[7.0, -1.0], [9.0, 1.0]], 0.125)]).mesh)
+    assert report.manifold
+    assert (report.components, report.boundary_loops, report.holes) == (2, 2, 0)
+
+
+def test_windows_that_cross_or_reach_the_rim_are_refused(leaf):
+    one = ([[6.0, -1.0], [8.0, 1.0]], 0.125)
+    with pytest.raises(InputError, match="two windows cross"):
+        leaf.extract_levels(0.25, [one, ([[7.5, 0.0], [9.0, 1.5]], 0.125)])
+    with pytest.raises(InputError, match="reaches the rim"):
+        leaf.extract_levels(0.25, [([[6.0, 1.0], [8.0, 3.5]], 0.125)])
+    with pytest.raises(InputError, match="two windows cross"):
+        leaf.extract_levels(0.25, [one, ([[6.0, -0.5], [7.0, 0.5]], 0.0625)])
+
+
+def peak(work):
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl"])
+def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, monkeypatch):
+    """Twice as long, the same memory: counting and writing hold three rows of tiles."""
+    monkeypatch.setattr(assembly, "STRIPS", 1)
+    threads, needed, made = get_num_threads(), [], []
+    field = texture_of(ridged())
+    set_num_threads(2)
+    try:
+        for length in (20.0, 40.0):
+            leaf, _ = leaf_of(field, length=length)
+
+            def work(leaf=leaf):
+                realisation = leaf.realise(0.04, closed=True)
+                made.append(realisation.triangles)
+                realisation.write(tmp_path / f"leaf{suffix}")
+
+            leaf.realise(0.5, closed=True).write(tmp_path / f"leaf{suffix}")  # compiled, outline made
+            needed.append(peak(work))
+    finally:
+        set_num_threads(threads)
+    assert made[1] > 1.9 * made[0]
+    size = (tmp_path / f"leaf{suffix}").stat().st_size
+    assert needed[1] < 1.05 * needed[0]
+    assert needed[1] - needed[0] < 0.02 * size
+
+
+def test_the_row_of_tiles_under_a_blend_reaches_over_all_of_the_blade(blend_leaf):
+    """Also where the blade begins before the midrib does."""
+    for bounds in ([[-7.3, -3.0], [5.0, 3.0]], [[0.0, -3.0], [20.0, 3.0]], [[4.1, -3.0], [12.0, 3.0]]):
+        blade = SimpleNamespace(outline=SimpleNamespace(bounds=np.array(bounds)))
+        lattice = leaf_lattice(blend_leaf.texture, blade, 1.0, 0.1)
+        period = blend_leaf.texture.period[0]
+        start, stop = lattice.origin[0], lattice.origin[0] + lattice.period[0]
+        if not is_one_tile(blend_leaf.texture, blade, 1.0):
+            assert bounds[0][0] - period <= start <= bounds[0][0]
+            assert bounds[1][0] <= stop <= bounds[1][0] + 2 * period
+        assert (start - blend_leaf.texture.cell[0, 0]) / period == pytest.approx(round(start / period))
+
+
+def test_the_sides_of_an_area_are_those_of_all_its_rings():
+    ring = shapely.box(0, 0, 4, 4) - shapely.box(1, 1, 2, 3)
+    assert len(sides_of(ring)) == 8
+    assert len(sides_of(shapely.union(ring, shapely.box(6, 6, 7, 7)))) == 12
+    assert len(sides_of(shapely.GeometryCollection([ring, shapely.LineString([(5, 5), (6, 6)])]))) == 8
+    steps = sides_of(ring)[:, 2:] - sides_of(ring)[:, :2]
+    assert np.abs(steps.sum(axis=0)).max() == 0
+
+
+def test_two_windows_with_one_cell_between_are_both_set_in(leaf):
+    windows = [([[6.0, -0.5], [7.0, 0.5]], 0.125), ([[7.25, -0.25], [8.0, 0.25]], 0.0625)]
+    report = mesh_report(leaf.extract_levels(0.25, windows).mesh)
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_loops, report.holes, report.genus) == (2, 2, 0, 0)
+    with pytest.raises(InputError, match="make it smaller or move it"):
+        leaf.extract_levels(0.25, [windows[0], ([[7.0, -0.25], [8.0, 0.25]], 0.125)])
+
+
+def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(leaf):
+    with pytest.raises(InputError, match="the rim cuts"):
+        leaf.extract_levels(0.25, [([[6.2, -1.6], [9.1, -1.1]], 0.125)], closed=True)
+
+
+def test_a_window_that_is_no_finer_than_what_is_around_it_is_refused(leaf):
+    with pytest.raises(InputError, match="no finer"):
+        leaf.extract_levels(0.1, [([[8, -1], [10, 1]], 0.09)])

@@ -1,0 +1,159 @@
+"""The whole road on the real wheat leaf, with the synthetic CT patch: what the mesh must be."""
+
+import numpy as np
+import open3d as o3d
+import pytest
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.pipeline import BladeOptions, PatchOptions, create_blade, create_multiscale_leaf, create_texture
+from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples.scan import wheat_scan
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from tolerances import ON_SURFACE, SURFACE_ORDER
+
+
+@pytest.fixture(scope="module")
+def wheat(real_scan):
+    scan = o3d.io.read_point_cloud(str(real_scan("wheat/wheat_leaf.ply")))
+    midrib = o3d.io.read_point_cloud(str(real_scan("wheat/wheat_leaf_midrib.ply")))
+    return scan, midrib
+
+
+@pytest.fixture(scope="module")
+def texture():
+    return create_texture(wheat_ct()[0])
+
+
+@pytest.fixture(scope="module")
+def blade(wheat):
+    """With the midrib picked by hand."""
+    return create_blade(*wheat)
+
+
+@pytest.fixture(scope="module")
+def leaf(blade, texture):
+    return MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
+
+
+def f_score(mesh, points, threshold, count=100_000):
+    """Harmonic mean of the share of the surface near the scan and the share of the scan near the surface."""
+    o3d.utility.random.seed(0)
+    on_surface = np.asarray(mesh.sample_points_uniformly(count).points)
+    precision = np.mean(cKDTree(points).query(on_surface)[0] <= threshold)
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(mesh))
+    distance = scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
+    recall = np.mean(distance <= threshold)
+    return 2 * precision * recall / (precision + recall)
+
+
+@pytest.mark.parametrize("picked", [True, False])
+def test_the_blade_of_the_real_leaf(wheat, blade, picked):
+    """One sheet that no leaf would be ashamed of, with the midrib picked by hand and with the one found."""
+    scan, _ = wheat
+    points = np.asarray(scan.points)
+    blade = blade if picked else create_blade(scan)
+    mesh = blade.extract_mesh(0.2)
+    report = mesh_report(mesh)
+    assert report.components == 1
+    assert report.holes == 0
+    assert report.manifold
+    assert report.self_intersections == 0
+    assert 1330 <= report.area <= 1450
+    spacing = np.median(cKDTree(points).query(points, k=2)[0][:, 1])
+    assert f_score(mesh, points, 2 * spacing) >= 0.90
+    plane = blade.flatten(np.asarray(mesh.vertices))[:, :2]
+    assert np.percentile(np.linalg.norm(blade.height_map.gradient(plane), axis=1), 99) <= 1.2
+
+
+def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
+    surface = leaf.realise(0.15)
+    sheets = surface.extract()
+    report = mesh_report(sheets.mesh)
+    assert report.components == 2
+    assert report.holes == 0
+    assert report.manifold
+    assert report.oriented
+    assert mesh_report(sheets.mesh).self_intersections == 0
+    assert surface.voids > 0
+    plane = leaf.blade.flatten(np.asarray(sheets.mesh.vertices))[:, :2]
+    inwards = plane + 1e-9 * np.sign(plane.mean(axis=0) - plane)
+    assert np.all(leaf.blade.outline.contains(plane) | leaf.blade.outline.contains(inwards))
+    # Both faces cover the outline: each is at least as large as the plane under it, less the rim's steps.
+    assert report.area > 2 * 0.95 * leaf.blade.outline.area
+
+
+def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_between_them(leaf):
+    window = [[100, -0.5], [101, 0.5]]
+    spacings, errors = np.array([0.03, 0.015, 0.0075]), []
+    for spacing in spacings:
+        vertices, triangles = mesh_arrays(leaf.extract_mesh(spacing, window))
+        off, middles = (
+            np.abs(leaf(each)) / np.linalg.norm(leaf.gradient(each), axis=1)
+            for each in (vertices, vertices[triangles].mean(axis=1))
+        )
+        assert off.max() < ON_SURFACE * spacing
+        errors.append(np.sqrt(np.mean(middles**2)))
+    assert np.polyfit(np.log(spacings), np.log(errors), 1)[0] == pytest.approx(2, abs=SURFACE_ORDER)
+    assert errors[0] < 0.1 * spacings[0]
+
+
+def test_leaf_to_world_to_leaf_is_the_identity_inside_the_outline(leaf):
+    outline, frame = leaf.blade.outline, leaf.blade.frame
+    plane = np.random.default_rng(0).uniform(*outline.bounds, (20_000, 2))
+    plane = plane[outline.contains(plane)]
+    coordinates = np.column_stack([plane, leaf.blade.height_map(plane)])
+    assert np.abs(frame.to_leaf(frame.to_world(coordinates)) - coordinates).max() <= 1e-9 * frame.length
+    assert np.linalg.det(frame.jacobian(coordinates)).min() > 0
+
+
+def test_the_synthetic_leaf_is_recovered():
+    """The blade of a scan whose truth is known lies on the truth, within half the scanner's noise on the whole."""
+    sample = wheat_scan()
+    blade = create_blade(sample.cloud, sample.midrib)
+    vertices = np.asarray(blade.extract_mesh(0.5).vertices)
+    off = np.linalg.norm(vertices - sample.truth.closest(vertices)[0], axis=1)
+    assert np.median(off) < 0.1
+    assert np.quantile(off, 0.95) < 0.4
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads(texture):
+    from o3dleaf.core.parallel import get_num_threads, set_num_threads
+
+    sample, before, found = wheat_scan(count=1500), get_num_threads(), []
+    try:
+        for threads in (1, 3):
+            set_num_threads(threads)
+            leaf = create_multiscale_leaf(sample.cloud, texture, sample.midrib)
+            found.append(np.asarray(leaf.extract_mesh(0.05, [[90, -1], [92, 1]]).vertices))
+    finally:
+        set_num_threads(before)
+    assert np.array_equal(*found)
+
+
+@pytest.mark.parametrize("unit", ["um", "m"])
+def test_a_scan_in_the_wrong_unit_is_refused(unit):
+    with pytest.raises(UnitError, match="is its unit really"):
+        create_blade(wheat_scan(count=500).cloud, unit=unit)
+
+
+def test_a_volume_in_the_wrong_unit_is_refused():
+    from o3dleaf.leaf.ct.volume import Volume
+
+    volume, _ = wheat_ct()
+    for unit in ("mm", "nm"):
+        with pytest.raises(UnitError, match="is its unit really"):
+            create_texture(Volume(volume.data, volume.spacing, volume.origin, unit))
+
+
+def test_options_reach_their_stage(wheat):
+    scan, midrib = wheat
+    blade = create_blade(scan, midrib, options=BladeOptions(alpha=3.0, smoothing=10.0, up=(0, 0, -1)))
+    assert blade.outline.alpha == 3.0
+    assert blade.height_map.choice is None
+    assert blade.frame.stations(np.array([50.0]))[3][0, 2] < 0
+    with pytest.raises(InputError, match="smoothing"):
+        create_texture(wheat_ct()[0], options=PatchOptions(rho="best"))

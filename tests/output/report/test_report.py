@@ -1,0 +1,45 @@
+"""The summary of a run says what was chosen and how good it is, in JSON that any reader takes."""
+
+import json
+
+import numpy as np
+import pytest
+
+import o3dleaf as o3l
+from o3dleaf.core.journal import Journal
+from o3dleaf.output.report.summary import summarise
+
+
+@pytest.fixture(scope="module")
+def blade():
+    sample = o3l.samples.wheat_scan(count=1500)
+    return o3l.create_blade(sample.cloud, sample.midrib), sample.cloud
+
+
+def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
+    blade, scan = blade
+    summary = summarise(blade, blade.extract_mesh(0.5), Journal(), {}, scan=scan)
+    read = json.loads(json.dumps(summary, allow_nan=False))
+    assert read["outline"]["alpha"] == blade.outline.alpha
+    assert read["outline"]["alpha_chosen"]
+    choice = blade.height_map.choice
+    chosen = read["height_map"]
+    assert [chosen["smoothing"], chosen["bandwidth"], chosen["scan_noise"]] == pytest.approx(
+        [choice.smoothing, choice.bandwidth, choice.noise], rel=1e-12
+    )
+    assert chosen["share_trusted"] == np.mean(choice.trust == 1)
+    assert read["frame"] == json.loads(json.dumps(blade.appraise(scan).to_dict()))
+    least, median, greatest = read["distortion"]["thickness"]
+    assert 0 < least <= median <= greatest <= 1 + 1e-12
+
+
+def test_a_flat_blade_folds_nowhere_and_is_still_json():
+    rng = np.random.default_rng(0)
+    scan = np.column_stack([rng.uniform(0, 60, 800), rng.uniform(-4, 4, 800), np.zeros(800)])
+    frame = o3l.LeafFrame.fit(scan, [[0, 0, 0], [30, 0, 0], [60, 0, 0]])
+    leaf = frame.to_leaf(scan)
+    blade = o3l.Blade(frame, o3l.HeightMap.fit(leaf, smoothing=1.0), o3l.AlphaShape(leaf[:, :2]))
+    summary = summarise(blade, blade.extract_mesh(1.0), Journal(), {})
+    assert json.loads(json.dumps(summary, allow_nan=False))["distortion"]["focal"] is None
+    assert "frame" not in summary
+    assert summary["height_map"]["robust"] is False

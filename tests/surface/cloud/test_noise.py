@@ -1,0 +1,104 @@
+"""Noise is measured whatever its size beside the spacing, and averaging points loses none of them."""
+
+import numpy as np
+import pytest
+
+from o3dleaf import InputError, estimate_noise, merge_points, samples
+from o3dleaf.surface.cloud.downsample import Merged, leave_out_tails
+from o3dleaf.surface.cloud.point_spacing import cloud_spacing
+from tolerances import MERGED, NOISE_SHARE
+
+
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 1.0, 2.0])
+def test_noise_is_found_in_spacings(ratio):
+    """σ from a tenth of the spacing to twice it, on a curved surface, comes back."""
+    rng = np.random.default_rng(1)
+    points, _ = samples.Sphere().sample(20_000, seed=2)
+    sigma = ratio * cloud_spacing(points).median
+    noisy = points + rng.normal(size=points.shape) * sigma
+    assert estimate_noise(noisy) == pytest.approx(sigma, rel=NOISE_SHARE)
+
+
+def test_noise_of_many_spacings_is_found():
+    """A dense scan of a poor scanner: a patch as wide as its noise holds thousands of points, and is still a patch."""
+    rng = np.random.default_rng(11)
+    points = np.column_stack([rng.uniform(size=(40_000, 2)), np.zeros(40_000)])
+    assert estimate_noise(points + rng.normal(size=points.shape) * [0, 0, 0.04]) == pytest.approx(0.04, rel=NOISE_SHARE)
+
+
+def test_clean_data_have_little_noise():
+    """What a quadric cannot follow on a clean sphere is far below the spacing; creases and rims do not count."""
+    for solid in (samples.Sphere(), samples.Block()):
+        points, _ = solid.sample(5_000, seed=3)
+        assert estimate_noise(points) < 0.01 * cloud_spacing(points).median
+
+
+def test_noise_scales_with_the_cloud():
+    """Twice as large is twice as noisy: the noise is a length."""
+    rng = np.random.default_rng(4)
+    points = np.column_stack([rng.uniform(size=(3_000, 2)), rng.normal(size=3_000) * 0.01])
+    assert estimate_noise(1024.0 * points) == pytest.approx(1024.0 * estimate_noise(points), rel=1e-12)
+
+
+def test_a_volume_is_no_surface():
+    """Points that fill a ball have no noise across a surface, and the message says so."""
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(4_000, 3))
+    points *= (rng.random(4_000) ** (1 / 3) / np.linalg.norm(points, axis=1))[:, np.newaxis]
+    with pytest.raises(InputError, match="is this a volume"):
+        estimate_noise(points)
+
+
+def test_merging_keeps_every_point():
+    """Weights count the points, and weighted means are those of the cloud: nothing is lost or counted twice."""
+    points, normals = samples.Torus().sample(4_000, seed=6)
+    points.setflags(write=False)
+    merged = merge_points(points, normals, 0.1)
+    assert merged.weights.sum() == len(points)
+    assert len(merged.points) < len(points) / 2
+    np.testing.assert_allclose(merged.weights @ merged.points, points.sum(axis=0), rtol=0, atol=MERGED)
+    np.testing.assert_allclose(np.linalg.norm(merged.normals, axis=1), 1.0, rtol=0, atol=MERGED)
+
+
+def test_merging_is_a_mean_by_voxel_and_facing():
+    """A dictionary of voxels, filled point by point, says the same, in the order of the first points."""
+    points, normals = samples.WavySheet().sample(500, seed=7)
+    found = merge_points(points, normals, 0.2)
+    groups: dict[tuple[int, ...], list[int]] = {}
+    first: dict[tuple[int, ...], int] = {}
+    low = points.min(axis=0)
+    for i, x in enumerate(points):
+        voxel = tuple(np.floor((x - low) / 0.2).astype(int))
+        away = normals[first.setdefault(voxel, i)] @ normals[i] < 0
+        groups.setdefault((*voxel, int(away)), []).append(i)
+    expected = np.array([points[rows].mean(axis=0) for rows in groups.values()])
+    np.testing.assert_allclose(found.points, expected, rtol=0, atol=MERGED)
+
+
+def test_the_sides_of_a_thin_sheet_are_not_averaged():
+    """A sheet far thinner than a voxel keeps both its sides, each with its own normals."""
+    rng = np.random.default_rng(8)
+    side = np.repeat([-1.0, 1.0], 500)
+    points = np.column_stack([rng.uniform(size=(1_000, 2)), 0.001 * side])
+    normals = np.column_stack([np.zeros((1_000, 2)), side])
+    merged = merge_points(points, normals, 0.25)
+    np.testing.assert_allclose(merged.points[:, 2], 0.001 * merged.normals[:, 2], rtol=0, atol=MERGED)
+
+
+@pytest.mark.parametrize(("size", "why"), [(0.0, "above zero"), (np.nan, "above zero")])
+def test_voxels_that_cannot_be_meant(size, why):
+    """The message names the size and what is wrong with it."""
+    points, normals = samples.Sphere().sample(100, seed=9)
+    with pytest.raises(InputError, match=why):
+        merge_points(1e6 * points, normals, size)
+
+
+def test_tails_go_and_thin_parts_stay():
+    """Single points beside means of twenty are left out; as single, among their like, they stay."""
+    rng = np.random.default_rng(10)
+    dense, thin = rng.uniform(size=(400, 3)) * [1, 1, 0], rng.uniform(size=(400, 3)) * [1, 1, 0] + [5, 0, 0]
+    astray = dense[:20] + [0, 0, 0.02]
+    points = np.vstack([dense, astray, thin])
+    weights = np.concatenate([np.full(400, 20.0), np.ones(20), np.ones(400)])
+    kept = leave_out_tails(Merged(points, np.tile([0.0, 0, 1], (820, 1)), weights))
+    np.testing.assert_array_equal(kept.points, np.vstack([dense, thin]))

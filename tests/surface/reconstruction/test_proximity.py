@@ -1,0 +1,111 @@
+"""What is known of most places without a search is what a search says, and none of it moves a surface."""
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from scipy.spatial import cKDTree
+
+from mesh_fields import CENTRE, joined, sphere
+from o3dleaf.core.field import values_and_gradients
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.surface.isosurface.band import extract_band
+from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.reconstruction.proximity import local_spacing, near_data, surely_near
+from o3dleaf.surface.reconstruction.trim import trim_to_support
+from o3dleaf.surface.reconstruction.vertex_support import Support, support, support_colours
+from tolerances import ONE_PASS
+
+
+def uneven(count=3000, seed=4):
+    """Return points on a sphere, far denser on one side, beyond the origin of the grid on all axes."""
+    rng = np.random.default_rng(seed)
+    towards = rng.normal(size=(count, 3)) + [0, 0, 1.5]
+    return CENTRE + towards / np.linalg.norm(towards, axis=1)[:, np.newaxis] - 3.0
+
+
+def places_around(cloud, count=20_000):
+    rng = np.random.default_rng(9)
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    on = cloud[rng.integers(len(cloud), size=count)] + 0.05 * rng.normal(size=(count, 3))
+    return np.concatenate([on, rng.uniform(2 * low - high, 2 * high - low, size=(count, 3)), cloud])
+
+
+@pytest.mark.parametrize("factor", [1.0, 4.0])
+def test_near_data_is_what_the_nearest_point_says(factor):
+    cloud = uneven()
+    places, steps = places_around(cloud), local_spacing(cloud)
+    far, nearest = cKDTree(cloud).query(places)
+    found = near_data(cloud, factor=factor)(places)
+    assert np.array_equal(found, far <= factor * steps[nearest])
+    assert 0 < found.sum() < len(found)
+
+
+@pytest.mark.parametrize("reach", [1e-7, 0.03, 0.5, 20.0])
+def test_what_is_surely_near_is(reach):
+    cloud = uneven()
+    places, surely = places_around(cloud), surely_near(cloud, reach)
+    assert (cKDTree(cloud).query(places[surely(places)])[0] <= reach).all()
+    assert surely(cloud).all() or reach < 1e-6  # so fine a grid has no numbers
+
+
+def test_most_cells_of_a_surface_are_known_without_a_search():
+    cloud = extract_isosurface(sphere(), 0.05)
+    vertices, _ = mesh_arrays(cloud)
+    shifted = vertices + 0.02
+    assert surely_near(vertices, 0.2)(shifted).mean() > 0.8
+
+
+def test_neighbours_at_hand_tell_the_same_spacings():
+    cloud = uneven()
+    distance, row = cKDTree(cloud).query(cloud, 16)
+    assert np.array_equal(local_spacing(cloud, (distance, row)), local_spacing(cloud))
+
+
+@pytest.mark.parametrize("part", [1.0, 0.2])
+def test_a_tree_at_hand_trims_and_supports_alike(part):
+    ball = extract_isosurface(sphere(), 0.05)
+    towards = np.random.default_rng(2).normal(size=(4000, 3))
+    cloud = CENTRE + towards / np.linalg.norm(towards, axis=1)[:, np.newaxis]
+    cloud, told = cloud[cloud[:, 2] < part], []
+    one = trim_to_support(ball, cloud, 0.06)
+    other = trim_to_support(ball, cloud, 0.06, tree=cKDTree(cloud), progress=lambda *at: told.append(at))
+    for a, b in zip(mesh_arrays(one), mesh_arrays(other), strict=True):
+        assert np.array_equal(a, b)
+    assert (len(one.triangles) == len(ball.triangles)) == (part == 1.0)
+    known = support(ball, cloud, sphere(), spacing=0.06, tree=cKDTree(cloud), progress=lambda *at: told.append(at))
+    assert np.array_equal(known.distance, support(ball, cloud, sphere(), spacing=0.06).distance)
+    assert told[-1][0] == told[-1][1]
+
+
+def test_pieces_that_share_no_vertex_are_still_judged_one_by_one():
+    ball = mesh_arrays(extract_isosurface(sphere(), 0.1))
+    lone = ball[0] * 0.3, ball[1]
+    towards = np.random.default_rng(2).normal(size=(4000, 3))
+    cloud = CENTRE + towards / np.linalg.norm(towards, axis=1)[:, np.newaxis]
+    both = trim_to_support(joined(ball, lone), cloud, 1.0)
+    assert len(both.triangles) == len(ball[1])
+
+
+def test_seeds_beside_the_surface_lead_to_the_very_mesh():
+    towards = np.random.default_rng(2).normal(size=(500, 3))
+    towards /= np.linalg.norm(towards, axis=1)[:, np.newaxis]
+    on, beside = (mesh_arrays(extract_band(sphere(), 0.08, CENTRE + r * towards)) for r in (1.0, 1.1))
+    for a, b in zip(on, beside, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_one_pass_finds_what_two_do():
+    points = np.random.default_rng(0).uniform(-1, 1, size=(600, 3))
+    field = PUInterpolant.fit(points, np.sin(points).sum(axis=1), points_per_ball=100)
+    value, slope = values_and_gradients(field, points)
+    np.testing.assert_allclose(value, field(points), atol=ONE_PASS)
+    np.testing.assert_allclose(slope, field.gradient(points), atol=ONE_PASS)
+
+
+@pytest.mark.parametrize("name", ["viridis", "coolwarm", "tab10"])
+def test_colours_are_the_colour_maps(name):
+    values = np.concatenate([np.linspace(0, 2, 1001), [np.nan, 3.0]])
+    found = support_colours(Support(values, values, values, 1.0), colour_map=name, limits=(0.0, 2.0))
+    share = np.clip(np.where(np.isnan(values), 2.0, values) / 2.0, 0, 1)
+    assert np.array_equal(found, colormaps[name](share)[:, :3].astype(np.float32))

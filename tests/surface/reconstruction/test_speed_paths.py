@@ -1,0 +1,49 @@
+"""The steps of the job share what they find, each alone would have found the same, and all say how far they are."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from cloud_shapes import torus
+from o3dleaf.core.journal import Journal
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.surface.cloud.oriented_cloud import prepare_cloud
+from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
+from o3dleaf.surface.reconstruction.trim import trim_to_support
+
+
+class Told(Journal):
+    """Keeps what the stages say of their progress."""
+
+    def __init__(self):
+        super().__init__()
+        self.last = {}
+
+    @contextmanager
+    def show(self, name):
+        yield lambda done, total: self.last.__setitem__(name, (done, total))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_steps_that_share_nothing_make_the_same_mesh(noise):
+    points, normals = torus(4000)
+    points += noise * np.random.default_rng(0).normal(size=points.shape)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[points[:, 0] < 0.5]))
+    cloud.normals = o3d.utility.Vector3dVector(normals[points[:, 0] < 0.5])
+    journal = Told()
+    shared, _ = create_from_point_cloud_rbfpu(cloud, journal=journal)
+    alone, _ = create_from_point_cloud_rbfpu(
+        cloud,
+        prepare=lambda held: replace(prepare_cloud(held), near=None),
+        trim=partial(trim_to_support),
+        journal=Told(),
+    )
+    for one, other in zip(mesh_arrays(shared), mesh_arrays(alone), strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(np.asarray(shared.vertex_colors), np.asarray(alone.vertex_colors))
+    assert {"prepare cloud", "follow surface", "trim to data", "measure support"} <= set(journal.last)
+    assert all(done == total for done, total in journal.last.values())

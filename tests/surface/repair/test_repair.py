@@ -1,0 +1,118 @@
+"""Defects are planted and found; cleaning heals them, twice is once; simplifying leaves the border alone."""
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from mesh_fields import DEFECTS, joined, planted, sphere, wavy_sheets
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from o3dleaf.surface.mesh.topology import EdgeTable
+from o3dleaf.surface.repair.clean import clean_mesh
+from o3dleaf.surface.repair.meshlab import count_self_intersections, simplify_mesh
+from tolerances import SIMPLIFIED_SPHERE
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return mesh_arrays(extract_isosurface(sphere(), 0.13, method="tetrahedra"))
+
+
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_cleaning_heals_and_cleaning_twice_is_cleaning_once(defect, ball):
+    mesh = planted(defect, ball)[0]
+    size = {"smallest_component": 0.3, "largest_hole": 0.6}
+    once = clean_mesh(mesh, **size)
+    report = mesh_report(once)
+    assert report.manifold
+    assert report.oriented
+    assert (report.degenerate_triangles, report.duplicate_triangles, report.holes) == (0, 0, 0)
+    if defect in {"missing face", "flipped face", "duplicated face", "stray component"}:
+        assert report.components == 1
+        assert report.volume == pytest.approx(mesh_report(ball).volume)
+    given = {tuple(v) for v in np.asarray(mesh[0])}
+    assert {tuple(v) for v in np.asarray(once.vertices)} <= given
+    twice = clean_mesh(once, **size)
+    assert np.array_equal(np.asarray(once.vertices), np.asarray(twice.vertices))
+    assert np.array_equal(np.asarray(once.triangles), np.asarray(twice.triangles))
+
+
+def test_cleaning_leaves_a_sound_mesh_as_it_is(ball):
+    again = mesh_arrays(clean_mesh(ball, smallest_component=0.1, largest_hole=1.0))
+    assert np.array_equal(again[0], ball[0])
+    assert np.array_equal(again[1], ball[1])
+
+
+def test_a_hole_is_closed_and_a_rim_is_not():
+    vertices, triangles = mesh_arrays(extract_isosurface(wavy_sheets(), 0.1, [[-1] * 3, [1] * 3]))
+    pierced = np.delete(triangles, [300, 301, 302], axis=0)
+    before = mesh_report((vertices, pierced))
+    assert before.holes >= 1
+    after = mesh_report(clean_mesh((vertices, pierced), largest_hole=1e6))
+    assert (after.holes, after.boundary_loops, after.components) == (0, 2, 2)
+
+
+def test_small_components_are_measured_by_their_diagonal(ball):
+    for size, left in [(0.1, 2), (0.5, 1)]:
+        mesh = clean_mesh(joined(ball, (0.1 * ball[0] + 3, ball[1])), smallest_component=size)
+        assert mesh_report(mesh).components == left
+
+
+def test_tensor_and_legacy_meshes_and_arrays_are_alike(ball):
+    legacy = build_mesh(*ball)
+    tensor = o3d.t.geometry.TriangleMesh(
+        o3d.core.Tensor.from_numpy(ball[0].copy()), o3d.core.Tensor.from_numpy(ball[1].copy())
+    )
+    reports = [mesh_report(mesh, unit="mm") for mesh in (ball, legacy, tensor)]
+    assert reports[0] == reports[1] == reports[2]
+    assert reports[0].unit == "mm"
+    assert mesh_report(o3d.t.geometry.TriangleMesh()).triangles == 0
+
+
+def test_self_intersections_are_counted_by_the_triangle():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.3, 0.2, 1], [0.2, 0.3, 1]])
+    assert count_self_intersections((vertices, [[0, 1, 2], [3, 4, 5]])) == 2
+    assert count_self_intersections((vertices, [[0, 1, 2]])) == 0
+
+
+@pytest.mark.parametrize("target", [{"target_triangles": 400}, {"target_edge": 0.2}])
+def test_simplifying_leaves_every_border_vertex_bit_for_bit(target):
+    vertices, triangles = mesh_arrays(extract_isosurface(wavy_sheets(), 0.05, [[-1] * 3, [1] * 3]))
+
+    def border(vertices, triangles):
+        edges = EdgeTable.of(triangles)
+        return {tuple(v) for v in vertices[np.unique(edges.ends[edges.count == 1])]}
+
+    mesh = simplify_mesh((vertices, triangles), **target)
+    report = mesh_report(mesh)
+    assert report.triangles < 0.3 * len(triangles)
+    assert (report.components, report.boundary_loops, report.genus, report.manifold) == (2, 2, 0, True)
+    assert border(*mesh_arrays(mesh)) == border(vertices, triangles)
+
+
+def test_a_simplified_sphere_is_still_a_sphere():
+    mesh = simplify_mesh(extract_isosurface(sphere(), 0.05), target_triangles=2000)
+    report = mesh_report(mesh)
+    assert report.triangles == 2000
+    assert report.watertight
+    assert report.volume == pytest.approx(4 / 3 * np.pi, rel=SIMPLIFIED_SPHERE)
+
+
+def test_what_cannot_be_meant_is_refused(ball):
+    for arguments in ({}, {"target_triangles": 10, "target_edge": 1.0}, {"target_edge": -1.0}, {"target_triangles": 0}):
+        with pytest.raises(InputError, match="target"):
+            simplify_mesh(ball, **arguments)
+    with pytest.raises(InputError, match="no triangles"):
+        clean_mesh(o3d.geometry.TriangleMesh())
+    with pytest.raises(InputError, match="zero"):
+        clean_mesh(ball, smallest_component=-1)
+
+
+def test_genus_counts_handles_of_all_pieces():
+    torus = o3d.geometry.TriangleMesh.create_torus(1, 0.3, 20, 12)
+    two = torus + o3d.geometry.TriangleMesh(torus).translate((5, 0, 0))
+    assert mesh_report(two).genus == 2
+    cylinder = o3d.geometry.TriangleMesh.create_cylinder(1, 2, 16, 4)
+    assert mesh_report(cylinder).genus == 0
