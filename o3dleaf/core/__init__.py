@@ -5,6 +5,7 @@
 `units`          units of length
 `field`          the protocol between what fits a function and what makes triangles of it
 `lattice`        a regular lattice over a box, sampled in bounded memory
+`progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
 `journal`        the stages of a long job, timed
 `cloud_arrays`   Open3D point clouds and arrays

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf import errors
+from o3dleaf.core import errors
 from o3dleaf.core.errors import O3DLeafError
 
 Arrays = tuple[npt.NDArray[Any], ...]

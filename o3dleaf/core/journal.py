@@ -1,13 +1,18 @@
-"""The journal of a long job: which stage runs, how far it is, and how long each one took."""
+"""The journal of a long job: which stage runs, how far it is, and how long each one took.
+
+A job writes ``with stage("fit"): ...`` and ``note("...")`` into the journal that is open (``with journal: ...``), if any.
+"""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar, Token
+from typing import Self
 
-from o3dleaf.core.parallel import Progress, share_out
+from o3dleaf.core.progress import Listener, listening, report
 
 
-def _silent(done: int, total: int) -> None:
+def _unheard(done: int, total: int) -> None:
     """Show nothing."""
 
 
@@ -22,18 +27,25 @@ class Journal:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self._tokens: list[Token[Journal | None]] = []
+
+    def __enter__(self) -> Self:
+        self._tokens.append(_open.set(self))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        _open.reset(self._tokens.pop())
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[Progress]:
-        """Run a stage: ``with journal.stage("fit") as progress: ...``; the time is kept even if it fails.
+    def stage(self, name: str) -> Iterator[Callable[[int, int], None]]:
+        """Run a stage: ``with journal.stage("fit"): ...``; the time is kept even if it fails.
 
-        What is told to `progress` reaches `show` as shares of the stage, and never goes back.
+        What is reported inside (`o3dleaf.core.progress`) reaches `show` as shares of the stage, and never goes back.
         """
         start = time.perf_counter()
         try:
-            with self.show(name) as progress:
-                (told,) = share_out(progress, 1)
-                yield told or _silent
+            with self.show(name) as listener, listening(listener):
+                yield report
         finally:
             self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
@@ -42,7 +54,33 @@ class Journal:
         del text
 
     @contextmanager
-    def show(self, name: str) -> Iterator[Progress]:
+    def show(self, name: str) -> Iterator[Listener]:
         """Show one stage while it runs; here, nothing. A subclass overrides it."""
         del name
-        yield _silent
+        yield _unheard
+
+
+_open: ContextVar[Journal | None] = ContextVar("o3dleaf.journal", default=None)
+
+
+def open_journal() -> Journal | None:
+    """Return the journal that is open, if any."""
+    return _open.get()
+
+
+@contextmanager
+def stage(name: str) -> Iterator[None]:
+    """Run a stage of the journal that is open; without one, as part of what is running."""
+    journal = _open.get()
+    if journal is None:
+        yield
+        return
+    with journal.stage(name):
+        yield
+
+
+def note(text: str) -> None:
+    """Say something in the journal that is open; without one, to nobody."""
+    journal = _open.get()
+    if journal is not None:
+        journal.note(text)

@@ -16,6 +16,7 @@ from typing import Any
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.progress import is_heard, report
 
 Progress = Callable[[int, int], None]
 """Called as ``progress(done, total)`` from the calling thread while long work runs."""
@@ -123,7 +124,9 @@ def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + size, count)
 
 
-def run_blocks(task: Callable[[int, int], Any], count: int, size: int, progress: Progress | None = None) -> None:
+def run_blocks(
+    task: Callable[[int, int], Any], count: int, size: int, progress: Progress | None = None, *, reports: bool = False
+) -> None:
     """Call ``task(start, stop)`` for every block of `size` out of `count`, on all threads.
 
     The task writes its own rows of a shared array; nothing is reduced across blocks, so that the
@@ -139,7 +142,11 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, progress:
         Number of items and items in a block.
     progress : callable, optional
         ``progress(done, count)``, called as blocks finish.
+    reports : bool
+        Whether finished blocks are reported as progress of the part that is running, see `o3dleaf.core.progress`.
     """
+    if reports and is_heard():
+        progress = report
     todo = list(blocks(count, size))
     if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
         for start, stop in todo:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from o3dleaf import checks
+from o3dleaf.core import checks
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
 from o3dleaf.core.units import METRES, check_unit, unit_scale
 

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from o3dleaf import lattice as sampling
+from o3dleaf.core import lattice as sampling
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.texture.tiling import TiledField

@@ -1,0 +1,111 @@
+"""Print a hash of every output that a change of the code's shape, not of its results, must leave byte for byte.
+
+    scripts/print_hashes.py                     # print them
+    scripts/print_hashes.py > before.txt        # ... in one checkout; then, in another:
+    scripts/print_hashes.py --against before.txt    # ... and say which differ
+
+Everything goes through the command line, twice: once to compile, once to hash, because code that Numba has just
+compiled and code from its cache can differ in the last bits. Real scans come from ../shared/data, where it is there.
+Of a model file the arrays are hashed too, without the header that names the classes.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+
+ROOT = Path(__file__).resolve().parent.parent
+SAMPLES = ROOT / "data_samples"
+DATA = ROOT.parent / "shared" / "data"
+SCAN = DATA / "wheat/wheat_leaf.ply"
+MIDRIB = DATA / "wheat/wheat_leaf_midrib.ply"
+CT = SAMPLES / "wheat_ct_24um.tif"
+WINDOW = ["--region", "90", "-2", "96", "2"]
+CLOUDS = [
+    "oriented/homer.ply",
+    "oriented/interlocked_tori.ply",
+    "leaves/sugarbeet.ply",
+    "leaves/soybean_with_normals.ply",
+]
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--against", type=Path, help="hashes printed before")
+    options.add_argument("--once", action="store_true", help="trust that everything is compiled already")
+    given = options.parse_args()
+    before = dict(line.split("  ") for line in given.against.read_text().splitlines()) if given.against else {}
+    changed = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for command, outputs in jobs(folder):
+            for _ in range(1 if given.once else 2):
+                run(command)
+            for output in outputs:
+                for label, digest in hashes(folder / output):
+                    known = before.get(label)
+                    mark = "" if known is None else "  same" if known == digest else "  CHANGED"
+                    changed += [label] if mark == "  CHANGED" else []
+                    print(f"{label}  {digest}{mark}", flush=True)
+    sys.exit(1 if changed else 0)
+
+
+def jobs(folder):
+    """Yield what to run and the files to hash then."""
+    yield ["demo", "-o", folder / "demo", "--samples", SAMPLES], ["demo/leaf.ply", "demo/leaf.o3l"]
+    if SCAN.is_file():
+        leaf = ["leaf", SCAN, "--midrib", MIDRIB, "--no-picture"]
+        yield [*leaf, "-o", folder / "blade.ply", "--spacing", "0.2"], ["blade.ply"]
+        fused = [*leaf, "--ct", CT]
+        yield [*fused, "--spacing", "0.1", "--closed", "-o", folder / "closed.ply"], ["closed.ply"]
+        remeshed = [*fused, *WINDOW, "--spacing", "0.05", "--closed", "--remesh", "0.05", "-o", folder / "remeshed.ply"]
+        yield remeshed, ["remeshed.ply"]
+    clouds = [DATA / name for name in CLOUDS if (DATA / name).is_file()]
+    for cloud in [*clouds, noisy_torus(folder / "noisy_torus_cloud.ply")]:
+        name = f"surface_of_{cloud.stem}.ply"
+        yield ["reconstruct", cloud, "-o", folder / name], [name]
+
+
+def noisy_torus(path):
+    """Write 20,000 points of a torus of radii 1 and 0.4 with noise of 0.01."""
+    rng = np.random.default_rng(0)
+    turn, tube = rng.uniform(0, 2 * np.pi, (2, 20_000))
+    ring = 1 + 0.4 * np.cos(tube)
+    points = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), 0.4 * np.sin(tube)])
+    points += rng.normal(0, 0.01, points.shape)
+    o3d.io.write_point_cloud(path, o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
+    return path
+
+
+def run(command):
+    """Run a command of this checkout's package, quietly."""
+    words = [sys.executable, "-c", "from o3dleaf.commands.cli import main; main()", *map(str, command), "--quiet"]
+    subprocess.run(words, check=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+
+
+def hashes(path):
+    """Yield (name, digest) of a file and, of a model, of its arrays alone."""
+    content = path.read_bytes()
+    yield path.name, hashlib.sha256(content).hexdigest()[:16]
+    if path.suffix == ".o3l":
+        _, length, _ = struct.unpack("<8sQI", content[:20])
+        arrays = json.loads(content[20 : 20 + length])["arrays"]
+        parts = sorted(content[20 + length + a["offset"] :][: nbytes(a)] for a in arrays)
+        yield f"{path.name}:arrays", hashlib.sha256(b"".join(parts)).hexdigest()[:16]
+
+
+def nbytes(array):
+    """Return the bytes of an array that a model's header describes."""
+    return np.dtype(array["dtype"]).itemsize * int(np.prod(array["shape"]))
+
+
+if __name__ == "__main__":
+    main()
