@@ -1,6 +1,6 @@
 """The journal of a long job: which stage runs, how far it is, and how long each one took.
 
-A job writes ``with stage("fit"): ...`` and ``note("...")`` into the journal that is open (``with journal: ...``), if any.
+A job writes ``with stage("fit"): ...`` and ``note("...")`` into the open journal (``with journal: ...``), if any.
 """
 
 import time

@@ -52,9 +52,14 @@ def test_nobody_hears_what_is_silent_or_outside():
 
 def test_a_part_that_failed_is_not_done():
     heard, listener = listen()
-    with pytest.raises(ValueError, match="broken"), progress.listening(listener):
-        progress.report(1, 4)
-        raise ValueError("broken")
+
+    def work():
+        with progress.listening(listener):
+            progress.report(1, 4)
+            raise ValueError("broken")
+
+    with pytest.raises(ValueError, match="broken"):
+        work()
     assert heard == [0.25]
     assert not progress.is_heard()
 
