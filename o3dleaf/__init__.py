@@ -22,4 +22,6 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # noqa: PLC0415 - reading metadata costs as much as all the rest here
 
         return version("o3dleaf")
-    return _load(name)
+    from o3dleaf.deprecated import new_name  # noqa: PLC0415 - nobody else needs it
+
+    return _load(new_name(name) or name)
