@@ -1,10 +1,12 @@
 """The house stands: layers, lazy doors, a quick start, one file that touches GPL code, names with docstrings."""
 
+import ast
 import inspect
 import re
 import resource
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import o3dleaf
 from tolerances import START_SECONDS
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(path.parent for path in (ROOT / "o3dleaf").rglob("__init__.py"))
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 HEAVY = {"open3d", "numba", "scipy", "skimage", "pymeshlab", "matplotlib", "shapely", "tifffile"}
 PROJECT = (ROOT / "pyproject.toml").read_text()
@@ -21,6 +24,37 @@ PROJECT = (ROOT / "pyproject.toml").read_text()
 
 def test_layers_hold():
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_chapter_map_names_what_is_there(package):
+    """Each line of a chapter's docstring that begins with a name in backticks is an entry of its map."""
+    entries = re.findall(r"^`(\w+)`", ast.get_docstring(ast.parse((package / "__init__.py").read_text())), re.MULTILINE)
+    modules = {path.stem for path in package.glob("*.py")} - {"__init__"}
+    folders = {path.parent.name for path in package.glob("*/__init__.py")}
+    assert sorted(entries) == sorted(modules | folders)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_folder_holds_more_than_sixteen_files(package):
+    assert len([path for path in package.iterdir() if path.is_file()]) <= 16
+
+
+def test_contributing_shows_the_tree():
+    """The tree in CONTRIBUTING.md has every folder of the package, and no other."""
+    tree = re.search(r"^    o3dleaf/\n((?:     +.*\n)+)", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)[1]
+    named = sorted(re.findall(r"(\w+)/", tree))
+    assert named == sorted(path.name for path in PACKAGES[1:])
+
+
+def test_no_two_classes_share_a_name():
+    names = Counter(
+        node.name
+        for path in (ROOT / "o3dleaf").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 @pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.commands.cli"])
