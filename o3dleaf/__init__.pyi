@@ -31,6 +31,8 @@ from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
 from .leaf.models import load as load
+from .leaf.options import BladeOptions as BladeOptions
+from .leaf.options import TextureOptions as TextureOptions
 from .leaf.pipeline import create_blade as create_blade
 from .leaf.pipeline import create_texture as create_texture
 from .leaf.pipeline import create_multiscale_leaf as create_multiscale_leaf
@@ -70,8 +72,8 @@ from .output.export.particles import fill_particles as fill_particles
 from .output.export.particles import export_particles as export_particles
 from .output.export.particles import Particles as Particles
 from .output.export.distance_grid import export_distance as export_distance
-from .output.report.requirements import check_mesh as check_mesh
-from .output.report.requirements import Verdict as Verdict
+from .output.report.requirements import check_report as check_report
+from .output.report.requirements import CheckResult as CheckResult
 from .output.report.examine import write_report as write_report
 from .output.view.render import render as render
 from .output.view.maps import render_distortion as render_distortion

@@ -2,7 +2,10 @@
 
 import warnings
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    "check_mesh": "check_report",
+    "Verdict": "CheckResult",
+}
 """Old public name to new public name."""
 
 

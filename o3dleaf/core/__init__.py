@@ -8,6 +8,7 @@
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
 `journal`        the stages of a long job, timed
+`job`            a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays
 `mesh_arrays`    Open3D triangle meshes and arrays
 `atomic_files`   files written whole or not at all

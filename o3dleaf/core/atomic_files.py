@@ -1,5 +1,6 @@
 """Files appear whole or not at all: written under another name and renamed, or refused where they were cut off."""
 
+import json
 import os
 import shutil
 import tempfile
@@ -7,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from o3dleaf.core.errors import InputError, O3DLeafError
 
@@ -46,12 +48,25 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it."""
+def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) -> Path:
+    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it.
+
+    The suffix is one of `suffixes`, if there are any.
+    """
     target = Path(path)
-    if target.suffix.lower() not in suffixes:
+    if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
+    return target
+
+
+def make_folder(folder: str | PathLike[str]) -> Path:
+    """Return the folder, made if it was not there, or raise `InputError`."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
     return target
 
 
@@ -71,6 +86,17 @@ def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
     for path in outputs:
         if path is not None and path.resolve() in read:
             raise InputError(f"{path}: is read, so it is not written over; choose another name for the output")
+
+
+def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
+    """Write `content` as JSON, whole or not at all; arrays become lists, and what JSON does not know its text."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, default=_plain)
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def require_whole_ply(path: Path) -> None:

@@ -2,5 +2,6 @@
 
 `point_cloud`    point clouds, through Open3D
 `triangle_mesh`  triangle meshes, whole and with every digit
+`geometry`       the mesh of a file, or its point cloud
 `model_file`     saved models: one file, no pickle
 """

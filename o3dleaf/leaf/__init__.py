@@ -11,6 +11,7 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `multiscale`  `MultiscaleLeaf`, the implicit function
 `meshing`     its surface as a mesh
 `remeshing`   its surface remeshed
+`options`     what can be chosen where a leaf is built
 `pipeline`    scan and volume to a leaf
 `models`      saved models read again
 """

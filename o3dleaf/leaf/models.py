@@ -3,6 +3,7 @@
 from os import PathLike
 from typing import Any
 
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.creases.creases import CreasedSplines
 from o3dleaf.fitting.pu.cover import Cover
 from o3dleaf.fitting.pu.index import BallIndex
@@ -63,3 +64,32 @@ def load(path: str | PathLike[str]) -> Any:
         If the file is no model, was damaged or cut off, or was written by a later version.
     """
     return read_model(path, CLASSES)
+
+
+def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
+    """Return the texture of a model file: of a texture, or of a leaf that has it.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, or one without a texture.
+    """
+    model = load(path)
+    texture = model.texture if isinstance(model, MultiscaleLeaf) else model
+    if not isinstance(texture, TiledField | PatchBlend):
+        raise InputError(f"{path}: holds a {type(model).__name__}, no micro-structure; give one that `patch` made")
+    return texture
+
+
+def load_leaf(path: str | PathLike[str]) -> Blade | MultiscaleLeaf:
+    """Return the leaf, or the blade, of a model file.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, or that of something else.
+    """
+    model = load(path)
+    if not isinstance(model, Blade | MultiscaleLeaf):
+        raise InputError(f"{path}: holds a {type(model).__name__}, no leaf; give a model that `leaf --model` wrote")
+    return model

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core import journal
+from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.journal import Journal
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -95,7 +95,6 @@ def draw_figures(
     level: float | str = "valley",
     formats: Iterable[str] = ("png", "pdf"),
     only: Iterable[str] | None = None,
-    journal: Journal | None = None,
 ) -> Drawn:
     """Draw figures like those of the paper into a folder: ``1-scan.png``, ..., ``8-whole-leaf.pdf``, ``captions.md``.
 
@@ -117,15 +116,12 @@ def draw_figures(
     formats : sequence of {"png", "pdf", "svg", "jpg"}
     only : sequence of str, optional
         Names in `FIGURES`, if not all of them are wanted.
-    journal : Journal, optional
-        Told of each figure, and of those left out.
 
     Raises
     ------
     InputError
         If there is no such format or figure, the folder cannot be written to, or nothing can be drawn.
     """
-    journal = journal or Journal()
     suffixes, wanted = check_request(formats, only)
     target = make_folder(folder)
     blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)
@@ -162,16 +158,6 @@ def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[l
     if not (suffixes and wanted):
         raise InputError("formats, only: ask for nothing; name a format and a figure, or leave them out")
     return suffixes, wanted
-
-
-def make_folder(folder: str | PathLike[str]) -> Path:
-    """Return the folder, made if it was not there, or raise `InputError`."""
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
-    return target
 
 
 def _write_captions(path: Path, captions: list[str], drawn: Drawn) -> Drawn:

@@ -7,7 +7,7 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from o3dleaf.output.report.places import KINDS
-from o3dleaf.output.report.requirements import Verdict
+from o3dleaf.output.report.requirements import CheckResult
 from o3dleaf.output.report.viewer import as_json, viewer_script
 from o3dleaf.output.report.words import FIGURES, TABLES, figure_of, in_words
 
@@ -38,7 +38,7 @@ class Section(NamedTuple):
     body: str
 
 
-def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
+def write_page(title: str, verdict: CheckResult, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
     """Return the page of a title, a verdict and sections."""
     style = (files("o3dleaf.output.report") / "page.css").read_text(encoding="utf-8")
     links = "".join(f'<a href="#{each.name}">{escape(each.heading)}</a>' for each in sections)
@@ -54,7 +54,7 @@ def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer
     return "\n".join([*parts, f"<footer>{footer}</footer>", "</body>", "</html>", ""])
 
 
-def requirements_table(verdict: Verdict) -> str:
+def requirements_table(verdict: CheckResult) -> str:
     """Return the table of what was required and found."""
     if not verdict.findings:
         return '<p class="note">Nothing was required of this mesh; the figures below are what it is.</p>'

@@ -24,6 +24,7 @@ PAPER = np.array([0.955, 0.965, 0.950])
 """sRGB of the background."""
 
 PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
+SUFFIXES = PIXELS + VECTORS
 ENGINES = ("cpu", "open3d", "auto")
 
 
@@ -114,7 +115,7 @@ def render(
         If Open3D's renderer is asked for and does not work here.
     """
     if path is not None:
-        path = require_writable(path, PIXELS + VECTORS)
+        path = require_writable(path, SUFFIXES)
     subject = Inset(mesh, view=view or View(), scalars=scalars, unit=unit)
     page = draw_page(subject, insets, size, title, scale_bar=scale_bar, engine=engine)
     pixels = page.pixels()

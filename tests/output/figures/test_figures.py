@@ -168,8 +168,8 @@ def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
 
 
 def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, quick, tmp_path):
-    journal = Notes()
-    drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"], journal=journal)
+    with Notes() as journal:
+        drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"])
     names = [f"{number}-{name}.{suffix}" for number, name in ((1, "scan"), (2, "flattened"), (3, "height-map"))
              for suffix in ("png", "svg")]  # fmt: skip
     assert [path.name for path in drawn.paths] == [*names, CAPTIONS]
@@ -205,13 +205,13 @@ def test_what_there_is_not_is_refused(leaf, tmp_path, arguments, words):
 
 def test_a_job_takes_a_saved_leaf_and_refuses_what_does_not_go_together(leaf, tmp_path):
     leaf.save(tmp_path / "leaf.o3l")
-    job = FiguresJob(tmp_path / "out", model=tmp_path / "leaf.o3l", formats=("pdf",), only=("height-map",))
-    assert [path.name for path in job.run(Journal()).paths] == ["3-height-map.pdf", CAPTIONS]
+    job = FiguresJob(output=tmp_path / "out", model=tmp_path / "leaf.o3l", formats="pdf", only="height-map")
+    assert [path.name for path in job.run().paths] == ["3-height-map.pdf", CAPTIONS]
     leaf.texture.save(tmp_path / "micro.o3l")
     with pytest.raises(InputError, match="no leaf"):
-        FiguresJob(tmp_path / "out", model=tmp_path / "micro.o3l").run(Journal())
+        FiguresJob(output=tmp_path / "out", model=tmp_path / "micro.o3l").run()
     for wrong, words in (({"midrib": tmp_path}, "scan"), ({"model": tmp_path, "midrib": tmp_path}, "midrib, model")):
         with pytest.raises(InputError, match=words):
-            FiguresJob(tmp_path / "out", **wrong)
+            FiguresJob(output=tmp_path / "out", **wrong).run()
     with pytest.raises(InputError, match="folder"):
-        FiguresJob(tmp_path / "leaf.o3l", model=tmp_path / "leaf.o3l").run(Journal())
+        FiguresJob(output=tmp_path / "leaf.o3l", model=tmp_path / "leaf.o3l").run()

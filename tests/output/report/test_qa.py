@@ -18,7 +18,7 @@ from o3dleaf.output.report import closeups, overviews, shots
 from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
 from o3dleaf.output.report.reduce import reduce_mesh
-from o3dleaf.output.report.requirements import RULES, check_mesh, parse_requirements
+from o3dleaf.output.report.requirements import RULES, check_report, parse_requirements
 from o3dleaf.output.report.words import FIGURES
 from o3dleaf.output.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
@@ -133,7 +133,7 @@ class Elements(HTMLParser):
 )
 def test_a_box_is_what_it_is(words, met):
     """A unit cube of twelve right isosceles triangles, whose figures are known."""
-    verdict = check_mesh(o3l.mesh_report(o3d.geometry.TriangleMesh.create_box()), words)
+    verdict = check_report(o3l.mesh_report(o3d.geometry.TriangleMesh.create_box()), words)
     assert verdict.passed is met
     assert verdict.word == ("not asked" if not words else "passed" if met else "failed")
     assert bool(verdict.failures) is not met
@@ -146,20 +146,20 @@ def test_bounds_bind_at_equality_and_break_beyond(broken):
         found = getattr(report, rule.attribute)
         if rule.order in {"is", "none"} or found is None:
             continue
-        assert check_mesh(report, f"{name}={found!r}").passed, name
+        assert check_report(report, f"{name}={found!r}").passed, name
         less, more = (found - 1, found + 1) if rule.kind == "count" else (found * (1 - 1e-9), found * (1 + 1e-9))
         beyond = {"=": (less, more), "≥": (more,), "≤": (less,)}[rule.order]
         for value in beyond:
             if 0 <= value <= 180 and found not in {0, 180}:
-                assert not check_mesh(report, f"{name}={value!r}").passed, name
+                assert not check_report(report, f"{name}={value!r}").passed, name
 
 
 def test_a_failure_says_what_was_wanted_and_found(broken):
-    lines = [str(each) for each in broken.verdict.failures]
+    lines = [str(each) for each in broken.result.failures]
     report = broken.inspection.report
     assert lines[0].startswith(f"watertight: wanted yes, found no (boundary edges: {report.boundary_edges}, ")
     assert lines[-1] == f"components=1: wanted 1, found {report.components}"
-    undefined = check_mesh(report, "genus=0").failures[0]
+    undefined = check_report(report, "genus=0").failures[0]
     assert "none" in undefined.found
 
 
@@ -189,7 +189,7 @@ def test_a_requirement_that_is_none_gets_one_line(words, say):
 def test_what_is_measured_to_must_be_given():
     box = o3d.geometry.TriangleMesh.create_box()
     with pytest.raises(InputError, match="needs a field"):
-        check_mesh(o3l.mesh_report(box), "max-deviation=0.1")
+        check_report(o3l.mesh_report(box), "max-deviation=0.1")
     with pytest.raises(InputError, match="needs a cloud"):
         Examination.of(box, require="unsupported-share=0.1")
 
@@ -281,7 +281,7 @@ def test_every_figure_of_the_json_is_on_the_page(page, broken, tmp_path):
     measured = {name for name, value in figures.items() if value is not None} - {"required", "failures"}
     assert {name: shown[name] for name in measured} == {name: figures[name] for name in measured}
     assert figures["verdict"] == "failed"
-    assert figures["required"] == [str(each.requirement) for each in broken.verdict.findings]
+    assert figures["required"] == [str(each.requirement) for each in broken.result.findings]
     for line in figures["required"]:
         assert f"<code>{line}</code>" in text
     assert text.count("✗ not met") == len(figures["failures"]) == 4
@@ -294,7 +294,7 @@ def test_every_defect_is_on_the_page(page):
 
 def test_a_mesh_without_an_area_still_gets_a_page(tmp_path):
     line = ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    assert o3l.write_report(tmp_path / "line.html", line, require="no-degenerate-triangles").word == "failed"
+    assert o3l.write_report(line, tmp_path / "line.html", require="no-degenerate-triangles").word == "failed"
     assert "nothing to draw" in (tmp_path / "line.html").read_text(encoding="utf-8")
 
 
