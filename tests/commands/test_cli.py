@@ -18,7 +18,7 @@ from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 MODULE = sys.executable, "-m", "o3dleaf"
 
