@@ -227,6 +227,7 @@ def patch(
     from o3dleaf.ct.formats import read_volume
     from o3dleaf.files import require_apart, require_writable
     from o3dleaf.leaf.realisation import extract_flat_tile
+    from o3dleaf.mesh.files import SUFFIXES
     from o3dleaf.pipeline import PatchOptions, create_texture
     from o3dleaf.store import SUFFIX
 
@@ -235,6 +236,8 @@ def patch(
     require_apart([output, tile_solid], [volume])
     if (tile_solid is None) != (spacing is None):
         raise InputError("tile-solid, spacing: the block needs a step and the step a block; give both or none")
+    if tile_solid is not None:
+        require_writable(tile_solid, SUFFIXES)
     options = PatchOptions(number_or_word(level), number_or_word(rho), as_period(period), flip, shift)
     with shown(quiet=quiet) as journal:
         with journal.stage("read"):
@@ -270,10 +273,12 @@ def info(
     json: Annotated[Path | None, typer.Option(help="Write it as JSON too.")] = None,
 ) -> None:
     """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
-    from o3dleaf.files import require_apart
+    from o3dleaf.files import require_apart, require_writable
     from o3dleaf.report import describe_file, write_json
 
     require_apart([json], [file])
+    if json is not None:
+        require_writable(json)
     found = describe_file(file, unit=unit, voxel_spacing=voxel_spacing)
     for name, value in found.items():
         typer.echo(f"{name:>24}  {value}")
@@ -297,10 +302,12 @@ def qa(
     quiet: Quiet = False,
 ) -> None:
     """Judge a mesh: figures, defects, requirements; exit code 1 if one is not met."""
-    from o3dleaf.files import require_apart
+    from o3dleaf.files import require_apart, require_writable
     from o3dleaf.report.examine import examine_files, verdict_lines
 
     require_apart([html, json], [mesh, field, cloud])
+    if json is not None:
+        require_writable(json)
     set_num_threads_if(threads)
     with shown(quiet=quiet) as journal:
         found = examine_files(mesh, field=field, cloud=cloud, unit=unit, require=require, html=html, journal=journal)

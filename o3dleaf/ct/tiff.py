@@ -1,7 +1,6 @@
 """TIFF stacks: what the file holds, what it says about lengths, and nothing allocated before it is checked."""
 
 import logging
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import tifffile
 from o3dleaf.checks import FloatArray
 from o3dleaf.ct.volume import Volume
 from o3dleaf.errors import InputError, UnitError
+from o3dleaf.files import whole_file
 from o3dleaf.units import METRES, check_unit
 
 LONGEST_RATIO = 2000
@@ -76,7 +76,6 @@ def write_volume(path: str | PathLike[str], volume: Volume) -> None:
     volume : Volume
         The volume; a unit of None is written as ImageJ's "pixel".
     """
-    target = Path(path)
     kept = volume.data.dtype in (np.uint8, np.uint16, np.float32)
     pages = swap_page_order(volume.data if kept else volume.data.astype(np.float32))
     # ImageJ counts its origin in voxels, from the lattice's origin.
@@ -84,19 +83,15 @@ def write_volume(path: str | PathLike[str], volume: Volume) -> None:
     metadata: dict[str, Any] = dict(zip(("xorigin", "yorigin", "zorigin"), steps, strict=True))
     metadata |= {"axes": "ZYX", "spacing": float(volume.spacing[2]), "unit": volume.unit or "pixel"}
     across, down = (Fraction(float(s)).limit_denominator(10**6) for s in volume.spacing[:2])
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as temporary:
         tifffile.imwrite(
-            part,
+            temporary,
             np.ascontiguousarray(pages),
             imagej=True,
             resolution=((across.denominator, across.numerator), (down.denominator, down.numerator)),
             metadata=metadata,
             software="o3dleaf",
         )
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _require_no(complaints: list[str], path: Path) -> None:

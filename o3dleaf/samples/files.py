@@ -9,7 +9,8 @@ import open3d as o3d
 
 from o3dleaf.checks import FloatArray
 from o3dleaf.ct import Volume, write_volume
-from o3dleaf.errors import InputError
+from o3dleaf.errors import O3DLeafError
+from o3dleaf.files import whole_file
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 
@@ -51,7 +52,7 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
 
     Raises
     ------
-    InputError
+    O3DLeafError
         If a file cannot be written.
     """
     folder = Path(directory)
@@ -65,26 +66,24 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
     write_volume(paths[2], volume)
     sums = [f"| `{p.name}` | {p.stat().st_size:,} | `{hashlib.sha256(p.read_bytes()).hexdigest()}` |" for p in paths]
     page = folder / PAGE
-    page.write_text(
-        TEXT.format(
-            seed=seed,
-            scan=SCAN,
-            midrib=MIDRIB,
-            patch=PATCH,
-            points=len(scan.cloud.points),
-            controls=len(scan.midrib),
-            shape=" × ".join(str(n) for n in volume.shape),
-            voxels=volume.data.size,
-            sums="\n".join(sums),
-        ),
-        encoding="utf-8",
+    text = TEXT.format(
+        seed=seed,
+        scan=SCAN,
+        midrib=MIDRIB,
+        patch=PATCH,
+        points=len(scan.cloud.points),
+        controls=len(scan.midrib),
+        shape=" × ".join(str(n) for n in volume.shape),
+        voxels=volume.data.size,
+        sums="\n".join(sums),
     )
+    with whole_file(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return [*paths, page]
 
 
 def _write_points(path: Path, points: FloatArray) -> None:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.round(DECIMALS_MM)))
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    if not o3d.io.write_point_cloud(part, cloud):
-        raise InputError(f"{path}: cannot be written; check the folder's permissions and free space")
-    part.replace(path)
+    with whole_file(path) as temporary:
+        if not o3d.io.write_point_cloud(temporary, cloud):
+            raise O3DLeafError(f"{path}: could not be written; check the folder's permissions and free space")

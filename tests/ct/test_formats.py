@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from o3dleaf.ct import Volume, read_volume, write_volume
-from o3dleaf.errors import InputError
+from o3dleaf.errors import InputError, O3DLeafError
 from tolerances import ROUND_TRIP_SPACING
 
 
@@ -57,10 +57,10 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, volume, m
 
     def fail(path, *_, **__):
         path.write_bytes(b"half")
-        raise OSError("disk full")
+        raise OSError(28, "disk full")
 
     monkeypatch.setattr(tifffile, "imwrite", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(O3DLeafError, match="disk full"):
         write_volume(target, volume)
     assert [f.name for f in tmp_path.iterdir()] == ["v.tif"]
     assert target.read_bytes() == before
