@@ -14,6 +14,7 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf.errors import InputError
 from o3dleaf.mesh.arrays import triangle_areas
+from o3dleaf.mesh.files import read_triangle_mesh, write_triangle_mesh
 from o3dleaf.report import closeups, overviews, shots
 from o3dleaf.report.examine import Examination, require_field
 from o3dleaf.report.places import KINDS, find_places, look_at
@@ -357,6 +358,25 @@ def test_a_sound_mesh_passes(run, box):
     done = run("qa", box, "--require", "watertight,min-angle=45")
     assert done.returncode == 0
     assert "passed (2 of 2 met)" in done.stdout
+
+
+@pytest.mark.parametrize("writer", ["ours", "Open3D's"])
+def test_the_corners_of_an_stl_are_joined(run, tmp_path, writer):
+    """STL has three vertices a triangle: judged as they stand, a sphere is as many pieces as it has triangles."""
+    mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 20).compute_triangle_normals()
+    write = write_triangle_mesh if writer == "ours" else o3d.io.write_triangle_mesh
+    write(tmp_path / "ball.stl", mesh)
+    read = read_triangle_mesh(tmp_path / "ball.stl")
+    assert len(read.vertices) == len(mesh.vertices)
+    assert not read.has_vertex_normals()
+    corners, same = (np.asarray(each.vertices)[np.asarray(each.triangles)] for each in (mesh, read))
+    np.testing.assert_array_equal(same, corners.astype(np.float32))
+    done = run("qa", tmp_path / "ball.stl", "--require", "watertight,manifold,oriented,components=1")
+    assert (done.returncode, "passed (4 of 4 met)" in done.stdout) == (0, True)
+    done = run("info", tmp_path / "ball.stl", "--json", tmp_path / "ball.json")
+    assert done.returncode == 0
+    said = json.loads((tmp_path / "ball.json").read_text())
+    assert (said["components"], said["vertices"], said["watertight"]) == (1, len(mesh.vertices), True)
 
 
 def test_wrong_input_is_one_line_and_leaves_nothing(run, box, tmp_path):
