@@ -14,9 +14,6 @@ from o3dleaf.terminal import shown
 FAILED = 1
 """Exit code of a mesh that is not what it must be."""
 
-INTERRUPTED = 130
-"""Exit code that typer gives to Ctrl-C."""
-
 app = typer.Typer(
     help="Laser scan and micro-CT of a leaf into one multi-scale surface.",
     no_args_is_help=True,
@@ -585,13 +582,9 @@ def set_num_threads_if(threads: int | None) -> None:
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one line and exit code 2, an interruption exit code 130."""
+    """Run the command line; an error of ours is one line and exit code 2."""
     try:
         app(standalone_mode=True)
     except O3DLeafError as error:
         sys.stderr.write(f"o3dleaf: error: {' '.join(str(error).split())}\n")
         sys.exit(2)
-    except SystemExit as stop:
-        if stop.code == INTERRUPTED:
-            sys.stderr.write("o3dleaf: interrupted; a file that was not finished has left nothing behind\n")
-        raise

@@ -23,7 +23,7 @@ def test_layers_hold():
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0
 
 
-@pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.cli"])
+@pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.cli"])
 def test_import_loads_nothing_heavy(module):
     code = f"import {module}, sys; print(*set(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
