@@ -35,7 +35,6 @@ from .leaf.pipeline import create_blade as create_blade
 from .leaf.pipeline import create_texture as create_texture
 from .leaf.pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .surface.isosurface.isosurface import extract_isosurface as extract_isosurface
-from .surface.isosurface.band import extract_band as extract_band
 from .surface.reconstruction.proximity import local_spacing as local_spacing
 from .surface.reconstruction.proximity import near_data as near_data
 from .surface.reconstruction.along_mesh import turned_over as turned_over

@@ -2,7 +2,9 @@
 
 import warnings
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    "extract_band": "extract_isosurface",
+}
 """Old public name to new public name."""
 
 
