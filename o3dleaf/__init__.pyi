@@ -63,7 +63,7 @@ from .surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu as
 from .surface.remeshing.remesh import remesh as remesh
 from .output.export.consumers import export_mesh as export_mesh
 from .output.export.read import read_labelled_mesh as read_labelled_mesh
-from .output.export.labelled_mesh import LabelledMesh as LabelledMesh
+from .io.labelled_mesh import LabelledMesh as LabelledMesh
 from .output.export.particles import sample_particles as sample_particles
 from .output.export.particles import fill_particles as fill_particles
 from .output.export.particles import export_particles as export_particles
