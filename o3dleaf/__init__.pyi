@@ -43,10 +43,7 @@ from .surface.reconstruction.vertex_support import support as support
 from .surface.reconstruction.vertex_support import Support as Support
 from .surface.reconstruction.vertex_support import attach_support as attach_support
 from .surface.repair.clean import clean_mesh as clean_mesh
-from .surface.repair.clean import clean_labels as clean_labels
-from .surface.repair.meshlab import simplify_mesh as simplify_mesh
-from .surface.repair.meshlab import simplify_labels as simplify_labels
-from .surface.repair.meshlab import screened_poisson as screened_poisson
+from .surface.repair.simplify import simplify_mesh as simplify_mesh
 from .surface.mesh.surface_distance import surface_distance as surface_distance
 from .surface.mesh.mesh_report import mesh_report as mesh_report
 from .surface.mesh.mesh_report import MeshReport as MeshReport

@@ -3,7 +3,9 @@
 import warnings
 
 RENAMED: dict[str, str] = {
+    "clean_labels": "clean_mesh",
     "extract_band": "extract_isosurface",
+    "simplify_labels": "simplify_mesh",
 }
 """Old public name to new public name."""
 

@@ -29,7 +29,7 @@ from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
-from o3dleaf.surface.repair.meshlab import simplify_mesh
+from o3dleaf.surface.repair.simplify import simplify_mesh
 
 LAYERS = 16
 """Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""

@@ -21,7 +21,7 @@ from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions, march
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.remeshing.remesh import remesh
-from o3dleaf.surface.repair.meshlab import simplify_mesh
+from o3dleaf.surface.repair.simplify import simplify_mesh
 from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, outline, solid_layer
 from tolerances import SHARPENED
 
