@@ -191,7 +191,7 @@ class Realisation:
         edge = require_positive(remesh, "remesh")
         self.assembly.emit(arrays, lambda flat: flat)
         parts = arrays.vertices, arrays.triangles, arrays.labels
-        found = remesh_leaf(self, self.outline, self.tile, *parts, edge, progress)
+        found = remesh_leaf(self, self.outline, self.tile, *parts, edge)
         return LabelledMesh(build_mesh(found.places, found.triangles), found.labels, unit=self.blade.unit)
 
     def write(self, path: str | PathLike[str], progress: Progress | None = None) -> None:
