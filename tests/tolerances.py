@@ -543,9 +543,6 @@ CREASED = 1e-8
 CREASED_SLOPE = 1e-5
 """Central differences over 1e-4 of a field that is linear on either side, whose values are good to 1e-10."""
 
-SHARP_AREA = 1e-4
-"""Of a block's area, found 4e-5: where a crease grazes a vertex, triangles in its line may overlap by a sliver."""
-
 # --- progress ---
 
 LARGEST_STEP_OF_A_BAR = 0.2
