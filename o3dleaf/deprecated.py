@@ -2,7 +2,11 @@
 
 import warnings
 
-RENAMED: dict[str, str] = {}
+RENAMED: dict[str, str] = {
+    "clean_labels": "clean_mesh",
+    "extract_band": "extract_isosurface",
+    "simplify_labels": "simplify_mesh",
+}
 """Old public name to new public name."""
 
 

@@ -227,6 +227,7 @@ def patch(
     from o3dleaf.core.atomic_files import require_apart, require_writable
     from o3dleaf.io.model_file import SUFFIX
     from o3dleaf.leaf.ct.formats import read_volume
+    from o3dleaf.leaf.instancing.stream import write_mesh
     from o3dleaf.leaf.meshing import extract_flat_tile
     from o3dleaf.leaf.pipeline import PatchOptions, create_texture
 
@@ -244,7 +245,7 @@ def patch(
             texture.save(output)
         if tile_solid is not None and spacing is not None:
             with journal.stage("write tile"):
-                extract_flat_tile(texture, 1.0, spacing).write(tile_solid)
+                write_mesh(extract_flat_tile(texture, 1.0, spacing), tile_solid)
     if not quiet:
         energy = texture.seam_energy()
         typer.echo(f"{output}: tile {texture.tile.tolist()} {texture.unit or ''}, seam energy {energy.total:.3g}")

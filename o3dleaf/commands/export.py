@@ -13,8 +13,9 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.core.parallel import Progress
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import SUFFIX as MODEL
-from o3dleaf.leaf.meshing import LeafMesh, extract_flat_tile
+from o3dleaf.leaf.meshing import extract_flat_tile
 from o3dleaf.leaf.models import load
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
@@ -22,7 +23,6 @@ from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.output.export.consumers import CONSUMERS, SUFFIXES, export_mesh
 from o3dleaf.output.export.distance_grid import SUFFIXES as DISTANCE_SUFFIXES
 from o3dleaf.output.export.distance_grid import export_distance
-from o3dleaf.output.export.labelled_mesh import LabelledMesh
 from o3dleaf.output.export.particles import SUFFIXES as PARTICLE_SUFFIXES
 from o3dleaf.output.export.particles import export_particles, fill_particles, sample_particles
 from o3dleaf.output.export.read import read_labelled_mesh
@@ -161,7 +161,6 @@ class ExportRun:
         if self.spacing is None:
             raise InputError(f"spacing: {self.source} is a model; give the step to mesh it at")
         spacing = require_positive(self.spacing, "spacing")
-        made: LeafMesh
         if isinstance(model, TiledField | PatchBlend):
             self._refuse_remeshed_tile(tile=True)
             made = extract_flat_tile(model, 1.0, spacing)

@@ -19,6 +19,7 @@ from o3dleaf.leaf.ct.formats import read_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.distance.grid import KINDS
 from o3dleaf.leaf.distance.grid import SUFFIXES as GRIDS
+from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.meshing import Realisation
 from o3dleaf.leaf.models import load
@@ -30,7 +31,7 @@ from o3dleaf.output.report.describe import write_json
 from o3dleaf.output.report.summary import summarise
 from o3dleaf.output.view.maps import MEASURES, render_distortion
 from o3dleaf.output.view.render import Inset, render
-from o3dleaf.surface.isosurface.polygonise import METHODS
+from o3dleaf.surface.isosurface.polygonize import METHODS
 
 MOST_TO_CHECK = 3_000_000
 """Triangles up to which a mesh is held to be drawn and checked; of a larger one, a coarser mesh is drawn."""
@@ -202,7 +203,7 @@ class LeafRun:
             with journal.stage("remesh") as progress:
                 found = surface.extract(progress, remesh=self.remesh)
             with journal.stage("write mesh"):
-                found.write(self.output)
+                write_mesh(found, self.output)
             return found.mesh, surface
         with journal.stage("write mesh") as progress:
             surface.write(self.output, progress)
@@ -218,14 +219,14 @@ class LeafRun:
         with journal.stage("extract mesh"):
             found = leaf.extract_levels(self.spacing, levels, closed=self.closed)
         with journal.stage("write mesh"):
-            found.write(self.output)
+            write_mesh(found, self.output)
         return found.mesh, None
 
     def write_more(self, leaf: MultiscaleLeaf, journal: Journal) -> None:
         """Write a flat tile and a grid, where they are asked for."""
         if self.tile_solid is not None:
             with journal.stage("write tile"):
-                leaf.extract_tile(self.spacing).write(self.tile_solid)
+                write_mesh(leaf.extract_tile(self.spacing), self.tile_solid)
         if self.grid is not None:
             with journal.stage("write grid") as progress:
                 leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed, progress=progress)

@@ -14,7 +14,7 @@ from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.instancing.placement import in_tile
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, INSIDE
-from o3dleaf.surface.isosurface.polygonise import METHODS, lattice_positions
+from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
 
 CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 """Corners of a square of a wall, counter-clockwise in (along the wall, through the blade)."""

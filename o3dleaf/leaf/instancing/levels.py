@@ -23,7 +23,7 @@ from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TINY, Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.surface.isosurface.polygonise import march
+from o3dleaf.surface.isosurface.polygonize import march
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 
 Values = Callable[[FloatArray], FloatArray]

@@ -19,7 +19,7 @@ from o3dleaf.leaf.instancing.rim_loops import (
     use_by_distance,
 )
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.surface.isosurface.polygonise import lattice_positions
+from o3dleaf.surface.isosurface.polygonize import lattice_positions
 
 Nodes = npt.NDArray[np.int32]
 NO_NODES = np.empty((0, 3), dtype=np.int32)

@@ -10,7 +10,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.placement import Nodes
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.surface.isosurface.polygonise import lattice_positions
+from o3dleaf.surface.isosurface.polygonize import lattice_positions
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 Reduce = Callable[[FloatArray, IntArray], tuple[FloatArray, IntArray]]

@@ -14,8 +14,8 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import Progress, blocks
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
-from o3dleaf.surface.isosurface.cell_loops import LEAST_FRACTION
-from o3dleaf.surface.isosurface.polygonise import lattice_positions, march
+from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
+from o3dleaf.surface.isosurface.polygonize import lattice_positions, march
 
 SLAB = 1 << 18
 """Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
@@ -66,7 +66,7 @@ class Tile:
     ----------
     lattice : TileLattice
     method : int
-        Place in `o3dleaf.surface.isosurface.polygonise.METHODS`.
+        Place in `o3dleaf.surface.isosurface.polygonize.METHODS`.
     runs : Runs
         What is inside, voids filled.
     edges : (n,) ndarray of int64
@@ -116,7 +116,7 @@ def extract_tile(
         Values at (n, 3) points, > 0 inside, with the period of the lattice along the first two axes.
     lattice : TileLattice
     method : int
-        Place in `o3dleaf.surface.isosurface.polygonise.METHODS`.
+        Place in `o3dleaf.surface.isosurface.polygonize.METHODS`.
     progress : callable, optional
         ``progress(done, total)`` in samples of the first pass.
     sharpen : (2,) tuple of int, optional
@@ -254,7 +254,7 @@ def _sharpened(
         a, b, fa, fb = (each[rows] for each in (*ends, *values))
         for _ in range(MOST_STEPS):
             share = (a * fb - b * fa) / (fb - fa)
-            found[first + rows] = np.clip(share, LEAST_FRACTION, 1 - LEAST_FRACTION)
+            found[first + rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
             f = at(rows, share)
             crossed = (f > 0) != (fb > 0)
             a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)

@@ -12,10 +12,9 @@ from o3dleaf.core.checks import FloatArray, require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.units import METRES
+from o3dleaf.io.labelled_mesh import LABELS, LabelArray, LabelledMesh
 from o3dleaf.io.triangle_mesh import read_triangle_mesh
-from o3dleaf.leaf.instancing.parts import LABELS
 from o3dleaf.leaf.instancing.stream import TRIANGLE
-from o3dleaf.output.export.labelled_mesh import LabelArray, LabelledMesh
 
 PIECE = 1 << 24
 """Bytes of an ASCII STL that are looked at together."""

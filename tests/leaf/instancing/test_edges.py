@@ -12,7 +12,7 @@ from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.surface.isosurface.polygonise import METHODS, march
+from o3dleaf.surface.isosurface.polygonize import METHODS, march
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tile_fields import LATTICE, PERIOD, area, assemble, layer, outline, solid_layer
 
