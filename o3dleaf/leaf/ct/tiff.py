@@ -45,11 +45,11 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     Raises
     ------
     InputError
-        If the file is not a TIFF, is truncated, is in colour or holds more than one stack.
+        If the file is not a TIFF, is truncated, is in color or holds more than one stack.
     """
     try:
         with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
-            stack = _one_grey_series(tiff, path)
+            stack = _one_gray_series(tiff, path)
             _require_complete(tiff, stack, path)
             lattice = _stated(tiff)
             _require_no(complaints, path)
@@ -118,12 +118,12 @@ def _complaints() -> Iterator[list[str]]:
         logger.removeHandler(handler)
 
 
-def _one_grey_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
+def _one_gray_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
     if len(tiff.series) != 1:
         raise InputError(f"{path}: holds {len(tiff.series)} images of different sizes; export one stack")
     stack = tiff.series[0]
     if "S" in stack.axes or tiff.pages.first.samplesperpixel > 1:
-        raise InputError(f"{path}: is in colour; export grey values")
+        raise InputError(f"{path}: is in color; export gray values")
     _three(stack.shape)
     return stack
 
@@ -177,7 +177,7 @@ def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> Stated
 
 
 def _ome_lattice(xml: str) -> StatedLattice:
-    """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometres unless it says otherwise."""
+    """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometers unless it says otherwise."""
     pixels = next((e for e in ET.fromstring(xml).iter() if e.tag.endswith("}Pixels")), None)  # noqa: S314
     if pixels is None or any(pixels.get(f"PhysicalSize{a}") is None for a in "XYZ"):
         return StatedLattice()

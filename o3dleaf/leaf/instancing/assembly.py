@@ -206,7 +206,7 @@ class Assembly:
         )
 
     def _links(self, parts: dict[At, Part], at: At) -> tuple[IntArray, IntArray]:
-        """Return the pieces of a tile and of its neighbours that have a vertex in common, as pairs of numbers."""
+        """Return the pieces of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
         part, base = parts[at], self._shares[at].first_label
         around = {
             shift: (parts[there].placement, Numbers(parts[there].own, self._shares[there].first_label))
@@ -219,7 +219,7 @@ class Assembly:
 
     @staticmethod
     def _around(parts: dict[At, Part], at: At) -> dict[int, At]:
-        """Return the neighbours that a tile's triangles lean on, by shift."""
+        """Return the neighbors that a tile's triangles lean on, by shift."""
         places = {shift: (at[0] + (shift & 1), at[1] + (shift >> 1)) for shift in (1, 2, 3)}
         return {shift: there for shift, there in places.items() if there in parts}
 

@@ -1,4 +1,4 @@
-"""One period of a periodic surface, polygonised once: what is set down everywhere."""
+"""One period of a periodic surface, polygonized once: what is set down everywhere."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ class Tile:
     cells : (nx ny + 1,) ndarray of int64
         First triangle over each cell of the plane.
     beyond : (h, 2) ndarray of int64
-        Vertices of neighbours that triangles of this tile use: the vertex, and the neighbour (bits: along, across).
+        Vertices of neighbors that triangles of this tile use: the vertex, and the neighbor (bits: along, across).
     """
 
     lattice: TileLattice
@@ -271,7 +271,7 @@ def _sharpened(
 def _nodes(
     edges: IntArray, named: list[tuple[IntArray, npt.NDArray[np.uint8]]], triangles: list[npt.NDArray[np.int32]]
 ) -> tuple[npt.NDArray[np.int32], IntArray]:
-    """Return the corners as nodes of the tile, and the vertices of neighbours among them.
+    """Return the corners as nodes of the tile, and the vertices of neighbors among them.
 
     Triangles come by slabs, as rows of the names and shifts of the slab's vertices.
     """

@@ -194,7 +194,7 @@ def test_a_header_that_promises_too_much_allocates_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("array", "says"),
     [
-        (np.zeros((4, 5, 6, 3), np.uint8), "colour"),
+        (np.zeros((4, 5, 6, 3), np.uint8), "color"),
         (np.zeros((4, 5, 3), np.uint8), "one value"),
         (np.full((4, 5, 6), 7, np.uint16), "one value"),
         (np.full((4, 5, 6), np.nan, np.float32), "NaN"),

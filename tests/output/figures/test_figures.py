@@ -145,7 +145,7 @@ def test_a_leaf_too_small_for_its_tiles_is_an_error_with_a_cure(leaf):
         whole_tiles(leaf, (4, 4))
 
 
-def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
+def test_a_block_is_the_closed_leaf_in_two_colors_cut_at_the_window(leaf):
     window = whole_tiles(leaf, (2, 2))
     surface, cut = block(leaf, 0.1, window.region, seams=True)
     whole = leaf.extract_mesh(0.1, window.region, closed=True)
@@ -155,14 +155,14 @@ def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
     assert np.abs(plane[:, np.newaxis] - window.region).min(axis=(1, 2)).max() < 0.03
     assert len(triangles) > 0
     assert np.allclose(cut.vertex_colors, to_rgb(CUT))
-    colours = np.asarray(surface.vertex_colors)
+    colors = np.asarray(surface.vertex_colors)
     flat = leaf.blade.flatten(np.asarray(surface.vertices))[:, :2]
-    red = np.abs(colours - to_rgb(VERMILION)).max(axis=1) < 1e-6
+    red = np.abs(colors - to_rgb(VERMILION)).max(axis=1) < 1e-6
     middle = window.region.mean(axis=0)
     assert np.abs(flat[red] - middle).min(axis=1).max() < 0.1
     assert red[np.abs(flat - middle).min(axis=1) < 1e-6].mean() > 0.9
     quarter = (flat > middle).sum(axis=1) % 2
-    green = colours[~red]
+    green = colors[~red]
     assert len(np.unique(green[quarter[~red] == 0], axis=0)) == len(np.unique(green[quarter[~red] == 1], axis=0)) == 1
     assert len(np.unique(green, axis=0)) == 2
 

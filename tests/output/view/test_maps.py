@@ -1,4 +1,4 @@
-"""Maps show the distortion where it is, in colours that are symmetric about none."""
+"""Maps show the distortion where it is, in colors that are symmetric about none."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_the_outer_edge_is_red_and_the_inner_one_blue(arc):
     leaf = np.abs(page / 255 - PAPER).max(axis=2) > 0.05
     rows = np.flatnonzero(leaf[:, 90:230].all(axis=1))
     first, last = page[rows[3:10], 90:230].mean(axis=(0, 1)), page[rows[-10:-3], 90:230].mean(axis=(0, 1))
-    warm = [colour[0] - colour[2] for colour in (first, last)]
+    warm = [color[0] - color[2] for color in (first, last)]
     assert min(warm) < -20
     assert max(warm) > 20
 
