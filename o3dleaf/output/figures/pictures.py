@@ -17,8 +17,8 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import Page, em_of
+from o3dleaf.output.view.picture import Inset, Scalars, draw_page
 from o3dleaf.output.view.points import Points, make_facets
-from o3dleaf.output.view.render import Inset, Scalars, draw_page
 
 TILE_STEPS = 140
 """Mesh steps along a tile that is looked at closely."""

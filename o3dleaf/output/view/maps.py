@@ -12,7 +12,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.leaf.macro.blade import APPRAISED, Blade
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.output.view.camera import View
-from o3dleaf.output.view.render import Scalars, render
+from o3dleaf.output.view.picture import Scalars, render
 
 
 class Measure(NamedTuple):

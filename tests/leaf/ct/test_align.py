@@ -7,11 +7,10 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.leaf.ct.align import align_blade
+from o3dleaf import InputError, ReconstructionError, Volume, align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
-from o3dleaf.leaf.ct.volume import Volume, apply_transform
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.leaf.ct.volume import apply_transform
+from o3dleaf.samples import wheat_ct
 from tolerances import ALIGNED_DEGREES, ALIGNED_VOXELS
 
 SPACING = 24.0

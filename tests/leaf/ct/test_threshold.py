@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, Volume
 from o3dleaf.leaf.ct.threshold import histogram_threshold
-from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples import wheat_ct
 
 METHODS = ["valley", "otsu"]
 

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf import InputError, PUInterpolant, TiledField
 from o3dleaf.fitting.pu.weight_loops import wendland
-from o3dleaf.leaf.texture.tiling import TiledField
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 

@@ -9,20 +9,15 @@ from matplotlib.image import imread
 
 import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
+from o3dleaf import AlphaShape, HeightMap, InputError, MultiscaleLeaf, ReconstructionError, Volume, draw_figures
 from o3dleaf.commands.figures import FiguresJob
-from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.output.figures import pictures
-from o3dleaf.output.figures.draw import CAPTIONS, FIGURES, draw_figures
-from o3dleaf.output.figures.pictures import CUT, block, scan_picture, whole_tiles
-from o3dleaf.output.figures.plots import flattened_scan, height_map, histogram
+from o3dleaf.output.figures import flattened_scan, height_map, histogram, pictures, scan_picture
+from o3dleaf.output.figures.draw import CAPTIONS, FIGURES
+from o3dleaf.output.figures.pictures import CUT, block, whole_tiles
 from o3dleaf.output.figures.style import COLUMN, PICTURE, VERMILION
-from o3dleaf.output.view.render import PAPER, draw_page
+from o3dleaf.output.view.picture import PAPER, draw_page
 from tolerances import ON_A_SEAM
 
 

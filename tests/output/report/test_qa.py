@@ -12,13 +12,13 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, check_mesh
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.output.report import closeups, overviews, shots
 from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
 from o3dleaf.output.report.reduce import reduce_mesh
-from o3dleaf.output.report.requirements import RULES, check_mesh, parse_requirements
+from o3dleaf.output.report.requirements import RULES, parse_requirements
 from o3dleaf.output.report.words import FIGURES
 from o3dleaf.output.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA

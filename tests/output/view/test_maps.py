@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.macro.blade import Blade
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.output.view.maps import MEASURES, render_distortion
-from o3dleaf.output.view.render import PAPER
+from o3dleaf import AlphaShape, Blade, HeightMap, InputError, LeafFrame, render_distortion
+from o3dleaf.output.view.maps import MEASURES
+from o3dleaf.output.view.picture import PAPER
 
 SIZE = (320, 200)
 

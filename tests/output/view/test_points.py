@@ -8,14 +8,13 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf.core.errors import InputError, MemoryBudgetError, O3DLeafError
+from o3dleaf import InputError, MemoryBudgetError, O3DLeafError, Points, extract_isosurface, render
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.output.view import offscreen, scene
 from o3dleaf.output.view import points as points_module
 from o3dleaf.output.view.camera import View
-from o3dleaf.output.view.points import Points, make_facets, make_spheres
-from o3dleaf.output.view.render import PAPER, Inset, Scalars, draw_page, render
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
+from o3dleaf.output.view.points import make_facets, make_spheres
 from tolerances import BACKGROUND, ENGINES_COLOR, ENGINES_COVER, SILHOUETTE
 
 SIZE = (320, 200)

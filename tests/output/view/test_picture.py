@@ -6,13 +6,11 @@ import pytest
 from matplotlib.image import imread
 
 from mesh_fields import sphere, wavy_sheets
-from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf import InputError, O3DLeafError, extract_isosurface, render, show
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import lay_out, name_length, round_length
-from o3dleaf.output.view.render import PAPER, Inset, Scalars, render
-from o3dleaf.output.view.window import show
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars
 from tolerances import BACKGROUND, SILHOUETTE
 
 SIZE = (320, 200)
