@@ -6,8 +6,8 @@ from importlib.metadata import version
 
 import numpy as np
 
+from o3dleaf.core import journal, progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.journal import Journal
 from o3dleaf.output.report.charts import Histogram, Mark
 from o3dleaf.output.report.closeups import draw_closeup
 from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
@@ -29,14 +29,12 @@ TURNED = 300_000
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
 
 
-def compose_page(
-    inspection: Inspection, verdict: Verdict, points: FloatArray | None, title: str, journal: Journal
-) -> str:
+def compose_page(inspection: Inspection, verdict: Verdict, points: FloatArray | None, title: str) -> str:
     """Return the page of a mesh; `points` are those of the scan, if there is one."""
     report = inspection.report
     sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
     if _can_be_drawn(inspection):
-        sections += _pictures(inspection, points, journal)
+        sections += _pictures(inspection, points)
     else:
         sections.append(
             Section("pictures", "Pictures", "<p>The mesh has no triangle with an area; there is nothing to draw.</p>")
@@ -53,18 +51,18 @@ def _can_be_drawn(inspection: Inspection) -> bool:
     return inspection.report.area > 0
 
 
-def _pictures(inspection: Inspection, points: FloatArray | None, journal: Journal) -> list[Section]:
+def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section]:
     """Return the sections of pictures, close-ups, maps and the interactive view."""
     anatomy, report = inspection.anatomy, inspection.report
     with journal.stage("reduced for pictures"):
         drawn = reduce_mesh(anatomy.vertices, anatomy.triangles, DRAWN)
         turned = reduce_mesh(anatomy.vertices, anatomy.triangles, TURNED)
-    with journal.stage("places") as progress:
+    with journal.stage("places"):
         places = find_places(inspection)
         closeups = list[str]()
         for number, place in enumerate(places, 1):
             closeups.append(draw_closeup(inspection, place, number))
-            progress(number, len(places))
+            progress.report(number, len(places))
     with journal.stage("pictures"):
         sides = draw_sides(drawn, places, report.unit)
     with journal.stage("maps"):

@@ -40,7 +40,7 @@ class Section(NamedTuple):
 
 def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
     """Return the page of a title, a verdict and sections."""
-    style = (files("o3dleaf.output.report") / "page.css").read_text(encoding="utf-8")
+    style = (files("o3dleaf.output.report") / "assets" / "page.css").read_text(encoding="utf-8")
     links = "".join(f'<a href="#{each.name}">{escape(each.heading)}</a>' for each in sections)
     badge = as_data("verdict", verdict.word, WORDS[verdict.word])
     parts = [

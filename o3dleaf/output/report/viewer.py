@@ -32,7 +32,7 @@ QUIET = ("boundary", "sharpest")
 
 def viewer_script() -> str:
     """Return the program of the view."""
-    return (files("o3dleaf.output.report") / "viewer.js").read_text(encoding="utf-8")
+    return (files("o3dleaf.output.report") / "assets" / "viewer.js").read_text(encoding="utf-8")
 
 
 def viewer_data(

@@ -164,7 +164,8 @@ def test_a_block_is_the_closed_leaf_in_two_colors_cut_at_the_window(leaf):
 
 def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, quick, tmp_path):
     journal = Notes()
-    drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"], journal=journal)
+    with journal:
+        drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"])
     names = [f"{number}-{name}.{suffix}" for number, name in ((1, "scan"), (2, "flattened"), (3, "height-map"))
              for suffix in ("png", "svg")]  # fmt: skip
     assert [path.name for path in drawn.paths] == [*names, CAPTIONS]
