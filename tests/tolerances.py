@@ -278,7 +278,7 @@ ENGINES_COVER = 2e-3
 """Share of the page that one engine alone covers: both sample pixels at the same nine places, the rasteriser rounds
 corners to 1/256 of one; found 4e-5 on llvmpipe."""
 
-ENGINES_COLOUR = 6 / 255
+ENGINES_COLOR = 6 / 255
 """Mean difference of what is covered and stands in nobody's shadow: sky that neighbours hide, colours along a triangle
 by light rather than by sRGB; found 1/255 on llvmpipe."""
 

@@ -472,7 +472,7 @@ def render(
     """Draw meshes and point clouds into a picture (PNG, JPG, PDF or SVG); needs no screen and no GPU."""
     from o3dleaf.core.atomic_files import require_apart
     from o3dleaf.output.report.describe import read_geometry
-    from o3dleaf.output.view.render import render as draw_files
+    from o3dleaf.output.view.picture import render as draw_files
 
     require_apart([output], files)
     draw_files([read_geometry(file) for file in files], output, unit=unit, title=title, size=size, engine=engine)
@@ -539,7 +539,7 @@ def pick(
 
     require_apart([output], [scan])
     control = pick_midrib(read_point_cloud(scan))
-    write_midrib(output, control)
+    write_midrib(control, output)
     typer.echo(f"{output}: {len(control)} control points")
 
 

@@ -30,7 +30,7 @@ from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.output.report.describe import write_json
 from o3dleaf.output.report.summary import summarise
 from o3dleaf.output.view.maps import MEASURES, render_distortion
-from o3dleaf.output.view.render import Inset, render
+from o3dleaf.output.view.picture import Inset, render
 from o3dleaf.surface.isosurface.polygonize import METHODS
 
 MOST_TO_CHECK = 3_000_000

@@ -36,12 +36,12 @@ data, under the licence of the project. The truth behind each file is a Field th
 """  # noqa: E501 - a row of a table is one line
 
 
-def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path]:
+def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
     """Write the sample scan, midrib and micro-CT volume with a README that holds their checksums.
 
     Parameters
     ----------
-    directory : path-like
+    folder : path-like
         Made if it does not exist; files of the same names are replaced.
     seed : int
         Of the samples; the files in `data_samples/` have 0.
@@ -53,10 +53,12 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
 
     Raises
     ------
+    InputError
+        If the folder cannot be written to.
     O3DLeafError
-        If a file cannot be written.
+        If writing fails.
     """
-    folder = Path(directory)
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     scan = wheat_scan(seed=seed)
     volume, _ = wheat_ct(seed=seed)
@@ -64,7 +66,7 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
     paths = [folder / name for name in (SCAN, MIDRIB, PATCH)]
     _write_points(paths[0], np.asarray(scan.cloud.points))
     _write_points(paths[1], scan.midrib)
-    write_volume(paths[2], volume)
+    write_volume(volume, paths[2])
     sums = [f"| `{p.name}` | {p.stat().st_size:,} | `{hashlib.sha256(p.read_bytes()).hexdigest()}` |" for p in paths]
     page = folder / PAGE
     text = TEXT.format(

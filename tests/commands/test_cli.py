@@ -38,7 +38,7 @@ def files(tmp_path_factory):
     midrib = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.midrib))
     o3d.io.write_point_cloud(folder / "midrib.ply", midrib)
     volume, _ = wheat_ct(size=(720, 720, 480))
-    write_volume(folder / "ct.tif", volume)
+    write_volume(volume, folder / "ct.tif")
     return folder
 
 
@@ -59,7 +59,7 @@ def bad(files, tmp_path_factory):
     (folder / "garbage.tif").write_bytes(bytes(range(256)) * 40)
     volume = wheat_ct(size=(720, 720, 480))[0]
     flat = Volume(np.ones((20, 20, 20), dtype=np.float32), volume.spacing, volume.origin, volume.unit)
-    write_volume(folder / "flat.tif", flat)
+    write_volume(flat, folder / "flat.tif")
     return {
         "empty": folder / "empty.ply",
         "nan": cloud("nan.xyz", spoilt),
