@@ -83,7 +83,7 @@ def test_every_writer_asks(tmp_path):
     os.mkfifo(tmp_path / "ct.tif")
     os.mkfifo(tmp_path / "ball.ply")
     with pytest.raises(InputError, match="is a pipe"):
-        write_volume(tmp_path / "ct.tif", Volume(np.zeros((2, 2, 2)), np.ones(3), np.zeros(3), "um"))
+        write_volume(Volume(np.zeros((2, 2, 2)), np.ones(3), np.zeros(3), "um"), tmp_path / "ct.tif")
     with pytest.raises(InputError, match="is a pipe"):
         write_triangle_mesh(tmp_path / "ball.ply", extract_isosurface(sphere(), 0.3))
     assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())
