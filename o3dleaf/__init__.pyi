@@ -37,7 +37,6 @@ from .leaf.pipeline import create_blade as create_blade
 from .leaf.pipeline import create_texture as create_texture
 from .leaf.pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .surface.isosurface.isosurface import extract_isosurface as extract_isosurface
-from .surface.isosurface.band import extract_band as extract_band
 from .surface.reconstruction.proximity import local_spacing as local_spacing
 from .surface.reconstruction.proximity import near_data as near_data
 from .surface.reconstruction.along_mesh import turned_over as turned_over
@@ -46,10 +45,7 @@ from .surface.reconstruction.vertex_support import support as support
 from .surface.reconstruction.vertex_support import Support as Support
 from .surface.reconstruction.vertex_support import attach_support as attach_support
 from .surface.repair.clean import clean_mesh as clean_mesh
-from .surface.repair.clean import clean_labels as clean_labels
-from .surface.repair.meshlab import simplify_mesh as simplify_mesh
-from .surface.repair.meshlab import simplify_labels as simplify_labels
-from .surface.repair.meshlab import screened_poisson as screened_poisson
+from .surface.repair.simplify import simplify_mesh as simplify_mesh
 from .surface.mesh.surface_distance import surface_distance as surface_distance
 from .surface.mesh.mesh_report import mesh_report as mesh_report
 from .surface.mesh.mesh_report import MeshReport as MeshReport
@@ -66,7 +62,7 @@ from .surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu as
 from .surface.remeshing.remesh import remesh as remesh
 from .output.export.consumers import export_mesh as export_mesh
 from .output.export.read import read_labelled_mesh as read_labelled_mesh
-from .output.export.labelled_mesh import LabelledMesh as LabelledMesh
+from .io.labelled_mesh import LabelledMesh as LabelledMesh
 from .output.export.particles import sample_particles as sample_particles
 from .output.export.particles import fill_particles as fill_particles
 from .output.export.particles import export_particles as export_particles
@@ -75,13 +71,14 @@ from .output.export.distance_grid import export_distance as export_distance
 from .output.report.requirements import check_report as check_report
 from .output.report.requirements import CheckResult as CheckResult
 from .output.report.examine import write_report as write_report
-from .output.view.render import render as render
+from .output.view.picture import render as render
 from .output.view.maps import render_distortion as render_distortion
 from .output.view.points import Points as Points
 from .output.view.window import show as show
 from .output.view.pick import pick_midrib as pick_midrib
 from .output.figures.draw import draw_figures as draw_figures
 from .output import figures as figures
+from .output import view as view
 from . import samples as samples
 from .core.field import Field as Field
 from .core.parallel import get_num_threads as get_num_threads

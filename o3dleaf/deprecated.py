@@ -3,8 +3,11 @@
 import warnings
 
 RENAMED: dict[str, str] = {
-    "check_mesh": "check_report",
     "Verdict": "CheckResult",
+    "check_mesh": "check_report",
+    "clean_labels": "clean_mesh",
+    "extract_band": "extract_isosurface",
+    "simplify_labels": "simplify_mesh",
 }
 """Old public name to new public name."""
 

@@ -16,7 +16,7 @@ from bench_field import rate_rows, spread
 from measuring import Row, measure, show, write_json
 
 import o3dleaf as o3l
-from o3dleaf.surface.isosurface.polygonise import polygonise
+from o3dleaf.surface.isosurface.polygonize import polygonize
 
 PCA_RADIUS = 8.0
 """In millimetres: more than half the leaf's width, so that a hole in the scan leaves points enough."""
@@ -157,8 +157,8 @@ def mesh_row(quick):
         return rms(np.linalg.norm(vertices * (2 / n) - 1, axis=1) - 0.7)
 
     samples = ball(cells)
-    polygonise(ball(few), 0.0, "tetrahedra")
-    (vertices, _), seconds, peak = measure(lambda: polygonise(samples, 0.0, "tetrahedra"))
+    polygonize(ball(few), 0.0, "tetrahedra")
+    (vertices, _), seconds, peak = measure(lambda: polygonize(samples, 0.0, "tetrahedra"))
     triangles, literal_seconds, _ = measure(lambda: baselines.marching_tetrahedra(ball(few)))
     return Row(
         "marching tetrahedra",

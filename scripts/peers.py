@@ -14,7 +14,7 @@ import numpy as np
 import open3d as o3d
 
 import o3dleaf as o3l
-from o3dleaf.core.child_process import run_apart
+from o3dleaf.core.child_process import run_in_subprocess
 
 SCALE = 1.1
 """Side of a Poisson octree over the longest side of the cloud's box."""
@@ -111,7 +111,7 @@ def reconstruct(points, normals, method, spacing, is_open, seconds):
     Raises O3DLeafError if it crashes, fails, or does not end within `seconds`, the start of the process included.
     """
     options = {"method": method, "spacing": spacing, "is_open": is_open}
-    vertices, triangles, used = run_apart(
+    vertices, triangles, used = run_in_subprocess(
         serve,
         (points, normals),
         options,

@@ -57,7 +57,9 @@ def test_no_two_classes_share_a_name():
     assert [name for name, count in names.items() if count > 1] == []
 
 
-@pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.commands.cli"])
+@pytest.mark.parametrize(
+    "module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"]
+)
 def test_import_loads_nothing_heavy(module):
     code = f"import {module}, sys; print(*set(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
@@ -96,6 +98,14 @@ def test_public_name_is_documented(name):
         variadic = {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
         parameters = [p.name for p in inspect.signature(maker).parameters.values() if p.kind not in variadic]
         assert [p for p in parameters if not re.search(rf"\b{p}\b", text)] == []
+
+
+@pytest.mark.parametrize("namespace", ["samples", "view", "figures"])
+def test_namespaces_hold_what_they_list(namespace):
+    """Each is there first thing in a new process, and each of its names has a docstring."""
+    code = f"import o3dleaf; room = o3dleaf.{namespace}; print(all(getattr(room, n).__doc__ for n in room.__all__))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == "True"
 
 
 def test_version_is_that_of_the_project_file():

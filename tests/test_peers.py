@@ -10,9 +10,10 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
+from o3dleaf import mesh_report
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.samples.solids import Sphere, Torus
-from tolerances import BENCH_SAG, BENCH_SPACING, SOLID_FOOT
+from tolerances import BENCH_SAG, BENCH_SPACING, POISSON_SPHERE, SOLID_FOOT
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 KEYS = [
@@ -124,6 +125,14 @@ def test_triangles_are_as_fine_as_the_cloud(script, method):
     # An octree's depth is a whole number; the edges of ball pivoting are those between the points. Open3D's Poisson,
     # which has the depth of MeshLab's, is not called here: now and then it crashes the process that it runs in.
     assert {"apss": 0.9, "rimls": 0.9}.get(method, 0.5) < edge < 1.1
+
+
+def test_meshlabs_poisson_of_a_sphere_is_a_sphere(script):
+    rng, scale = np.random.default_rng(0), script("peers").SCALE
+    points = rng.normal(size=(4000, 3))
+    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
+    mesh = script("peers").meshlab_poisson(points, points, scale * np.ptp(points, axis=0).max() / 2**5, False)
+    assert mesh_report(mesh).volume == pytest.approx(4 / 3 * np.pi, rel=POISSON_SPHERE)
 
 
 def test_an_open_truth_loses_the_vertices_of_the_lowest_densities(script):

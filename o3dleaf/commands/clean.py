@@ -1,6 +1,6 @@
 """`o3dleaf clean`: a mesh cleaned, simplified on request, and compared with what it was."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,17 +73,13 @@ class CleanJob(CleaningOptions, LongJob):
         from o3dleaf.output.export.read import read_labelled_mesh
         from o3dleaf.surface.mesh.mesh_report import mesh_report
         from o3dleaf.surface.mesh.surface_distance import surface_distance
-        from o3dleaf.surface.repair.clean import clean_labels, clean_mesh
-        from o3dleaf.surface.repair.meshlab import simplify_labels, simplify_mesh
+        from o3dleaf.surface.repair.clean import clean_mesh
+        from o3dleaf.surface.repair.simplify import simplify_mesh
 
         given = read_labelled_mesh(self.mesh)
-        labels = given.labels
         with stage("clean"):
-            if labels is None:
-                cleaned = clean_mesh(given.mesh, **self.cleaning())
-            else:
-                cleaned, labels = clean_labels(given.mesh, labels, **self.cleaning())
-        meshes, distance = [given.mesh, cleaned], None
+            cleaned = result = clean_mesh(given, **self.cleaning())
+        meshes, distance = [given, cleaned], None
         simplifying: dict[str, Any] = {
             "target_triangles": self.triangles,
             "target_edge": self.edge,
@@ -91,17 +87,14 @@ class CleanJob(CleaningOptions, LongJob):
         }
         if any(each is not None for each in simplifying.values()):
             with stage("simplify"):
-                if labels is None:
-                    smaller = simplify_mesh(cleaned, **simplifying)
-                else:
-                    smaller, labels = simplify_labels(cleaned, labels, **simplifying)
-                meshes, distance = [*meshes, smaller], surface_distance(cleaned, smaller)
+                result = simplify_mesh(cleaned, **simplifying)
+                meshes, distance = [*meshes, result], surface_distance(cleaned.mesh, result.mesh)
         with stage("report"):
-            reports = [mesh_report(each) for each in meshes]
-        if labels is None:
-            write_triangle_mesh(self.output, meshes[-1])
+            reports = [mesh_report(each.mesh) for each in meshes]
+        if result.labels is None:
+            write_triangle_mesh(self.output, result.mesh)
         else:
-            export_mesh(self.output, replace(given, mesh=meshes[-1], labels=labels))
+            export_mesh(self.output, result)
         return Comparison(reports, distance)
 
     def lines(self, summary: "Comparison") -> list[str]:

@@ -25,9 +25,6 @@ from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
 from o3dleaf.core.parallel import set_num_threads
 
-INTERRUPTED = 130
-"""Exit code that typer gives to Ctrl-C."""
-
 JOBS: dict[str, type[Job]] = {
     "demo": DemoJob,
     "leaf": LeafJob,
@@ -109,13 +106,9 @@ for _name, _job in JOBS.items():
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one line and exit code 2, an interruption exit code 130."""
+    """Run the command line; an error of ours is one line and exit code 2."""
     try:
         app(standalone_mode=True)
     except O3DLeafError as error:
         sys.stderr.write(f"o3dleaf: error: {' '.join(str(error).split())}\n")
         sys.exit(2)
-    except SystemExit as stop:
-        if stop.code == INTERRUPTED:
-            sys.stderr.write("o3dleaf: interrupted; a file that was not finished has left nothing behind\n")
-        raise

@@ -1,6 +1,6 @@
 """`o3dleaf export`: a mesh or a model in; a mesh, particles or distances for the next program out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +10,7 @@ from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
-    from o3dleaf.leaf.meshing import LeafMesh
-    from o3dleaf.output.export.labelled_mesh import LabelledMesh
+    from o3dleaf.io.labelled_mesh import LabelledMesh
 
 MODEL = ".o3l"
 WHAT = {
@@ -140,18 +139,16 @@ class ExportJob(UnitOption, LongJob):
     def mesh(self) -> "tuple[LabelledMesh, Any]":
         """Return the mesh of the source, and the model where there is one."""
         from o3dleaf.leaf.models import load
-        from o3dleaf.output.export.labelled_mesh import LabelledMesh
         from o3dleaf.output.export.read import read_labelled_mesh
 
         if not self.is_model:
             given = read_labelled_mesh(self.source)
             model = None if self.field is None else load(self.field)
-            return LabelledMesh(given.mesh, given.labels, given.names, self.unit or given.unit), model
+            return replace(given, unit=self.unit or given.unit), model
         model = load(self.source)
-        made = self.surface(model)
-        return LabelledMesh(made.mesh, made.labels, unit=model.unit), model
+        return replace(self.surface(model), unit=model.unit), model
 
-    def surface(self, model: Any) -> "LeafMesh":
+    def surface(self, model: Any) -> "LabelledMesh":
         """Return the surface of a model, or one period of it."""
         from o3dleaf.core.checks import require_positive
         from o3dleaf.leaf.meshing import extract_flat_tile

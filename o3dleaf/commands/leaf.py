@@ -92,7 +92,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         choices="o3dleaf.output.view.maps:MEASURES",
     )
     method: str = option(
-        "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonise:METHODS"
+        "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonize:METHODS"
     )
     picture: bool = option(True, "Draw the picture.")
     model: Path | None = option(None, "Write the leaf as a model file (.o3l) too.", writes=(MODEL,))
@@ -182,6 +182,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
     def write_leaf(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, Realisation]":
         """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
         from o3dleaf.core.units import unit_scale
+        from o3dleaf.leaf.instancing.stream import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile"):
@@ -195,7 +196,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             with journal.stage("remesh"):
                 remeshed = surface.extract(remesh=self.remesh)
             with journal.stage("write mesh"):
-                remeshed.write(self.output)
+                write_mesh(remeshed, self.output)
             return remeshed.mesh, surface
         with journal.stage("write mesh"):
             surface.write(self.output)
@@ -207,18 +208,22 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     def write_windows(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, None]":
         """Write the surface of the leaf with finer windows in it, and return it."""
+        from o3dleaf.leaf.instancing.stream import write_mesh
+
         levels = [((row[:2], row[2:4]), row[4]) for row in self.fine]
         with journal.stage("extract mesh"):
             made = leaf.extract_levels(self.spacing, levels, closed=self.closed)
         with journal.stage("write mesh"):
-            made.write(self.output)
+            write_mesh(made, self.output)
         return made.mesh, None
 
     def write_more(self, leaf: "MultiscaleLeaf") -> None:
         """Write a flat tile and a grid, where they are asked for."""
+        from o3dleaf.leaf.instancing.stream import write_mesh
+
         if self.tile_solid is not None:
             with journal.stage("write tile"):
-                leaf.extract_tile(self.spacing).write(self.tile_solid)
+                write_mesh(leaf.extract_tile(self.spacing), self.tile_solid)
         if self.grid is not None:
             with journal.stage("write grid"):
                 leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed)

@@ -65,6 +65,7 @@ class PatchJob(CtOptions, BlockOption, LongJob):
 
     def work(self) -> "TiledField":
         """Write the model and the block, and return the texture."""
+        from o3dleaf.leaf.instancing.stream import write_mesh
         from o3dleaf.leaf.meshing import extract_flat_tile
         from o3dleaf.leaf.pipeline import create_texture
 
@@ -75,7 +76,7 @@ class PatchJob(CtOptions, BlockOption, LongJob):
             texture.save(self.output)
         if self.tile_solid is not None and self.spacing is not None:
             with stage("write tile"):
-                extract_flat_tile(texture, 1.0, self.spacing).write(self.tile_solid)
+                write_mesh(extract_flat_tile(texture, 1.0, self.spacing), self.tile_solid)
         return texture
 
     def line(self, summary: "TiledField") -> str:

@@ -23,7 +23,7 @@ class PickJob(Job):
         from o3dleaf.output.view.pick import pick_midrib, write_midrib
 
         control = pick_midrib(read_point_cloud(self.scan))
-        write_midrib(self.output, control)
+        write_midrib(control, self.output)
         return control
 
     def line(self, summary: "FloatArray") -> str:

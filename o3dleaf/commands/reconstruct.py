@@ -36,7 +36,7 @@ class ReconstructJob(UnitOption, LongJob):
     )
     model: Path | None = option(None, "Write the field as a model too (.o3l).", writes=(".o3l",))
     picture: Path | None = option(
-        None, "Write a picture of the colored mesh too.", writes="o3dleaf.output.view.render:SUFFIXES"
+        None, "Write a picture of the colored mesh too.", writes="o3dleaf.output.view.picture:SUFFIXES"
     )
 
     def check(self) -> None:
@@ -52,7 +52,7 @@ class ReconstructJob(UnitOption, LongJob):
 
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.io.triangle_mesh import write_triangle_mesh
-        from o3dleaf.output.view.render import render
+        from o3dleaf.output.view.picture import render
         from o3dleaf.output.view.scene import Scalars
         from o3dleaf.surface.mesh.mesh_report import mesh_report
         from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu

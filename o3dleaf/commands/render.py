@@ -11,7 +11,7 @@ class RenderJob(UnitOption, Job):
     """Draw meshes and point clouds into a picture (PNG, JPG, PDF or SVG); needs no screen and no GPU."""
 
     files: list[Path] = argument("Meshes and point clouds to draw together.", reads=True)
-    output: Path = output("o3dleaf.output.view.render:SUFFIXES")
+    output: Path = output("o3dleaf.output.view.picture:SUFFIXES")
     title: str | None = option(None, "A line at the top.")
     size: tuple[int, int] = option((1600, 1000), "Width and height in pixels.")
     engine: str = option("cpu", "'cpu', 'open3d' (needs Vulkan), or 'auto'.")
@@ -19,7 +19,7 @@ class RenderJob(UnitOption, Job):
     def work(self) -> None:
         """Write the picture."""
         from o3dleaf.io.geometry import read_geometry
-        from o3dleaf.output.view.render import render
+        from o3dleaf.output.view.picture import render
 
         drawn = [read_geometry(file) for file in self.files]
         render(drawn, self.output, unit=self.unit, title=self.title, size=self.size, engine=self.engine)

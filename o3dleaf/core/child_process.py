@@ -32,7 +32,7 @@ TAIL = 300
 """Characters of what the child said last that an error repeats."""
 
 
-def run_apart(
+def run_in_subprocess(
     function: Callable[..., Arrays], arrays: Arrays, options: dict[str, Any], *, name: str, cure: str, seconds: float
 ) -> Arrays:
     """Return ``function(*arrays, **options)``, computed in a child process.

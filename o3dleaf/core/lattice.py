@@ -1,4 +1,4 @@
-"""Where a field is asked: a regular lattice over a box, sampled block by block in bounded memory."""
+"""A regular lattice over a box, on which fields are sampled block by block in bounded memory."""
 
 import math
 from collections.abc import Callable
@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_bounds, as_step, require_finite, require_positive
 from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.core.parallel import Progress, blocks
+from o3dleaf.core.parallel import blocks
 
 BLOCK = 1 << 18
 """Points asked for at once: 6 MiB of coordinates, and enough of them to keep a field's threads busy."""
 
-LARGEST = 1 << 29
+MAX_SIZE = 1 << 29
 """Samples that a lattice may hold (4 GiB): beyond it, a spacing is more likely mistyped than meant."""
 
 
@@ -43,7 +44,7 @@ class Lattice:
             require_positive(step, "spacing")
         if min(self.shape) < 2:
             raise InputError(f"lattice: has shape {self.shape}; two points an axis make a cell, refine the spacing")
-        if self.size > LARGEST:
+        if self.size > MAX_SIZE:
             raise MemoryBudgetError(f"lattice: {self.size:.2g} points are too many; coarsen the spacing or cut the box")
 
     @classmethod
@@ -72,7 +73,7 @@ class Lattice:
         # A corner that is a multiple but for rounding must not cost a layer more.
         first, last = np.floor(lower / step + 1e-9), np.ceil(upper / step - 1e-9)
         count = np.maximum(last - first, 1.0) + 1.0
-        if np.prod(count) > LARGEST:
+        if np.prod(count) > MAX_SIZE:
             raise MemoryBudgetError(
                 f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or cut the box"
             )
@@ -114,7 +115,6 @@ def sample_lattice(
     *,
     dtype: npt.DTypeLike = np.float64,
     block: int = BLOCK,
-    progress: Progress | None = None,
 ) -> npt.NDArray[Any]:
     """Return the values of a field at the points of a lattice.
 
@@ -128,8 +128,6 @@ def sample_lattice(
         Of the result.
     block : int
         Points asked for at once; the result does not depend on it.
-    progress : callable, optional
-        ``progress(done, total)`` in lattice points.
 
     Returns
     -------
@@ -144,14 +142,13 @@ def sample_lattice(
     depth = lattice.ticks(-1)
     columns = lattice.columns()
     samples = np.empty((len(columns), len(depth)), dtype)
-    piece = min(block, len(depth))
-    for first, last in blocks(len(columns), max(block // piece, 1)):
-        for start, stop in blocks(len(depth), piece):
+    run = min(block, len(depth))
+    for first, last in blocks(len(columns), max(block // run, 1)):
+        for start, stop in blocks(len(depth), run):
             points = np.empty((last - first, stop - start, len(lattice.shape)))
             points[..., :-1] = columns[first:last, np.newaxis]
             points[..., -1] = depth[start:stop]
-            found = np.asarray(field(points.reshape(-1, len(lattice.shape))))
-            samples[first:last, start:stop] = require_finite(found, "field values").reshape(points.shape[:2])
-        if progress:
-            progress(last * len(depth), samples.size)
+            values = np.asarray(field(points.reshape(-1, len(lattice.shape))))
+            samples[first:last, start:stop] = require_finite(values, "field values").reshape(points.shape[:2])
+        progress.report(last * len(depth), samples.size)
     return samples.reshape(lattice.shape)

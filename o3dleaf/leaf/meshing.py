@@ -2,13 +2,12 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
 from functools import cached_property
 from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
 import shapely
 
 from o3dleaf.core.atomic_files import require_writable
@@ -16,6 +15,8 @@ from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_p
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import Progress, run_blocks
+from o3dleaf.core.progress import listening
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.distance.projection import Texture
 from o3dleaf.leaf.instancing.assembly import VERTICES, Assembly, Scraps
@@ -29,8 +30,8 @@ from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
-from o3dleaf.surface.isosurface.polygonise import METHODS, lattice_positions
-from o3dleaf.surface.repair.meshlab import simplify_mesh
+from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
+from o3dleaf.surface.repair.simplify import simplify_mesh
 
 LAYERS = 16
 """Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
@@ -40,42 +41,6 @@ LEAST_CELLS = 64
 
 TRIAL = 1 << 16
 """Vertices that are taken to the world to see how long all of them will take."""
-
-
-@dataclass(frozen=True, eq=False)
-class LeafMesh:
-    """A realised surface in memory.
-
-    Attributes
-    ----------
-    mesh : open3d.geometry.TriangleMesh
-        In world coordinates; faces counter-clockwise seen from outside.
-    labels : (m,) ndarray of uint8
-        Of each triangle: 0 adaxial, 1 abaxial, 2 rim.
-    unit : str, optional
-        Unit of length.
-    """
-
-    mesh: o3d.geometry.TriangleMesh
-    labels: npt.NDArray[np.uint8]
-    unit: str | None = None
-
-    @property
-    def vertices(self) -> int:
-        """Number of vertices."""
-        return len(self.mesh.vertices)
-
-    @property
-    def triangles(self) -> int:
-        """Number of triangles."""
-        return len(self.mesh.triangles)
-
-    def write(self, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
-        """Write the mesh with its labels to a PLY, STL or OBJ file, whole or not at all, saying its unit."""
-        said = ("o3dleaf", *unit_comment(self.unit)) if comments is None else comments
-        with mesh_file(path, self, said) as sink:
-            sink.put_vertices(0, np.asarray(self.mesh.vertices))
-            sink.put_triangles(0, np.asarray(self.mesh.triangles), self.labels)
 
 
 class Realisation:
@@ -123,9 +88,8 @@ class Realisation:
         lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh_tile is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-        self.tile: Tile = extract_tile(
-            lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=one.shape[:2]
-        )
+        with listening(progress) if progress else nullcontext():
+            self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, sharpen=one.shape[:2])
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduce = self._reducing(simplify, remesh_tile)
         reduced = None if reduce is None else reduce_tile(self.tile, reduce)
@@ -210,7 +174,7 @@ class Realisation:
         run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
         return self._counting + (time.perf_counter() - start) * self.vertices / TRIAL
 
-    def extract(self, progress: Progress | None = None, *, remesh: float | None = None) -> LeafMesh:
+    def extract(self, progress: Progress | None = None, *, remesh: float | None = None) -> LabelledMesh:
         """Return the surface as a mesh in memory.
 
         Parameters
@@ -223,13 +187,14 @@ class Realisation:
         """
         arrays = Arrays(self.assembly)
         if remesh is None:
-            self.assembly.emit(arrays, self.blade.lift, progress)
-            return LeafMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, self.blade.unit)
+            with listening(progress) if progress else nullcontext():
+                self.assembly.emit(arrays, self.blade.lift)
+            return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=self.blade.unit)
         edge = require_positive(remesh, "remesh")
         self.assembly.emit(arrays, lambda flat: flat)
         parts = arrays.vertices, arrays.triangles, arrays.labels
-        found = remesh_leaf(self, self.outline, self.tile, *parts, edge, progress)
-        return LeafMesh(build_mesh(found.places, found.triangles), found.labels, self.blade.unit)
+        found = remesh_leaf(self, self.outline, self.tile, *parts, edge)
+        return LabelledMesh(build_mesh(found.places, found.triangles), found.labels, unit=self.blade.unit)
 
     def write(self, path: str | PathLike[str], progress: Progress | None = None) -> None:
         """Write the surface to a PLY, STL or OBJ file, whole or not at all; only a few tiles are held.
@@ -241,8 +206,9 @@ class Realisation:
         O3DLeafError
             If the disk has no room for it, or writing fails.
         """
-        with mesh_file(path, self.assembly, self._comments) as sink:
-            self.assembly.emit(sink, self.blade.lift, progress)
+        heard = listening(progress) if progress else nullcontext()
+        with heard, mesh_file(path, self.assembly, self._comments) as sink:
+            self.assembly.emit(sink, self.blade.lift)
 
 
 def extract_windows(
@@ -253,7 +219,7 @@ def extract_windows(
     levels: Sequence[tuple[npt.ArrayLike, float]],
     *,
     closed: bool = False,
-) -> LeafMesh:
+) -> LabelledMesh:
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
     lattice = leaf_lattice(texture, blade, scale, spacing)
 
@@ -266,7 +232,7 @@ def extract_windows(
     for region, step in levels:
         _set_in(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), values)
     vertices, triangles, labels = _extract_levels(root, values)
-    return LeafMesh(build_mesh(blade.lift(vertices), triangles), labels, blade.unit)
+    return LabelledMesh(build_mesh(blade.lift(vertices), triangles), labels, unit=blade.unit)
 
 
 def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[FloatArray], FloatArray]) -> None:
@@ -305,7 +271,7 @@ def _set_in(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     )
 
 
-def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LeafMesh:
+def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LabelledMesh:
     """Return one flat period of a texture as a closed block, in lengths of `scale` of the texture's unit each.
 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
@@ -314,7 +280,7 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str 
     vertices, triangles, labels = extract_block(
         extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=lattice.shape[:2])
     )
-    return LeafMesh(build_mesh(vertices, triangles), labels, unit)
+    return LabelledMesh(build_mesh(vertices, triangles), labels, unit=unit)
 
 
 def tile_rows(texture: Texture, blade: Blade, scale: float) -> range:

@@ -14,16 +14,18 @@ from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import Progress, blocks
 from o3dleaf.core.units import unit_scale
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import write_model
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.distance import projection
 from o3dleaf.leaf.distance.distance import SurfaceIndex, closest_points, signed_distance
 from o3dleaf.leaf.distance.grid import write_grid
+from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.leaf.meshing import LeafMesh, Realisation, extract_flat_tile, extract_windows, is_one_tile
+from o3dleaf.leaf.meshing import Realisation, extract_flat_tile, extract_windows, is_one_tile
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 
@@ -321,9 +323,9 @@ class MultiscaleLeaf:
         if remesh is None:
             projection.write(path, progress)
         else:
-            projection.extract(progress, remesh=remesh).write(path)
+            write_mesh(projection.extract(progress, remesh=remesh), path)
 
-    def extract_tile(self, spacing: float) -> LeafMesh:
+    def extract_tile(self, spacing: float) -> LabelledMesh:
         """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.
 
         Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
@@ -332,7 +334,7 @@ class MultiscaleLeaf:
 
     def extract_levels(
         self, spacing: float, levels: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
-    ) -> LeafMesh:
+    ) -> LabelledMesh:
         """Return one mesh of the whole leaf, without a crack, coarse but for windows: fine where a droplet lands.
 
         Parameters

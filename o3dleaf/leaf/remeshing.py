@@ -6,7 +6,7 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import Progress, blocks, run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.leaf.distance import projection_loops
 from o3dleaf.leaf.distance.projection import OnBlade, lift, texture_jets, thickness
 from o3dleaf.leaf.instancing.parts import RIM
@@ -14,7 +14,7 @@ from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.macro.outline import in_polygon, sides_of
 from o3dleaf.surface.remeshing.blocks import Charted
-from o3dleaf.surface.remeshing.projection_target import FieldGround, Masks
+from o3dleaf.surface.remeshing.projection_target import FieldTarget, Masks
 from o3dleaf.surface.remeshing.remesh import remesh_charted
 
 Labels = npt.NDArray[np.uint8]
@@ -47,7 +47,7 @@ class LeafGround:
         self.inside = (tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
         self.tree = shapely.STRtree(shapely.linestrings(self.sides.reshape(-1, 2, 2)))
 
-    def settle(
+    def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return charts, places in the world, and which of them are on the surface; see `projection_target`."""
@@ -150,7 +150,6 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     triangles: IntArray,
     labels: Labels,
     target_edge: float,
-    progress: Progress | None = None,
 ) -> Charted:
     """Return the mesh of a leaf's surface, remeshed; its rim meets the faces in a sharp edge over the outline.
 
@@ -166,14 +165,12 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     labels : (m,) ndarray of uint8
         Adaxial, abaxial, rim.
     target_edge : float
-    progress : callable, optional
-        ``progress(done, total)`` in blocks.
     """
     places = np.empty_like(flat)
     run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
     labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, NEAR * target_edge))
     ground = LeafGround(leaf, outline, tile)
-    return remesh_charted(Charted.of(places, flat, triangles, labels), ground, target_edge, progress=progress)
+    return remesh_charted(Charted.of(places, flat, triangles, labels), ground, target_edge)
 
 
 def remesh_flat(leaf: OnBlade, flat: FloatArray, triangles: IntArray, target_edge: float) -> Charted:
@@ -187,7 +184,7 @@ def remesh_flat(leaf: OnBlade, flat: FloatArray, triangles: IntArray, target_edg
     target_edge : float
         In the leaf's unit.
     """
-    ground = FieldGround(
+    ground = FieldTarget(
         lambda points: texture_jets(leaf, points, 0)[0],
         lambda points: texture_jets(leaf, points, 1)[1],
         target_edge / 2,

@@ -11,7 +11,7 @@ from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK
 from o3dleaf.samples.solids import Solid
-from o3dleaf.surface.isosurface.polygonise import polygonise
+from o3dleaf.surface.isosurface.polygonize import polygonize
 
 
 class Meshed(Solid):
@@ -42,7 +42,7 @@ class Meshed(Solid):
             values[start:stop] = self._level(points[start:stop])
 
         run_blocks(task, len(points), BLOCK)
-        crossings, triangles = polygonise(values.reshape(lattice.shape), 0.0)
+        crossings, triangles = polygonize(values.reshape(lattice.shape), 0.0)
         return lattice.positions(crossings), triangles
 
     @property

@@ -11,11 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from o3dleaf.core.child_process import run_apart
+from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.surface.mesh.mesh_report import mesh_report
-from o3dleaf.surface.repair.meshlab import screened_poisson
-from tolerances import POISSON_SPHERE
 
 MISDEEDS = """
 import ctypes, os, time
@@ -57,7 +54,7 @@ def misdeeds(tmp_path, monkeypatch):
 
 def call(function, *arrays, seconds=30.0, **options):
     given = arrays or (np.zeros(2),)
-    return run_apart(function, given, options, name="the filter", cure="try another", seconds=seconds)
+    return run_in_subprocess(function, given, options, name="the filter", cure="try another", seconds=seconds)
 
 
 def test_arrays_go_over_and_come_back(misdeeds):
@@ -113,8 +110,8 @@ def test_a_hang_ends_at_the_limit(misdeeds, tmp_path):
 def test_the_child_ends_with_its_parent(misdeeds, tmp_path, how):
     """Ctrl-C reaches the parent alone and leaves no folder; a parent that is killed takes its child along."""
     code = "import tempfile, sys; tempfile.tempdir = sys.argv[1]\n"
-    code += "import numpy as np, misdeeds; from o3dleaf.core.child_process import run_apart\n"
-    code += "run_apart(misdeeds.hang, (np.zeros(1),), {}, name='it', cure='no', seconds=60)"
+    code += "import numpy as np, misdeeds; from o3dleaf.core.child_process import run_in_subprocess\n"
+    code += "run_in_subprocess(misdeeds.hang, (np.zeros(1),), {}, name='it', cure='no', seconds=60)"
     path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
     place = tmp_path / "temporary" if how == signal.SIGINT else tmp_path
     with subprocess.Popen([sys.executable, "-c", code, place], env=os.environ | {"PYTHONPATH": path}) as parent:
@@ -123,16 +120,3 @@ def test_the_child_ends_with_its_parent(misdeeds, tmp_path, how):
         parent.send_signal(how)
         parent.wait()
     wait_for(lambda: not is_running(child))
-
-
-def test_screened_poisson_of_a_sphere_is_a_sphere():
-    rng = np.random.default_rng(0)
-    points = rng.normal(size=(4000, 3))
-    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
-    mesh = screened_poisson(points, points, depth=5)
-    report = mesh_report(mesh)
-    assert report.volume == pytest.approx(4 / 3 * np.pi, rel=POISSON_SPHERE)
-    with pytest.raises(InputError, match="one a point"):
-        screened_poisson(points, points[1:])
-    with pytest.raises(O3DLeafError, match="found no surface"):
-        screened_poisson(points[:1], points[:1], 4)

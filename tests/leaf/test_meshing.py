@@ -14,6 +14,7 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.instancing import assembly
 from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.meshing import LAYERS, is_one_tile, leaf_lattice, tile_lattice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -117,7 +118,7 @@ def test_labels_say_which_face_a_triangle_is_of(leaf):
         mesh = leaf.realise(0.15, closed=closed).extract()
         vertices, triangles = arrays(mesh)
         height = leaf.blade.flatten(vertices)[:, 2][triangles].mean(axis=1)
-        assert mesh.labels.shape == (mesh.triangles,)
+        assert mesh.labels.shape == (len(mesh.mesh.triangles),)
         assert set(np.unique(mesh.labels)) == ({ADAXIAL, ABAXIAL, RIM} if closed else {ADAXIAL, ABAXIAL})
         assert height[mesh.labels == ADAXIAL].min() > 0 > height[mesh.labels == ABAXIAL].max()
         if closed:
@@ -171,7 +172,7 @@ def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
 def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
     full, reduced = (leaf.realise(0.1, closed=closed, **each) for each in ({}, how))
     made = reduced.extract()
-    assert (made.vertices, made.triangles) == (reduced.vertices, reduced.triangles)
+    assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (reduced.vertices, reduced.triangles)
     report, plain = (mesh_report(each.mesh) for each in (made, full.extract()))
     assert report.manifold
     assert report.oriented
@@ -216,16 +217,16 @@ def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
     assert not list(tmp_path.iterdir())
     realisation.write(path, lambda done, total: calls.append((done, total)))
     made = realisation.extract()
-    assert (made.vertices, made.triangles) == (realisation.vertices, realisation.triangles)
+    assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (realisation.vertices, realisation.triangles)
     assert calls[-1] == (realisation.vertices,) * 2
     assert [done for done, _ in calls] == sorted(done for done, _ in calls)
     size = path.stat().st_size
     assert 0.6 * said < size <= said if suffix == ".obj" else size == said
-    made.write(tmp_path / f"again{suffix}", realisation._comments)
+    write_mesh(made, tmp_path / f"again{suffix}", realisation._comments)
     assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
     assert realisation.seconds > 0
     assert (realisation.voids, realisation.specks, realisation.scraps.pieces) == (0, 0, 0)
-    assert len(o3d.io.read_triangle_mesh(path).triangles) == made.triangles
+    assert len(o3d.io.read_triangle_mesh(path).triangles) == len(made.mesh.triangles)
 
 
 @pytest.mark.parametrize("spacing", [0.0501, 0.13, 0.7, 5.0])

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice, sample_lattice
-from o3dleaf.core.parallel import Progress, blocks, run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.pu.index import BallIndex
 from o3dleaf.fitting.pu.jet_loops import unpack
 from o3dleaf.fitting.pu.local import LocalFits
@@ -91,7 +91,6 @@ class Blended:
         spacing: float | npt.ArrayLike,
         *,
         dtype: npt.DTypeLike = np.float64,
-        progress: Progress | None = None,
     ) -> tuple[Lattice, npt.NDArray[Any]]:
         """Return the lattice of whole multiples of `spacing` that covers a box, and the values on it.
 
@@ -103,8 +102,6 @@ class Blended:
             Step, one for all axes or one each.
         dtype : float64 or float32
             As for single points; also that of the result.
-        progress : callable, optional
-            ``progress(done, total)`` in lattice points.
 
         Returns
         -------
@@ -118,7 +115,7 @@ class Blended:
         """
         kind = _as_kind(dtype)
         lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
-        return lattice, sample_lattice(lambda at: self(at, dtype=kind), lattice, dtype=kind, progress=progress)
+        return lattice, sample_lattice(lambda at: self(at, dtype=kind), lattice, dtype=kind)
 
     def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         """Return the values, gradients or Hessians: the derivatives of order `level`."""

@@ -13,7 +13,7 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.projection import CHUNK, lift_bends, texture_jets
 from o3dleaf.leaf.distance.solid import Filled
-from o3dleaf.surface.isosurface.polygonise import polygonise
+from o3dleaf.surface.isosurface.polygonize import polygonize
 
 if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -199,6 +199,6 @@ def _slab_vertices(
     samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32, block=CHUNK)
     if positive is not None:
         positive[slab[0] : slab[1]] = samples[:-1, :-1] > 0
-    vertices, _ = polygonise(samples, 0.0)
+    vertices, _ = polygonize(samples, 0.0)
     inner = np.all(vertices[:, :2] < [thick - 1e-9, counts[1] - 1e-9], axis=1)
     return vertices[inner] + [slab[0], 0, 0]

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, triangle_areas
@@ -23,7 +24,7 @@ from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TINY, Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.surface.isosurface.polygonise import march
+from o3dleaf.surface.isosurface.polygonize import march
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 
 Values = Callable[[FloatArray], FloatArray]
@@ -109,7 +110,8 @@ def _with_children(level: Level, values: Values) -> Part:
         footprint = footprint.without(hole)
     assembly = Assembly(level.tile, footprint, closed=level.closed, keep_scraps=True)
     arrays = Arrays(assembly)
-    assembly.emit(arrays, lambda flat: flat)
+    with progress.silent():
+        assembly.emit(arrays, lambda flat: flat)
     part = Part(assembly.names(), arrays.vertices, arrays.triangles, arrays.labels)
     for child in level.children:
         part = _stitch(part, _window(child, level.tile, values), child)

@@ -10,7 +10,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.placement import Nodes
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.surface.isosurface.polygonise import lattice_positions
+from o3dleaf.surface.isosurface.polygonize import lattice_positions
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 Reduce = Callable[[FloatArray, IntArray], tuple[FloatArray, IntArray]]
@@ -28,7 +28,7 @@ class Reduced:
     inner : (k, 3) ndarray
         Flat positions, in tile (0, 0), of the vertices inside.
     nodes : (m, 3) ndarray of int32
-        Triangles: vertices of the tile, of its neighbours, and inside, in the order of `Placement`.
+        Triangles: vertices of the tile, of its neighbors, and inside, in the order of `Placement`.
     """
 
     used: BoolArray

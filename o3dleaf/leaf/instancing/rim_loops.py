@@ -14,8 +14,8 @@ from o3dleaf.surface.isosurface.cell_loops import (
     COUNTS,
     CUBE_EDGES,
     DIRECTIONS,
-    LEAST_FRACTION,
-    MOST_TRIANGLES,
+    MAX_TRIANGLES,
+    MIN_FRACTION,
     cell_triangles,
 )
 from o3dleaf.surface.mesh.adjacency_loops import find_root, join
@@ -97,7 +97,7 @@ def rim_edges(method, tile, distance, row_of, labels, names, fractions):
                             continue
                     if len(names):
                         names[count] = ((i * (ny + 1) + j) * nz + k) * 8 + direction
-                        share = min(max(share, LEAST_FRACTION), 1.0 - LEAST_FRACTION)
+                        share = min(max(share, MIN_FRACTION), 1.0 - MIN_FRACTION)
                         fractions[count] = share if upward else 1.0 - share
                     count += 1
     return count
@@ -113,7 +113,7 @@ def cut_cells(method, tile, rim, distance, row_of, labels, nodes, is_rim):
     shape, tile_edges, tile_fractions, beyond = tile
     nx, ny, nz = shape
     vertices = len(tile_edges) + len(beyond)
-    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     count = 0
     for i in range(nx):
         for j in range(ny):

@@ -7,6 +7,7 @@ mesh is held. STL repeats the corners and OBJ is text: both are made from a scra
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any, Protocol
@@ -17,8 +18,8 @@ import numpy.typing as npt
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks
+from o3dleaf.io.labelled_mesh import LABELS, LabelledMesh
 from o3dleaf.io.triangle_mesh import SUFFIXES
-from o3dleaf.leaf.instancing.parts import LABELS
 
 VERTEX_BYTES = 24
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", (3,)), ("label", "u1")])
@@ -67,6 +68,24 @@ class Arrays:
         """Keep the triangles number start, ..."""
         self.triangles[start : start + len(triangles)] = triangles
         self.labels[start : start + len(triangles)] = labels
+
+
+@dataclass(frozen=True)
+class Counts:
+    """The size of a mesh that is in memory."""
+
+    vertices: int
+    triangles: int
+
+
+def write_mesh(mesh: LabelledMesh, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
+    """Write a labelled mesh to a PLY, STL or OBJ file, whole or not at all, saying its unit."""
+    vertices, triangles = np.asarray(mesh.mesh.vertices), np.asarray(mesh.mesh.triangles)
+    said = ("o3dleaf", *unit_comment(mesh.unit)) if comments is None else comments
+    labels = np.zeros(len(triangles), dtype=np.uint8) if mesh.labels is None else mesh.labels
+    with mesh_file(path, Counts(len(vertices), len(triangles)), said) as sink:
+        sink.put_vertices(0, vertices)
+        sink.put_triangles(0, triangles, labels)
 
 
 class PlyFile:

@@ -1,13 +1,13 @@
 """The compiled loops of a tile: runs of samples along columns, and edges of one period.
 
 A column's samples are runs of one label, the first at k = 0. A tile's point (i, j, k) is number
-(i ny + j) nz + k, its edges are named as in `o3dleaf.surface.isosurface.polygonise_loops`.
+(i ny + j) nz + k, its edges are named as in `o3dleaf.surface.isosurface.polygonize_loops`.
 """
 
 from numba import njit
 
 from o3dleaf.surface.isosurface.cell_loops import COUNTS, DIRECTIONS
-from o3dleaf.surface.isosurface.polygonise_loops import corner_code
+from o3dleaf.surface.isosurface.polygonize_loops import corner_code
 from o3dleaf.surface.mesh.adjacency_loops import find_root, join
 
 INSIDE, ABOVE, BELOW = 0, 1, 2
@@ -62,7 +62,7 @@ def unite_columns(one, other, first, begin, nz, parent, kind, main):
 
 @njit(nogil=True, cache=True)
 def unite_all(shape, first, begin, parent, kind, main):
-    """Unite alike runs of all neighbouring columns of a period; with a `main` piece, those within columns too."""
+    """Unite alike runs of all neighboring columns of a period; with a `main` piece, those within columns too."""
     nx, ny, nz = shape
     for i in range(nx):
         for j in range(ny):

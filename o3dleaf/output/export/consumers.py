@@ -97,7 +97,7 @@ def export_mesh(
     Parameters
     ----------
     path : path-like
-    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+    mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Not modified.
     labels : (m,) array_like of int, optional
         Of each triangle: 0 adaxial, 1 abaxial, 2 rim; by default those that the mesh brings.

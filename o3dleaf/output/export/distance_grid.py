@@ -42,7 +42,7 @@ def export_distance(
     ----------
     path : path-like
         .vti, .nrrd or .npy.
-    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+    mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Closed.
     spacing : float
         Step of the grid, in the mesh's unit.

@@ -12,34 +12,9 @@ from o3dleaf.core.checks import FloatArray, as_labels, as_values
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, mesh_arrays
 from o3dleaf.core.units import check_unit, unit_scale
-from o3dleaf.leaf.instancing.parts import LABELS
-from o3dleaf.leaf.meshing import LeafMesh
+from o3dleaf.io.labelled_mesh import LABELS, LabelArray, LabelledMesh
 
-LabelArray = npt.NDArray[np.uint8]
-
-
-@dataclass(frozen=True, eq=False)
-class LabelledMesh:
-    """A triangle mesh that knows which part of the leaf each triangle belongs to.
-
-    Attributes
-    ----------
-    mesh : open3d.geometry.TriangleMesh
-    labels : (m,) ndarray of uint8, or None
-        Of each triangle, a place in `names`; None where the file has none.
-    names : tuple of str
-        Of the labels 0, 1, ...; the leaf's own are adaxial, abaxial and rim.
-    unit : str, optional
-        Unit of length, where it is known.
-    """
-
-    mesh: o3d.geometry.TriangleMesh
-    labels: LabelArray | None = None
-    names: tuple[str, ...] = LABELS
-    unit: str | None = None
-
-
-AnyMesh = MeshLike | LeafMesh | LabelledMesh
+AnyMesh = MeshLike | LabelledMesh
 """What can be exported: a mesh, with labels or without."""
 
 
@@ -70,13 +45,13 @@ class Surface:
         InputError
             If it has no triangles, or labels or scalars do not fit it.
         """
-        bare = mesh.mesh if isinstance(mesh, LeafMesh | LabelledMesh) else mesh
-        held: Any = mesh.labels if labels is None and isinstance(mesh, LeafMesh | LabelledMesh) else labels
+        bare = mesh.mesh if isinstance(mesh, LabelledMesh) else mesh
+        held: Any = mesh.labels if labels is None and isinstance(mesh, LabelledMesh) else labels
         vertices, triangles = mesh_arrays(bare)
         if not len(triangles):
             raise InputError("mesh: has no triangles; there is nothing to export")
         names = mesh.names if isinstance(mesh, LabelledMesh) else LABELS
-        known = mesh.unit if unit is None and isinstance(mesh, LeafMesh | LabelledMesh) else check_unit(unit)
+        known = mesh.unit if unit is None and isinstance(mesh, LabelledMesh) else check_unit(unit)
         found = None if held is None else as_labels(held, len(triangles), len(names))
         values = {name: as_values(each, len(vertices), name) for name, each in (scalars or {}).items()}
         return cls(vertices, triangles, found, names, known, values)

@@ -12,7 +12,8 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import Progress, blocks, run_blocks
 from o3dleaf.core.units import check_unit, unit_scale
-from o3dleaf.output.export.labelled_mesh import AnyMesh, LabelArray, Surface, face_vectors, unit_rows
+from o3dleaf.io.labelled_mesh import LabelArray
+from o3dleaf.output.export.labelled_mesh import AnyMesh, Surface, face_vectors, unit_rows
 from o3dleaf.output.export.particle_loops import assign_samples, crossings, thin_samples
 from o3dleaf.output.export.vtk import Table, write_vtp_points
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -69,7 +70,7 @@ def sample_particles(
 
     Parameters
     ----------
-    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+    mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
     spacing : float
         Least distance of two particles, in the mesh's unit.
     labels : (m,) array_like of int, optional
@@ -168,7 +169,7 @@ def fill_particles(
 
     Parameters
     ----------
-    mesh : Open3D mesh, (vertices, triangles), LeafMesh or LabelledMesh
+    mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Closed: every edge has two triangles.
     step : float
         Distance of neighbours, in the mesh's unit; each particle's volume is step³.

@@ -1,11 +1,13 @@
 """What of a mesh is exported, and where: one of its parts, another origin."""
 
+from dataclasses import replace
+
 import numpy.typing as npt
 
 from o3dleaf.core.checks import as_points, require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
-from o3dleaf.output.export.labelled_mesh import LabelledMesh
+from o3dleaf.io.labelled_mesh import LabelledMesh
 
 
 def part_of(mesh: LabelledMesh, name: str) -> LabelledMesh:
@@ -23,13 +25,10 @@ def part_of(mesh: LabelledMesh, name: str) -> LabelledMesh:
     kept = mesh.labels == number
     if not kept.any():
         raise InputError(f"part: no triangle is {name}; choose another part")
-    return LabelledMesh(
-        build_mesh(*drop_unused_vertices(vertices, triangles[kept])), mesh.labels[kept], mesh.names, mesh.unit
-    )
+    return replace(mesh, mesh=build_mesh(*drop_unused_vertices(vertices, triangles[kept])), labels=mesh.labels[kept])
 
 
 def moved(mesh: LabelledMesh, origin: npt.ArrayLike) -> LabelledMesh:
     """Return the mesh with the point `origin` at 0 0 0."""
     vertices, triangles = mesh_arrays(mesh.mesh)
-    shifted = build_mesh(vertices - as_points(origin, "origin", dim=3), triangles)
-    return LabelledMesh(shifted, mesh.labels, mesh.names, mesh.unit)
+    return replace(mesh, mesh=build_mesh(vertices - as_points(origin, "origin", dim=3), triangles))

@@ -98,7 +98,7 @@ def draw_figures(
 ) -> Drawn:
     """Draw figures like those of the paper into a folder: ``1-scan.png``, ..., ``8-whole-leaf.pdf``, ``captions.md``.
 
-    They are a printed column wide, 85 mm, with words of 7 points, in colours that colour-blind readers can tell
+    They are a printed column wide, 85 mm, with words of 7 points, in colors that color-blind readers can tell
     apart. Plots are vectors in PDF and SVG; of pictures, their words and bars are.
 
     Parameters

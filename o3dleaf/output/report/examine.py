@@ -113,8 +113,10 @@ def write_report(
     Raises
     ------
     InputError, UnitError
-        If it is no mesh, a requirement or the unit is unknown, or the file is of another kind.
+        If the first argument is no mesh, a requirement or the unit is unknown, or the file is of another kind.
     """
+    if isinstance(mesh, str | PathLike):
+        raise InputError("mesh: is a path; give the mesh first, then the path: write_report(mesh, path)")
     target = require_writable(path, (".html", ".htm", ".json"))
     examined = Examination.of(mesh, field=field, cloud=cloud, unit=unit, require=require)
     if target.suffix.lower() == ".json":

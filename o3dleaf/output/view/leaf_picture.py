@@ -7,7 +7,7 @@ import open3d as o3d
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.output.view.render import Inset, render
+from o3dleaf.output.view.picture import Inset, render
 
 WINDOW_MM = 2.4
 """Side of the inset's window on the leaf."""

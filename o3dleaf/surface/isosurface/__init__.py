@@ -1,12 +1,12 @@
 """A field to triangles: over a whole box, or continued from seeds where the surface is.
 
-`polygonise`         samples on a lattice to triangles
-`isosurface`         any field over a box
-`wavefront`          cells that grow across the faces a surface crosses
+`polygonize`         samples on a lattice to triangles
 `crease_edges`       sharp edges between tangent planes
-`band`               any field, continued from seeds
+`band`               cells that grow across the faces a surface crosses
+`continuation`       a surface followed from seeds
+`isosurface`         `extract_isosurface`: any field, over a box or from seeds
 `cell_loops`         one cell: marching cubes and tetrahedra
-`polygonise_loops`   a lattice, plane by plane
+`polygonize_loops`   a lattice, plane by plane
 `band_loops`         cells in a hash table
 `crease_edge_loops`  fans about new vertices on sharp edges
 """

@@ -1,175 +1,278 @@
-"""Any Field to triangles in a narrow band: the cells that the surface crosses are followed from seeds."""
+"""A narrow band of a lattice's cells that grows across the faces which a surface crosses, and its triangles."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field as attribute
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
-from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_mask, as_number, as_points, as_step, require_finite, require_positive
-from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.field import Field, values_and_gradients
-from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
-from o3dleaf.core.parallel import Progress, finish, share_out
-from o3dleaf.surface.isosurface.wavefront import Band
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.field import Field
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.surface.isosurface import band_loops as loops
+from o3dleaf.surface.isosurface import crease_edge_loops
+from o3dleaf.surface.isosurface.band_loops import CrossedEdges, Numbering
+from o3dleaf.surface.isosurface.cell_loops import COUNTS, CUBES
+from o3dleaf.surface.isosurface.crease_edge_loops import FirstRows, TangentPlanes
+from o3dleaf.surface.isosurface.crease_edges import MAX_OUTSIDE, MIN_COSINE, join_creases, meet_planes
+from o3dleaf.surface.mesh.clip import trim_to_manifold
 
-APART = 4
-"""One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
+CornerArray: TypeAlias = npt.NDArray[np.int32]
+CodeArray: TypeAlias = npt.NDArray[np.uint8]
 
-ASKED = 36
-"""Points of the lattice that a band asks for each seed used: 31 to 37, on clouds as dense as the lattice."""
+BATCH = 1 << 18
+"""Points at which a field is asked at once."""
 
-SHARES = (1, 8, 6)
-"""About how long seeds, growing and drawing take."""
+SHARES = (1, 2, 3)
+"""About how long finding the vertices, sharpening them and joining them over creases take."""
 
-NEWTON_STEPS = 3
-"""Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
-
-SETTLED = 1e-3
-"""Share of a cell: a seed whose last step was shorter lies on the surface."""
-
-Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
+BLOCK = 1 << 14
+"""Cells or vertices that one thread works on at a time."""
 
 
-def extract_band(
-    field: Field,
-    spacing: float | npt.ArrayLike,
-    seeds: npt.ArrayLike,
-    *,
-    within: Within | None = None,
-    isovalue: float = 0.0,
-    sharpen: bool = True,
-    features: bool = False,
-    progress: Progress | None = None,
-) -> o3d.geometry.TriangleMesh:
-    r"""Return the parts of the surface {x : F(x) = isovalue} that seeds lie on as an Open3D triangle mesh.
+def _distinct(keys: IntArray) -> IntArray:
+    """Return the rising keys, each once; `np.unique` hashes, which takes longer where few recur."""
+    keys = np.sort(keys)
+    return keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
 
-    The surface is that of `extract_isosurface` on the whole multiples of `spacing`, but the field is asked only at
-    the corners of cells that the surface crosses and of their neighbours across crossed faces: time and memory grow
-    with the area, not with the box. Parts of the surface that no seed leads to are not found.
 
-    Parameters
+@dataclass
+class Band:
+    """The points and cells of a lattice that have been visited; `band_loops` says how they are stored.
+
+    Attributes
     ----------
-    field : Field
-        Larger inside, of three dimensions, with gradients.
-    spacing : float or (3,) array_like
-        Lattice step, in the field's unit.
-    seeds : (n, 3) array_like
-        Points near the surface, such as the data, in the field's unit; the first in each block of 4 × 4 × 4 cells
-        is moved onto the surface by Newton's method, :math:`x - F \nabla F / |\nabla F|^2`.
-    within : float or callable, optional
-        Cells whose centre lies farther than this from all seeds, or for whose centres (n, 3) the function returns
-        False, are left out: the surface ends there, open. Left out, the band grows until it is closed.
-        `near_data` makes such a function of a cloud.
-    isovalue : float
-        The field is larger than this inside.
-    sharpen : bool
-        Ask the field once more at every vertex and move it along its edge to the zero of the parabola through the
-        three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).
-    features : bool
-        Ask for the gradient at every vertex; where two in one cell are more than 26° apart, the cell gets one vertex
-        more, where the tangent planes of its vertices meet (half a cell beside it at most), and neighbours of the
-        kind are joined: creases of the field come out as edges, which marching cubes chamfers. Manifold all the
-        same; triangles may cross where the field turns within a cell.
-    progress : callable, optional
-        ``progress(done, total)``, in shares of the work; how far the band will grow is guessed from the seeds.
-
-    Returns
-    -------
-    open3d.geometry.TriangleMesh
-        float64 vertices in the field's unit, one for each crossed edge; triangles counter-clockwise seen from
-        outside, manifold, the same whatever the number of threads.
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be meant, or the seeds reach over a quarter of a million cells.
-    ReconstructionError
-        If no seed leads to the surface.
-
-    References
-    ----------
-    Wyvill, McPheeters and Wyvill (1986), Data structure for soft objects: cells followed across crossed faces.
-    Kobbelt, Botsch, Schwanecke and Seidel (2001), Feature sensitive surface extraction from volume data.
+    field, level, step
+        The surface is where the field has the level; the lattice is that of the whole multiples of `step` (3,).
+    centre : (3,) ndarray of int64
+        The lattice point in the middle of what keys can name.
+    expected : int
+        Points at which the field is asked until the band is closed, about: for progress.
+    table, keys, values, known, count
+        The points: rows by place in a hash table, keys and values by row, which rows are lower corners of visited
+        cells, and rows in use.
+    crossed : list of (corners, codes)
+        The cells that the surface crosses, wave by wave.
     """
-    points, step, level = as_points(seeds, "seeds", dim=3, least=1), as_step(spacing), as_number(isovalue, "isovalue")
-    allowed = _as_test(within, points)
-    band = Band.around(points, field, level, step)
-    seeding, growing, drawing = share_out(progress, *SHARES)
-    thin = _thin(points, step)
-    cells = band.cells_of(_toward_zero(field, thin, level, SETTLED * float(step.min())))
-    if callable(within):
-        cells = band.only(cells, allowed)
-    finish(seeding)
-    told = _growth(band, ASKED * len(thin), growing)
-    while len(cells):
-        cells = band.only(band.advance(cells, told), allowed)
-    finish(growing)
-    if not band.found:
-        raise ReconstructionError(
-            f"seeds: none of {len(points)} leads to a cell that the surface {isovalue:g} crosses; give points near it, "
-            "or a finer spacing"
+
+    field: Field
+    level: float
+    step: FloatArray
+    centre: IntArray
+    expected: int = 0
+    table: npt.NDArray[np.int32] = attribute(default_factory=lambda: np.full(1 << 13, -1, dtype=np.int32))
+    keys: IntArray = attribute(default_factory=lambda: np.empty(1 << 12, dtype=np.int64))
+    values: FloatArray = attribute(default_factory=lambda: np.empty(1 << 12))
+    known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
+    count: int = 0
+    crossed: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
+
+    @classmethod
+    def around(cls, points: FloatArray, field: Field, level: float, step: FloatArray) -> "Band":
+        """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
+        low, high = points.min(axis=0) / step, points.max(axis=0) / step
+        quarter = 1 << loops.BITS - 2
+        if np.any(high - low > quarter):
+            raise InputError(
+                f"spacing: the seeds reach over {(high - low).max():.2g} cells; coarsen it or cut the cloud"
+            )
+        return cls(field, level, step, (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64))
+
+    @property
+    def base(self) -> FloatArray:
+        """(3,) the lattice point with key 0."""
+        return (self.centre - (1 << loops.BITS - 1)).astype(np.float64)
+
+    def cells_of(self, points: FloatArray) -> IntArray:
+        """Return the rising keys of the cells that hold points; those too far away to be named are left out."""
+        indices = np.floor(points / self.step) - self.base
+        near = ((indices >= 1) & (indices < (1 << loops.BITS) - 2)).all(axis=1)
+        keys = np.empty(np.count_nonzero(near), dtype=np.int64)
+        loops.encode(indices[near].astype(np.int64), keys)
+        return _distinct(keys)
+
+    def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
+        """Return the cells whose centres pass a test."""
+        return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
+
+    def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
+        """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
+        points, beyond = np.empty((len(keys), 3)), np.full(3, shift)
+        run_blocks(lambda i, j: loops.place_points(i, j, keys, beyond, self.base, self.step, points), len(keys), BLOCK)
+        return points
+
+    def advance(self, cells: IntArray) -> IntArray:
+        """Visit new cells, keep those that the surface crosses, and return the rising keys of those beyond."""
+        corners, asked, start = np.empty((len(cells), 8), dtype=np.int32), self.count, 0
+        while start < len(cells):
+            start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
+            if start < len(cells):
+                self._grow()
+        for i, j in blocks(self.count - asked, BATCH):
+            rows = slice(asked + i, asked + j)
+            self.values[rows] = self._ask(self.positions(self.keys[rows]))
+            # The next wave is about as large.
+            progress.report(asked + j, max(self.expected, 2 * self.count - asked))
+        codes = np.empty(len(cells), dtype=np.uint8)
+        run_blocks(lambda i, j: loops.read_codes(i, j, self.values, corners, codes), len(cells), BLOCK)
+        crossed = (codes > 0) & (codes < 255)
+        if not crossed.any():
+            return np.empty(0, dtype=np.int64)
+        self.crossed.append((corners[crossed], codes[crossed]))
+        return self._beyond(*self.crossed[-1])
+
+    def _beyond(self, corners: CornerArray, codes: CodeArray) -> IntArray:
+        """Return the rising keys of the cells not visited across the faces of some that the surface crosses."""
+        beyond = np.empty((len(codes), 6), dtype=np.int64)
+
+        def task(start: int, stop: int) -> None:
+            loops.cross_faces(start, stop, corners, codes, self.table, self.keys, self.known, beyond)
+
+        run_blocks(task, len(codes), BLOCK)
+        return _distinct(beyond[beyond >= 0])
+
+    def _grow(self) -> None:
+        """Double the room for points."""
+        room = 2 * len(self.keys)
+        if room >= np.iinfo(np.int32).max // 2:
+            raise InputError(f"spacing: the band has over {self.count:.2g} points; coarsen it, or give `within`")
+        self.keys, self.values, self.known = (
+            np.concatenate([array, np.zeros_like(array)]) for array in (self.keys, self.values, self.known)
         )
-    vertices, triangles = band.draw(sharpen=sharpen, ends=allowed is not None, features=features, progress=drawing)
-    finish(drawing)
-    return build_mesh(vertices, triangles)
+        self.table = np.full(2 * room, -1, dtype=np.int32)
+        loops.fill_table(self.table, self.keys, self.count)
+
+    def draw(self, *, sharpen: bool, ends: bool, features: bool) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles by the keys of points and cells, made manifold where a band `ends`."""
+        finding, sharpening, joining = progress.split(*SHARES)
+        with finding:
+            corners, codes = (np.concatenate(part) for part in zip(*self.crossed, strict=True))
+            order = np.argsort(self.keys[corners[:, 0]])
+            corners, codes = corners[order], codes[order]
+            numbering, many = self._number(corners, codes)
+            edges = self._cross_edges(corners, codes, numbering, many)
+            vertices = self._place(edges)
+        with sharpening:
+            if sharpen:
+                self._sharpen(edges, vertices)
+                vertices = self._place(edges)
+        with joining:
+            if features:
+                vertices, triangles = self._crease(corners, codes, numbering, edges, vertices)
+            else:
+                triangles = _draw_smooth(corners, codes, numbering, edges.fraction)
+        if not ends:
+            return vertices, triangles
+        # Two cells may touch along an edge alone, where the others were not allowed.
+        cells = np.full(len(vertices), 4, dtype=np.uint8)
+        cells[:many] = 0
+        loops.count_cells(corners, codes, numbering, cells)
+        return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
+
+    def _cross_edges(self, corners: CornerArray, codes: CodeArray, numbering: Numbering, many: int) -> CrossedEdges:
+        """Return the edges of cells that the surface crosses, by vertex."""
+        edges = CrossedEdges(*np.empty((2, many), dtype=np.int64), *np.empty((3, many)))
+
+        def find(start: int, stop: int) -> None:
+            loops.find_fractions(start, stop, corners, codes, self.values, numbering, edges)
+
+        run_blocks(find, len(codes), BLOCK)
+        return edges
+
+    def _sharpen(self, edges: CrossedEdges, vertices: FloatArray) -> None:
+        """Move vertices along their edges to the zero of a parabola."""
+        for i, j in blocks(len(vertices), BATCH):
+            loops.sharpen_fractions(i, j, edges.here, edges.there, self._ask(vertices[i:j]), edges.fraction)
+            progress.report(j, len(vertices))
+
+    def _crease(
+        self,
+        corners: CornerArray,
+        codes: CodeArray,
+        numbering: Numbering,
+        edges: CrossedEdges,
+        vertices: FloatArray,
+    ) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
+        normals = np.empty_like(vertices)
+        for i, j in blocks(len(vertices), BATCH):
+            slope = require_finite(np.asarray(self.field.gradient(vertices[i:j]), dtype=np.float64), "field gradients")
+            length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
+            normals[i:j] = slope / length[:, np.newaxis]
+            progress.report(j, len(vertices))
+        creases, drawn = np.empty((2, len(codes)), dtype=np.int64)
+
+        def count(start: int, stop: int) -> None:
+            crease_edge_loops.count_creases(start, stop, corners, codes, numbering, normals, MIN_COSINE, creases, drawn)
+
+        run_blocks(count, len(codes), BLOCK)
+        offsets = FirstRows(np.cumsum(creases) - creases, np.cumsum(drawn) - drawn)
+        many, triangles = int(creases.sum()), np.empty((drawn.sum(), 3), dtype=np.int64)
+        planes = TangentPlanes(
+            np.empty((many, 3, 3)), np.empty((many, 3)), np.empty((many, 3)), np.empty(many, dtype=np.int64)
+        )
+
+        def draw(start: int, stop: int) -> None:
+            crease_edge_loops.draw_creases(
+                start,
+                stop,
+                corners,
+                codes,
+                numbering,
+                edges.fraction,
+                vertices,
+                normals,
+                MIN_COSINE,
+                offsets,
+                planes,
+                triangles,
+            )
+
+        run_blocks(draw, len(codes), BLOCK)
+        if not many:
+            return vertices, triangles
+        lower = self.positions(self.keys[corners[planes.of_cell, 0]])
+        met = meet_planes(planes.squares, planes.right, planes.middle)
+        added = np.clip(met, lower - MAX_OUTSIDE * self.step, lower + (1 + MAX_OUTSIDE) * self.step)
+        return np.concatenate([vertices, added]), join_creases(triangles, len(vertices))
+
+    def _number(self, corners: CornerArray, codes: CodeArray) -> tuple[Numbering, int]:
+        """Return each point's first vertex and the axes along which it has one, and how many vertices there are."""
+        marks, first = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count, dtype=np.int64)
+        loops.mark_edges(corners, codes, marks)
+        rows = np.flatnonzero(marks)
+        rows = rows[np.argsort(self.keys[rows])]
+        many = np.bitwise_count(marks[rows]).astype(np.int64)
+        first[rows] = np.cumsum(many) - many
+        return Numbering(first, marks), int(many.sum())
+
+    def _ask(self, points: FloatArray) -> FloatArray:
+        """Return the field's values less the level."""
+        return require_finite(np.asarray(self.field(points), dtype=np.float64), "field values") - self.level
+
+    def _place(self, edges: CrossedEdges) -> FloatArray:
+        """Return the (v, 3) positions of vertices."""
+        vertices, keys = np.empty((len(edges.lower), 3)), self.keys[edges.lower]
+
+        def task(start: int, stop: int) -> None:
+            loops.place_crossings(start, stop, keys, edges.direction, edges.fraction, self.base, self.step, vertices)
+
+        run_blocks(task, len(keys), BLOCK)
+        return vertices
 
 
-def _growth(band: Band, expected: int, progress: Progress | None) -> Progress | None:
-    """Return a progress for each wave of the band, of which about so many points of the lattice are `expected`."""
-    if progress is None:
-        return None
+def _draw_smooth(corners: CornerArray, codes: CodeArray, numbering: Numbering, fraction: FloatArray) -> IntArray:
+    """Return the triangles of cells by marching cubes."""
+    drawn = COUNTS[CUBES, codes]
+    offsets, triangles = np.cumsum(drawn) - drawn, np.empty((drawn.sum(), 3), dtype=np.int64)
 
-    def told(done: int, total: int) -> None:
-        # The next wave is about as large.
-        progress(band.count - total + done, max(expected, band.count + total))
+    def draw(start: int, stop: int) -> None:
+        loops.draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles)
 
-    return told
-
-
-def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:
-    """Return `within` as a function of (n, 3) points."""
-    if within is None:
-        return None
-    if callable(within):
-        test = within
-        return lambda centres: as_mask(test(centres), (len(centres),), "within")
-    reach, tree = require_positive(within, "within"), cKDTree(seeds)
-    return lambda centres: np.isfinite(tree.query(centres, distance_upper_bound=reach, workers=-1)[0])
-
-
-def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
-    """Return the first seed of each block of cells."""
-    block = np.floor(seeds / (APART * step))
-    block -= block.min(axis=0)
-    width = block.max(axis=0) + 1
-    if np.prod(width) < 2.0**62:
-        whole = width.astype(np.int64)
-        place = (block[:, 0].astype(np.int64) * whole[1] + block[:, 1].astype(np.int64)) * whole[2]
-        first = np.unique(place + block[:, 2].astype(np.int64), return_index=True)[1]
-    else:
-        first = np.unique(block, axis=0, return_index=True)[1]
-    return np.asarray(seeds[np.sort(first)])
-
-
-def _toward_zero(field: Field, points: FloatArray, level: float, settled: float) -> FloatArray:
-    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
-
-    A point that has moved less than `settled` stays: what is left is the square of that.
-    """
-    box = np.asarray(field.bounds)
-    longest = float(np.linalg.norm(box[1] - box[0]))
-    moved, asked = points.copy(), np.arange(len(points))
-    for _ in range(NEWTON_STEPS):
-        value, slope = values_and_gradients(field, moved[asked])
-        value = value - level
-        steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
-        # Where the field is flat the quotient may be beyond all numbers.
-        length = value / np.maximum(steep, np.abs(value) / longest)
-        moved[asked] -= (length / steep)[:, np.newaxis] * slope
-        asked = asked[np.abs(length) > settled]
-        if not len(asked):
-            break
-    return require_finite(moved, "seeds moved onto the surface")
+    run_blocks(draw, len(codes), BLOCK)
+    return triangles

@@ -6,15 +6,17 @@ close on the lattice lies close in memory. A row is the number of a point in the
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from o3dleaf.surface.isosurface.cell_loops import (
     CUBE_EDGES,
     CUBES,
-    LEAST_FRACTION,
-    MOST_TRIANGLES,
+    MAX_TRIANGLES,
+    MIN_FRACTION,
     cell_triangles,
     crossing,
 )
@@ -30,6 +32,43 @@ FACE_CORNERS = np.array([0x55, 0xAA, 0x33, 0xCC, 0x0F, 0xF0])
 
 MIX = np.int64(-7046029254386353131)
 """2⁶⁴ over the golden ratio: keys that differ little are spread over the table (Fibonacci hashing)."""
+
+
+class Numbering(NamedTuple):
+    """Numbers of the vertices: each point's are those on the crossed edges that leave it, one after another.
+
+    Attributes
+    ----------
+    first : (r,) ndarray of int64
+        Number of each point's first vertex.
+    marks : (r,) ndarray of uint8
+        The axes along which it has one, as three bits; see `mark_edges`.
+    """
+
+    first: npt.NDArray[np.int64]
+    marks: npt.NDArray[np.uint8]
+
+
+class CrossedEdges(NamedTuple):
+    """The edges with a vertex, in the order of the vertices; (v,) each.
+
+    Attributes
+    ----------
+    lower : ndarray of int64
+        Row of the edge's lower point.
+    direction : ndarray of int64
+        1, 2 or 4.
+    fraction : ndarray
+        How far along the edge the vertex lies.
+    here, there : ndarrays
+        Values at the lower and the other end.
+    """
+
+    lower: npt.NDArray[np.int64]
+    direction: npt.NDArray[np.int64]
+    fraction: npt.NDArray[np.float64]
+    here: npt.NDArray[np.float64]
+    there: npt.NDArray[np.float64]
 
 
 @njit(nogil=True, cache=True)
@@ -177,70 +216,58 @@ def mark_edges(corners, codes, marks):
 
 
 @njit(nogil=True, cache=True)
-def vertex_at(first, marks, row, direction):
+def vertex_at(numbering, row, direction):
     """Return the number of the vertex on the edge that leaves a point in a direction (1, 2 or 4)."""
-    before = marks[row] & (direction - 1)
-    return first[row] + (before & 1) + (before >> 1 & 1)
+    before = numbering.marks[row] & (direction - 1)
+    return numbering.first[row] + (before & 1) + (before >> 1 & 1)
 
 
 @njit(nogil=True, cache=True)
-def find_fractions(start, stop, corners, codes, values, numbering, vertices):
-    """Write what is known of the vertices of some cells; two cells of an edge write the same.
-
-    Parameters
-    ----------
-    numbering : (first, marks)
-        (r,) number of each point's first vertex, and `mark_edges`' bits.
-    vertices : (lower, direction, fraction, here, there)
-        (v,) each: the row of the edge's lower point, its direction, how far along it the vertex
-        lies, and the values at both ends.
-    """
-    first, marks = numbering
-    lower, towards, fraction, here, there = vertices
+def find_fractions(start, stop, corners, codes, values, numbering, edges):
+    """Write the crossed edges of some cells, a `CrossedEdges`; two cells of an edge write the same."""
+    here, there = edges.here, edges.there
     for cell in range(start, stop):
         for n in range(12):
             low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
             if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
                 row = corners[cell, low]
-                vertex = vertex_at(first, marks, row, direction)
-                lower[vertex], towards[vertex] = row, direction
+                vertex = vertex_at(numbering, row, direction)
+                edges.lower[vertex], edges.direction[vertex] = row, direction
                 here[vertex], there[vertex] = values[row], values[corners[cell, low | direction]]
-                fraction[vertex] = crossing(here[vertex], there[vertex])
+                edges.fraction[vertex] = crossing(here[vertex], there[vertex])
 
 
 @njit(nogil=True, cache=True)
 def count_cells(corners, codes, numbering, count):
     """Add up the cells at each vertex: four, but where the band ends."""
-    first, marks = numbering
     for cell in range(len(codes)):
         for n in range(12):
             low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
             if (codes[cell] >> low & 1) != (codes[cell] >> (low | direction) & 1):
-                count[vertex_at(first, marks, corners[cell, low], direction)] += 1
+                count[vertex_at(numbering, corners[cell, low], direction)] += 1
 
 
 @njit(nogil=True, cache=True)
 def draw_cells(start, stop, corners, codes, numbering, fraction, offsets, triangles):
     """Write the triangles of some cells into their rows, cell c's from offsets[c] on."""
-    first, marks = numbering
-    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     for cell in range(start, stop):
         code = np.int64(codes[cell])
         for n in range(12):
             low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
             if (code >> low & 1) != (code >> (low | direction) & 1):
-                along[n] = fraction[vertex_at(first, marks, corners[cell, low], direction)]
+                along[n] = fraction[vertex_at(numbering, corners[cell, low], direction)]
         for n in range(cell_triangles(CUBES, code, along, places, drawn)):
             for corner in range(3):
                 low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
-                triangles[offsets[cell] + n, corner] = vertex_at(first, marks, corners[cell, low], direction)
+                triangles[offsets[cell] + n, corner] = vertex_at(numbering, corners[cell, low], direction)
 
 
 @njit(nogil=True, cache=True)
 def place_crossings(start, stop, keys, direction, fraction, base, step, vertices):
     """Write the (v, 3) positions of vertices on the edges that leave points `keys` in a direction.
 
-    Whole numbers are added first, as in `o3dleaf.surface.isosurface.polygonise_loops.place_vertices`.
+    Whole numbers are added first, as in `o3dleaf.surface.isosurface.polygonize_loops.place_vertices`.
     """
     for n in range(start, stop):
         for axis in range(3):
@@ -265,4 +292,4 @@ def sharpen_fractions(start, stop, here, there, between, fraction):
         found = a / half
         if not 0.0 <= found <= 1.0:
             found = half / bend
-        fraction[n] = min(max(found, LEAST_FRACTION), 1.0 - LEAST_FRACTION)
+        fraction[n] = min(max(found, MIN_FRACTION), 1.0 - MIN_FRACTION)

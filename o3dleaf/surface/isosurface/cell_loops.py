@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-LEAST_FRACTION = 1e-6
+MIN_FRACTION = 1e-6
 """A vertex keeps this part of its edge from both ends: a sample on the level itself costs no manifoldness."""
 
 CUBES, TETRAHEDRA = 0, 1
@@ -28,7 +28,7 @@ CUBES, TETRAHEDRA = 0, 1
 DIRECTIONS = np.array([[1, 2, 4, 0, 0, 0, 0], [1, 2, 3, 4, 5, 6, 7]])
 """Directions of the edges that carry vertices, rising, by method; 0 ends a row."""
 
-MOST_TRIANGLES = 12
+MAX_TRIANGLES = 12
 """Triangles of one cell at most: two for each of six tetrahedra, ten for cubes."""
 
 CUBE_EDGES = np.array([8 * low + axis for axis in (1, 2, 4) for low in range(8) if not low & axis])
@@ -117,7 +117,7 @@ def _loop_table() -> npt.NDArray[np.int64]:
 
 def _tetrahedra_table() -> npt.NDArray[np.int64]:
     """Return (256, 12, 3) names of edges of the triangles in the six tetrahedra of every code; -1 is none."""
-    table = np.full((256, MOST_TRIANGLES, 3), -1)
+    table = np.full((256, MAX_TRIANGLES, 3), -1)
     for code in range(256):
         found = []
         for path in _kuhn():
@@ -145,7 +145,7 @@ COUNTS = np.stack(
 @njit(nogil=True, cache=True, error_model="numpy")
 def crossing(here, there):
     """Return where a line from `here` to `there`, of opposite signs, is zero: a fraction of the edge, never an end."""
-    return min(max(here / (here - there), LEAST_FRACTION), 1.0 - LEAST_FRACTION)
+    return min(max(here / (here - there), MIN_FRACTION), 1.0 - MIN_FRACTION)
 
 
 @njit(nogil=True, cache=True)

@@ -1,20 +1,46 @@
 """The compiled loops of creases: where the normals around a loop disagree, a fan about a new vertex takes its place."""
 
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from o3dleaf.surface.isosurface.band_loops import vertex_at
-from o3dleaf.surface.isosurface.cell_loops import CUBE_EDGES, LOOPS, MOST_TRIANGLES, cut_loop
+from o3dleaf.surface.isosurface.cell_loops import CUBE_EDGES, LOOPS, MAX_TRIANGLES, cut_loop
+
+
+class FirstRows(NamedTuple):
+    """The (c,) first crease and the first triangle of each cell."""
+
+    creases: npt.NDArray[np.int64]
+    triangles: npt.NDArray[np.int64]
+
+
+class TangentPlanes(NamedTuple):
+    """The planes tangent to the surface at the vertices p, with normals n, of each of k creased loops.
+
+    Attributes
+    ----------
+    squares, right, middle : (k, 3, 3), (k, 3), (k, 3) ndarrays
+        Σ n nᵀ, Σ n n · (p − middle), and the mean of the p.
+    of_cell : (k,) ndarray of int64
+        The cell of each loop.
+    """
+
+    squares: npt.NDArray[np.float64]
+    right: npt.NDArray[np.float64]
+    middle: npt.NDArray[np.float64]
+    of_cell: npt.NDArray[np.int64]
 
 
 @njit(nogil=True, cache=True)
 def loop_vertices(code, at, rows, numbering, numbers):
     """Write the vertices of the loop at place `at` of a cell's row of `LOOPS`, and return how many there are."""
-    first, marks = numbering
     length = LOOPS[code, at]
     for n in range(length):
         edge = CUBE_EDGES[LOOPS[code, at + 1 + n]]
-        numbers[n] = vertex_at(first, marks, rows[edge >> 3], edge & 7)
+        numbers[n] = vertex_at(numbering, rows[edge >> 3], edge & 7)
     return length
 
 
@@ -47,34 +73,33 @@ def count_creases(start, stop, corners, codes, numbering, normals, least, crease
 
 
 @njit(nogil=True, cache=True)
-def draw_creases(start, stop, corners, codes, numbering, fraction, surface, least, offsets, planes, triangles):
+def draw_creases(
+    start, stop, corners, codes, numbering, fraction, vertices, normals, least, offsets, planes, triangles
+):
     """Write the triangles of some cells, those of creased loops about vertices of their own.
 
     Parameters
     ----------
     fraction : (v,) ndarray
         How far along its edge each vertex lies.
-    surface : (vertices, normals)
-        (v, 3) each.
-    offsets : (creases, triangles)
-        (c,) the first crease and the first triangle of each cell.
-    planes : (squares, right, middle, of_cell)
-        (k, 3, 3) Σ n nᵀ, (k, 3) Σ n n·(p − middle), (k, 3) the mean of the p, and (k,) the cell, of each
-        creased loop; filled.
+    vertices, normals : (v, 3) ndarrays
+    least : float
+        A loop is creased where two of its normals have a smaller product.
+    offsets : FirstRows
+    planes : TangentPlanes
+        Filled.
     triangles : (m, 3) ndarray of int64
         Filled; vertex v + k is that of loop k.
     """
-    vertices, normals = surface
-    squares, right, middle, of_cell = planes
     numbers, loop, places = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64), np.empty((12, 3))
-    drawn, number_of = np.empty((MOST_TRIANGLES, 3), dtype=np.int64), np.empty(64, dtype=np.int64)
+    drawn, number_of = np.empty((MAX_TRIANGLES, 3), dtype=np.int64), np.empty(64, dtype=np.int64)
     for cell in range(start, stop):
-        code, at, crease, row = np.int64(codes[cell]), 0, offsets[0][cell], offsets[1][cell]
+        code, at, crease, row = np.int64(codes[cell]), 0, offsets.creases[cell], offsets.triangles[cell]
         while LOOPS[code, at]:
             length = loop_vertices(code, at, corners[cell], numbering, numbers)
             if is_creased(numbers, length, normals, least):
-                _add_planes(numbers, length, vertices, normals, squares[crease], right[crease], middle[crease])
-                of_cell[crease] = cell
+                _add_planes(numbers, length, vertices, normals, planes, crease)
+                planes.of_cell[crease] = cell
                 for n in range(length):
                     triangles[row, 0], triangles[row, 1] = numbers[n], numbers[(n + 1) % length]
                     triangles[row, 2] = len(vertices) + crease
@@ -96,8 +121,9 @@ def draw_creases(start, stop, corners, codes, numbering, fraction, surface, leas
 
 
 @njit(nogil=True, cache=True)
-def _add_planes(numbers, length, vertices, normals, square, right, middle):
-    """Add up the tangent planes at a loop's vertices."""
+def _add_planes(numbers, length, vertices, normals, planes, crease):
+    """Add up the tangent planes at the vertices of a creased loop."""
+    square, right, middle = planes.squares[crease], planes.right[crease], planes.middle[crease]
     square[:], right[:], middle[:] = 0.0, 0.0, 0.0
     for n in range(length):
         for axis in range(3):

@@ -6,13 +6,13 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.surface.mesh.topology import EdgeTable
 
-LEAST_COSINE = 0.9
+MIN_COSINE = 0.9
 """Normals 26° apart in one cell make a crease (Kobbelt et al. 2001)."""
 
-BESIDE = 0.5
-"""Part of a cell that the vertex on a crease may lie beside its own: corners that no sample is inside of are there."""
+MAX_OUTSIDE = 0.5
+"""Part of a cell by which the vertex on a crease may lie outside its own: corners without a sample inside do."""
 
-RANK = 0.02
+RANK_TOLERANCE = 0.02
 """Planes that differ by less than this share of the largest eigenvalue leave a direction open: along an edge, where
 the vertex stays in the middle. Two normals 26° apart leave 0.05."""
 
@@ -26,7 +26,7 @@ def meet_planes(squares: FloatArray, right: FloatArray, middle: FloatArray) -> F
         Σ n nᵀ, Σ n n · (p − middle), and the mean of the p.
     """
     values, axes = np.linalg.eigh(squares)
-    known = values > RANK * values[:, 2:]
+    known = values > RANK_TOLERANCE * values[:, 2:]
     along = np.einsum("kij,ki->kj", axes, right) / np.where(known, values, np.inf)
     return np.asarray(middle + np.einsum("kij,kj->ki", axes, along))
 

@@ -44,7 +44,7 @@ def near_data(
 ) -> Callable[[FloatArray], BoolArray]:
     """Return the function that says which places (n, 3) lie within `factor` spacings of data.
 
-    What `extract_band` takes as `within` so that `trim_to_support` finds the surface far enough, and no farther,
+    What `extract_isosurface` takes as `within` so that `trim_to_support` finds the surface far enough, and no farther,
     where points lie dense and where they lie thin.
 
     Parameters

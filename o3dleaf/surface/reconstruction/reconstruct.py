@@ -20,7 +20,7 @@ from o3dleaf.surface.cloud.downsample import Merged
 from o3dleaf.surface.cloud.neighbors import Neighbourhoods, nearest_neighbours
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, prepare_cloud
 from o3dleaf.surface.cloud.point_spacing import cloud_spacing
-from o3dleaf.surface.isosurface.band import extract_band
+from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.along_mesh import turned_over
 from o3dleaf.surface.reconstruction.fit import Constrain, constrain, fit_surface, merge_noise
 from o3dleaf.surface.reconstruction.proximity import local_spacing, near_data
@@ -149,13 +149,12 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         )
     with log.stage("follow surface") as progress:
         step = mesh_step(apart, len(merged.points)) if spacing is None else require_positive(spacing, "spacing")
-        mesh = extract_band(
+        mesh = extract_isosurface(
             field,
             step,
-            merged.points,
+            seeds=merged.points,
             within=near_data(merged.points, each, tree=tree),
             features=isinstance(field.local, CreasedSplines),
-            progress=progress,
         )
     with log.stage("trim to data") as progress:
         # Our own step shares what is known of the cloud.

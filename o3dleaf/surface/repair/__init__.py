@@ -1,10 +1,11 @@
-"""Meshes cleaned and simplified; nothing gets worse.
+"""Meshes cleaned and simplified without new defects.
 
-`editable_mesh`   a mesh under repair, which remembers where its parts came from
+`editable_mesh`   a mesh under repair, with the origin of its parts
 `repairs`         repairs that move no vertex
 `merge_vertices`  close vertices joined
 `flips`           edges flipped where triangles are flat or folded
 `holes`           holes closed
 `meshlab`         MeshLab's filters (the only file that imports pymeshlab)
-`clean`           `clean_mesh`: repairs in rounds until a mesh is at rest
+`simplify`        `simplify_mesh`: edges collapsed
+`clean`           `clean_mesh`: repairs in rounds until nothing changes
 """

@@ -1,18 +1,17 @@
 """`clean_mesh`: repairs, in rounds, until a mesh is at rest."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, require_triangles
+from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.editable_mesh import NEW, Draft
+from o3dleaf.surface.repair.editable_mesh import NEW, EditableMesh
 from o3dleaf.surface.repair.flips import flip_edges
 from o3dleaf.surface.repair.holes import close_holes
 from o3dleaf.surface.repair.merge_vertices import merge_close
@@ -33,7 +32,7 @@ FOLD_ANGLE = 1.0
 
 @dataclass(frozen=True)
 class Cleaning:
-    """What `clean_mesh` is asked to do; its arguments."""
+    """Options of `clean_mesh`."""
 
     merge: float = 0.0
     smallest_component: float = 0.0
@@ -50,7 +49,7 @@ class Cleaning:
             if not (np.isfinite(value) and value >= 0):
                 raise InputError(f"{name}: is {value}; give zero (leave alone) or more")
 
-    def steps(self) -> list[Callable[[Draft], Draft]]:
+    def steps(self) -> list[Callable[[EditableMesh], EditableMesh]]:
         """Return the repairs in the order in which one makes work for the next."""
         flip = partial(flip_edges, height=self.smallest_height, angle=self.fold_angle)
         small = partial(
@@ -70,25 +69,26 @@ class Cleaning:
             small,
             *([turn_flipped] if self.orient else []),
             *([close] if self.largest_hole > 0 else []),
-            Draft.compact,
+            EditableMesh.compact,
             split_bowties,
         ]
 
-    def of(self, draft: Draft) -> Draft:
+    def of(self, mesh: EditableMesh) -> EditableMesh:
         """Return a mesh that the steps leave as it is, to the bit."""
         steps = self.steps()
         # Ends: no step undoes another's, each takes away defects, triangles or vertices, and a split vertex,
         # which is welded and split again, comes out as it was.
         while True:
-            before = draft
+            before = mesh
             for step in steps:
-                draft = step(draft) if len(draft.triangles) else draft
-            if draft.same(before):
-                return draft
+                mesh = step(mesh) if len(mesh.triangles) else mesh
+            if mesh.same(before):
+                return mesh
 
 
+@with_or_without_labels
 def clean_mesh(
-    mesh: MeshLike,
+    mesh: LabelledMesh,
     *,
     merge: float = 0.0,
     smallest_component: float = 0.0,
@@ -99,7 +99,7 @@ def clean_mesh(
     fold_angle: float = FOLD_ANGLE,
     untangle: bool = False,
     orient: bool = True,
-) -> o3d.geometry.TriangleMesh:
+) -> LabelledMesh:
     """Return a mesh without duplicate or flat triangles, non-manifold edges or vertices; no vertex moves.
 
     Rounds of repairs until nothing changes, so that cleaning twice is cleaning once, bit for bit:
@@ -117,7 +117,7 @@ def clean_mesh(
 
     Parameters
     ----------
-    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+    mesh : LabelledMesh, open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Not modified.
     merge : float
         Vertices at most this far from an earlier one are joined to it, and none moves farther; in
@@ -144,15 +144,15 @@ def clean_mesh(
 
     Returns
     -------
-    open3d.geometry.TriangleMesh
+    LabelledMesh if one was given, else open3d.geometry.TriangleMesh
         float64 vertices, bit for bit some of the input's. Vertex colours stay, normals are computed
-        anew if there were any; texture coordinates and materials are dropped. `clean_labels` says
-        what becomes of labels.
+        anew if there were any; texture coordinates and materials are dropped. Triangles keep their
+        labels, one that closes a hole takes a neighbour's.
 
     Raises
     ------
     InputError
-        If the mesh has no triangle or a size is below zero.
+        If the mesh has no triangle, not one label a triangle, or a size is below zero.
     """
     cleaning = Cleaning(
         merge=merge,
@@ -165,39 +165,17 @@ def clean_mesh(
         untangle=untangle,
         orient=orient,
     )
-    return _finish(mesh, cleaning.of(Draft.of(*require_triangles(mesh))))
+    vertices, triangles = require_triangles(mesh.mesh)
+    labels = mesh.labels_of(len(triangles))
+    cleaned = cleaning.of(EditableMesh.of(vertices, triangles))
+    left = None if labels is None else labels[_spread(cleaned)]
+    return replace(mesh, mesh=_finish(mesh.mesh, cleaned), labels=left)
 
 
-def clean_labels(
-    mesh: MeshLike, labels: npt.ArrayLike, **options: float
-) -> tuple[o3d.geometry.TriangleMesh, npt.NDArray[Any]]:
-    """Return what `clean_mesh` makes of a mesh, and the labels of the triangles that are left.
-
-    Parameters
-    ----------
-    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
-        Not modified.
-    labels : (m, ...) array_like
-        One row a triangle; any type. A triangle that closes a hole takes a neighbour's.
-    **options
-        The other arguments of `clean_mesh`.
-
-    Raises
-    ------
-    InputError
-        As `clean_mesh`; if there is not one label a triangle.
-    """
-    draft, given = Draft.of(*require_triangles(mesh)), np.asarray(labels)
-    if given.shape[:1] != draft.triangle_origin.shape:
-        raise InputError(f"labels: has shape {given.shape}; give one a triangle, {len(draft.triangles)} in all")
-    draft = Cleaning(**options).of(draft)  # type: ignore[arg-type]
-    return _finish(mesh, draft), given[_spread(draft)]
-
-
-def _spread(draft: Draft) -> IntArray:
+def _spread(mesh: EditableMesh) -> IntArray:
     """Return the origins of the triangles; new ones take the first that a neighbour has."""
-    origin = draft.triangle_origin.copy()
-    edges = EdgeTable.of(draft.triangles)
+    origin = mesh.triangle_origin.copy()
+    edges = EdgeTable.of(mesh.triangles)
     pairs = edges.order[edges.first(np.flatnonzero(edges.count == 2))[:, np.newaxis] + [0, 1]] // 3
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     while (origin == NEW).any():
@@ -206,14 +184,14 @@ def _spread(draft: Draft) -> IntArray:
     return origin
 
 
-def _finish(mesh: MeshLike, draft: Draft) -> o3d.geometry.TriangleMesh:
-    """Return the draft as a mesh, with the colours and normals that the input had."""
-    result = build_mesh(draft.vertices, draft.triangles)
-    if isinstance(mesh, o3d.t.geometry.TriangleMesh):
-        mesh = mesh.to_legacy()
-    if isinstance(mesh, o3d.geometry.TriangleMesh):
-        if mesh.has_vertex_colors():
-            result.vertex_colors = o3d.utility.Vector3dVector(np.asarray(mesh.vertex_colors)[draft.vertex_origin])
-        if mesh.has_vertex_normals():
+def _finish(given: MeshLike, cleaned: EditableMesh) -> o3d.geometry.TriangleMesh:
+    """Return a cleaned mesh with the colours and normals that the input had."""
+    result = build_mesh(cleaned.vertices, cleaned.triangles)
+    if isinstance(given, o3d.t.geometry.TriangleMesh):
+        given = given.to_legacy()
+    if isinstance(given, o3d.geometry.TriangleMesh):
+        if given.has_vertex_colors():
+            result.vertex_colors = o3d.utility.Vector3dVector(np.asarray(given.vertex_colors)[cleaned.vertex_origin])
+        if given.has_vertex_normals():
             result.compute_vertex_normals()
     return result

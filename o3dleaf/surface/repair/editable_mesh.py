@@ -1,4 +1,4 @@
-"""A mesh under repair, which remembers where its vertices and triangles came from."""
+"""A mesh under repair, with the origin of its vertices and triangles."""
 
 from dataclasses import dataclass, replace
 
@@ -6,16 +6,14 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-
-FLAT = 1e-12
-"""A triangle is degenerate if its area is at most this times its longest edge squared (float64 rounding)."""
+from o3dleaf.surface.mesh.measurements import FLAT
 
 NEW = -1
 """Origin of a triangle that closes a hole."""
 
 
 @dataclass(frozen=True, eq=False)
-class Draft:
+class EditableMesh:
     """Vertices and triangles, and the rows of the input that they were.
 
     Attributes
@@ -34,28 +32,33 @@ class Draft:
     triangle_origin: IntArray
 
     @classmethod
-    def of(cls, vertices: FloatArray, triangles: IntArray) -> "Draft":
+    def of(cls, vertices: FloatArray, triangles: IntArray) -> "EditableMesh":
         """Return a mesh as it came."""
         return cls(vertices, triangles, np.arange(len(vertices)), np.arange(len(triangles)))
 
-    def only(self, keep: BoolArray) -> "Draft":
+    def only(self, keep: BoolArray) -> "EditableMesh":
         """Return the mesh with some of its triangles; all vertices stay."""
         if keep.all():
             return self
         return replace(self, triangles=self.triangles[keep], triangle_origin=self.triangle_origin[keep])
 
-    def joined(self, target: IntArray) -> "Draft":
+    def joined(self, target: IntArray) -> "EditableMesh":
         """Return the mesh with each vertex replaced by `target` of it; all vertices stay."""
         return replace(self, triangles=target[self.triangles])
 
-    def compact(self) -> "Draft":
+    def compact(self) -> "EditableMesh":
         """Return the mesh without vertices that no triangle names, the others in their old order."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.triangles] = True
         renumber = np.cumsum(used) - 1
-        return Draft(self.vertices[used], renumber[self.triangles], self.vertex_origin[used], self.triangle_origin)
+        return replace(
+            self,
+            vertices=self.vertices[used],
+            triangles=renumber[self.triangles],
+            vertex_origin=self.vertex_origin[used],
+        )
 
-    def same(self, other: "Draft") -> bool:
+    def same(self, other: "EditableMesh") -> bool:
         """Return whether two meshes are equal to the bit."""
         return np.array_equal(self.triangles, other.triangles) and np.array_equal(self.vertices, other.vertices)
 

@@ -8,7 +8,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.editable_mesh import Draft
+from o3dleaf.surface.repair.editable_mesh import EditableMesh
 
 
 def folded_edges(vertices: FloatArray, edges: EdgeTable, angle: float) -> BoolArray:
@@ -48,11 +48,11 @@ class _Flips:
         """Return some of them."""
         return _Flips(self.rows[which], self.instead[which])
 
-    def applied(self, draft: Draft) -> Draft:
+    def applied(self, mesh: EditableMesh) -> EditableMesh:
         """Return the mesh with these edges flipped."""
-        triangles = draft.triangles.copy()
+        triangles = mesh.triangles.copy()
         triangles[self.rows] = self.instead
-        return replace(draft, triangles=triangles)
+        return replace(mesh, triangles=triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +67,12 @@ class _Faults:
     slimness: FloatArray
 
     @classmethod
-    def of(cls, draft: Draft, height: float, angle: float) -> "_Faults":
-        edges = EdgeTable.of(draft.triangles)
-        found, corner, degenerate = draft.heights()
+    def of(cls, mesh: EditableMesh, height: float, angle: float) -> "_Faults":
+        edges = EdgeTable.of(mesh.triangles)
+        found, corner, degenerate = mesh.heights()
         longest = 3 * np.arange(len(corner)) + corner
-        folded = folded_edges(draft.vertices, edges, angle)
-        side = (
-            draft.vertices[draft.triangles.ravel()[longest]] - draft.vertices[edges.corners[_before(_before(longest))]]
-        )
+        folded = folded_edges(mesh.vertices, edges, angle)
+        side = mesh.vertices[mesh.triangles.ravel()[longest]] - mesh.vertices[edges.corners[_before(_before(longest))]]
         slimness = found / np.maximum(np.linalg.norm(side, axis=1), np.finfo(float).tiny)
         return cls(edges, degenerate, folded, degenerate | (found <= height), longest, slimness)
 
@@ -86,7 +84,7 @@ class _Faults:
         return self.degenerate[rows].sum(axis=1), folds, self.flat[rows].sum(axis=1)
 
 
-def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
+def flip_edges(mesh: EditableMesh, height: float, angle: float) -> EditableMesh:
     """Flip the longest edges of flat triangles and the edges of folded ones, where that makes fewer of them.
 
     A flip is done if of its two triangles and their five edges not more are degenerate or folded than
@@ -101,27 +99,27 @@ def flip_edges(draft: Draft, height: float, angle: float) -> Draft:
     """
     tried: set[tuple[int, int]] = set()
     while True:
-        before = _Faults.of(draft, height, angle)
-        flips = _choose(draft, before, tried)
+        before = _Faults.of(mesh, height, angle)
+        flips = _choose(mesh, before, tried)
         if not len(flips.rows):
-            return draft
+            return mesh
         while len(flips.rows):
-            changed = flips.applied(draft)
+            changed = flips.applied(mesh)
             some, at = _around(changed, flips.rows)
             good = _is_better((before, flips.rows), (_Faults.of(some, height, angle), at))
             good &= ~find_crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
             if good.all():
-                draft = changed
+                mesh = changed
                 break
             flips = flips.of(good)
 
 
-def _around(draft: Draft, rows: IntArray) -> tuple[Draft, IntArray]:
+def _around(mesh: EditableMesh, rows: IntArray) -> tuple[EditableMesh, IntArray]:
     """Return the triangles that share a vertex with some, and where these are among them."""
-    near = np.zeros(len(draft.vertices), dtype=bool)
-    near[draft.triangles[rows]] = True
-    kept = np.asarray(near[draft.triangles].any(axis=1))
-    return draft.only(kept).compact(), (np.cumsum(kept) - 1)[rows]
+    near = np.zeros(len(mesh.vertices), dtype=bool)
+    near[mesh.triangles[rows]] = True
+    kept = np.asarray(near[mesh.triangles].any(axis=1))
+    return mesh.only(kept).compact(), (np.cumsum(kept) - 1)[rows]
 
 
 def _is_better(before: tuple[_Faults, IntArray], after: tuple[_Faults, IntArray]) -> BoolArray:
@@ -137,7 +135,7 @@ def _is_better(before: tuple[_Faults, IntArray], after: tuple[_Faults, IntArray]
     return np.asarray((degenerate <= 0) & (folded <= 0) & ((degenerate < 0) | (folded < 0) | flatter))
 
 
-def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flips:
+def _choose(mesh: EditableMesh, faults: _Faults, tried: set[tuple[int, int]]) -> _Flips:
     """Return flips that share no vertex, of edges not tried before; these are then tried."""
     edges, wanted = faults.edges, faults.folded.copy()
     wanted[edges.of_half[faults.longest[faults.flat]]] = True
@@ -145,7 +143,7 @@ def _choose(draft: Draft, faults: _Faults, tried: set[tuple[int, int]]) -> _Flip
     halves = edges.order[edges.first(candidates)[:, np.newaxis] + [0, 1]].astype(np.int64)
     ahead = _before(halves)
     start, stop, apex = (edges.corners[each].astype(np.int64) for each in (halves, _before(ahead), ahead))
-    base = len(draft.vertices)
+    base = len(mesh.vertices)
     known = edges.ends[:, 0].astype(np.int64) * base + edges.ends[:, 1]
     across = apex.min(axis=1) * base + apex.max(axis=1)
     at = np.minimum(np.searchsorted(known, across), len(known) - 1)

@@ -9,12 +9,12 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.editable_mesh import Draft
+from o3dleaf.surface.repair.editable_mesh import EditableMesh
 from o3dleaf.surface.repair.flips import folded_edges
 from o3dleaf.surface.repair.repairs import drop_repeated, turn_flipped
 
 
-def merge_close(draft: Draft, distance: float, angle: float, *, orient: bool) -> Draft:
+def merge_close(mesh: EditableMesh, distance: float, angle: float, *, orient: bool) -> EditableMesh:
     """Join each vertex to one before it that is at most `distance` away, if there is one that stays itself.
 
     So nothing moves by more than `distance`, however long a chain of close vertices is. Merges are
@@ -22,27 +22,27 @@ def merge_close(draft: Draft, distance: float, angle: float, *, orient: bool) ->
     than `angle`, in degrees), stand on an edge of three, or run against its neighbour; where triangles
     may be turned (`orient`), only if that cannot be mended.
     """
-    target = _targets(draft.vertices, distance)
+    target = _targets(mesh.vertices, distance)
     turn = turn_flipped if orient else _as_it_is
-    rows = replace(draft, triangle_origin=np.arange(len(draft.triangles)))
-    target = _targets(draft.vertices, distance)
+    rows = replace(mesh, triangle_origin=np.arange(len(mesh.triangles)))
+    target = _targets(mesh.vertices, distance)
     before = _faults(rows, turn(rows), angle)
     while True:
         moved = target != np.arange(len(target))
         if not moved.any():
-            return draft
+            return mesh
         tidy = drop_repeated(rows.joined(target))
         kept = tidy.triangle_origin
         worse = kept[(_faults(tidy, turn(tidy), angle) & ~before[kept]).any(axis=1)]
         if not len(worse):
-            return replace(tidy, triangle_origin=draft.triangle_origin[kept]).compact()
-        guilty = moved & np.isin(target, target[draft.triangles[worse]])
+            return replace(tidy, triangle_origin=mesh.triangle_origin[kept]).compact()
+        guilty = moved & np.isin(target, target[mesh.triangles[worse]])
         target = np.where(guilty if guilty.any() else moved, np.arange(len(target)), target)
 
 
-def _as_it_is(draft: Draft) -> Draft:
+def _as_it_is(mesh: EditableMesh) -> EditableMesh:
     """Return a mesh."""
-    return draft
+    return mesh
 
 
 def _targets(vertices: FloatArray, distance: float) -> IntArray:
@@ -55,13 +55,13 @@ def _targets(vertices: FloatArray, distance: float) -> IntArray:
     return target
 
 
-def _faults(draft: Draft, turned: Draft, angle: float) -> BoolArray:
+def _faults(mesh: EditableMesh, turned: EditableMesh, angle: float) -> BoolArray:
     """Return what is wrong with each triangle: crossing, and of each edge folded, of three, inconsistent; (m, 10).
 
     Edges are inconsistent if they are so in the `turned` mesh, which has the same edges.
     """
-    edges = EdgeTable.of(draft.triangles)
-    wrong = folded_edges(draft.vertices, edges, angle), edges.count > 2, EdgeTable.of(turned.triangles).against
+    edges = EdgeTable.of(mesh.triangles)
+    wrong = folded_edges(mesh.vertices, edges, angle), edges.count > 2, EdgeTable.of(turned.triangles).against
     return np.column_stack(
-        [find_crossings(draft.vertices, draft.triangles), *(kind[edges.of_half.reshape(-1, 3)] for kind in wrong)]
+        [find_crossings(mesh.vertices, mesh.triangles), *(kind[edges.of_half.reshape(-1, 3)] for kind in wrong)]
     )

@@ -5,7 +5,6 @@ import pytest
 
 import reference
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.field import clamp
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from tolerances import FIELD_GRADIENT, RIM, ROUNDING
 
@@ -47,14 +46,6 @@ def test_far_away_is_outside_and_finite(field):
     far = np.array([[1e6, -1e6, 1e6]])
     assert field(far)[0] < -1e6
     np.testing.assert_allclose(np.linalg.norm(field.gradient(far), axis=1), 1.0, rtol=ROUNDING)
-
-
-def test_clamp_gives_nearest_distance_and_direction():
-    bounds = np.array([[0.0, 0.0], [1.0, 2.0]])
-    nearest, distance, outward = clamp(np.array([[0.5, 1.0], [-3.0, 1.0], [4.0, 6.0], [1.0, 2.0]]), bounds)
-    np.testing.assert_array_equal(nearest, [[0.5, 1], [0, 1], [1, 2], [1, 2]])
-    np.testing.assert_array_equal(distance, [0, 3, 5, 0])
-    np.testing.assert_allclose(outward, [[0, 0], [-1, 0], [0.6, 0.8], [0, 0]], rtol=ROUNDING)
 
 
 def test_a_query_that_is_no_point_is_an_error(field):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from o3dleaf.core import lattice as sampling
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.texture.tiling import TiledField
@@ -52,11 +53,12 @@ def test_a_tiled_field_has_no_end_on_a_lattice():
 def test_the_blocks_do_not_change_a_bit_and_progress_reaches_the_end(d, block, monkeypatch):
     field, seen = fitted(d), []
     box = [[0] * d, [1] * d]
-    lattice, expected = field.on_lattice(box, 0.2)
+    expected = field.on_lattice(box, 0.2)[1]
     whole = sampling.sample_lattice
     monkeypatch.setattr("o3dleaf.fitting.pu.blend.sample_lattice", lambda *a, **k: whole(*a, **k, block=block))
-    np.testing.assert_array_equal(field.on_lattice(box, 0.2, progress=lambda *at: seen.append(at))[1], expected)
-    assert seen[-1] == (lattice.size, lattice.size)
+    with progress.listening(lambda *at: seen.append(at)):
+        np.testing.assert_array_equal(field.on_lattice(box, 0.2)[1], expected)
+        assert seen[-1][0] == seen[-1][1]
     assert all(a[0] <= b[0] for a, b in itertools.pairwise(seen))
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pymeshlab
 import pytest
 
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf import InputError, ReconstructionError, mesh_report
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
-from o3dleaf.surface.isosurface.polygonise import polygonise
-from o3dleaf.surface.mesh.mesh_report import mesh_report
+from o3dleaf.surface.isosurface.polygonize import polygonize
 from tile_fields import LATTICE, area, assemble, layer, outline
 
 
@@ -120,7 +119,7 @@ def test_a_refined_face_is_crossed_where_the_coarse_one_is_and_keeps_its_curves(
     assert np.array_equal(fine[::ratio, ::ratio], coarse)
 
     def curves(samples):
-        mesh = polygonise(np.stack([samples, samples]), 0.0)
+        mesh = polygonize(np.stack([samples, samples]), 0.0)
         report = mesh_report(mesh)
         return report.components, report.boundary_loops
 

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
+from o3dleaf import (
+    MemoryBudgetError,
+    ReconstructionError,
+    get_num_threads,
+    mesh_report,
+    remesh,
+    set_num_threads,
+    simplify_mesh,
+)
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.instancing import assembly as assembly_module
 from o3dleaf.leaf.instancing import tile as tile_module
 from o3dleaf.leaf.instancing.assembly import Assembly
@@ -17,11 +24,8 @@ from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.surface.isosurface.cell_loops import LEAST_FRACTION
-from o3dleaf.surface.isosurface.polygonise import METHODS, lattice_positions, march
-from o3dleaf.surface.mesh.mesh_report import mesh_report
-from o3dleaf.surface.remeshing.remesh import remesh
-from o3dleaf.surface.repair.meshlab import simplify_mesh
+from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
+from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions, march
 from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, outline, solid_layer
 from tolerances import SHARPENED
 
@@ -281,7 +285,7 @@ def test_sharpened_vertices_lie_where_the_field_is_zero_on_the_same_edges(method
     for name in ("edges", "sides", "upward", "nodes", "cells", "beyond"):
         assert np.array_equal(getattr(plain, name), getattr(sharp, name))
     low, high, at = on_edges(sharp)
-    inner = (sharp.fractions > LEAST_FRACTION) & (sharp.fractions < 1 - LEAST_FRACTION)
+    inner = (sharp.fractions > MIN_FRACTION) & (sharp.fractions < 1 - MIN_FRACTION)
     assert inner.mean() > 0.95
     slope = np.abs(solid_layer(high) - solid_layer(low))
     far = [np.abs(solid_layer(x)) / slope for x in (on_edges(plain)[2], at)]

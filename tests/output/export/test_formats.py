@@ -10,11 +10,12 @@ import pytest
 from mesh_fields import sphere
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.triangle_mesh import write_triangle_mesh
-from o3dleaf.leaf.meshing import LeafMesh
+from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.output.export import read, text
 from o3dleaf.output.export.consumers import export_mesh
-from o3dleaf.output.export.labelled_mesh import LabelledMesh, vertex_normals
+from o3dleaf.output.export.labelled_mesh import vertex_normals
 from o3dleaf.output.export.read import read_labelled_mesh
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import SINGLE_LENGTH, SPHERE_NORMAL
@@ -222,9 +223,9 @@ def test_labels_read_back(ball, tmp_path, monkeypatch, name, consumer, grouped):
 
 
 def test_labels_of_a_written_leaf_read_back(ball, tmp_path):
-    leaf = LeafMesh(ball.mesh, ball.labels)
+    leaf = LabelledMesh(ball.mesh, ball.labels)
     for name in ("l.ply", "l.stl", "l.obj"):
-        leaf.write(tmp_path / name)
+        write_mesh(leaf, tmp_path / name)
         found = read_labelled_mesh(tmp_path / name)
         assert np.bincount(found.labels).tolist() == np.bincount(ball.labels).tolist()
         tops = np.asarray(found.mesh.vertices)[np.asarray(found.mesh.triangles)[found.labels == 0], 2]

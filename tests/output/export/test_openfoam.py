@@ -13,7 +13,7 @@ import pytest
 
 from mesh_fields import sphere
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.output.export.labelled_mesh import LabelledMesh
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "check_openfoam.py"

@@ -9,8 +9,9 @@ from mesh_fields import sphere, torus
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.output.export import particles as module
-from o3dleaf.output.export.labelled_mesh import LabelledMesh, enclosed_volume
+from o3dleaf.output.export.labelled_mesh import enclosed_volume
 from o3dleaf.output.export.particles import export_particles, fill_particles, sample_particles
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import FILLED_VOLUME, ON_LATTICE, ROUNDING

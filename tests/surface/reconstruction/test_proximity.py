@@ -9,7 +9,6 @@ from mesh_fields import CENTRE, joined, sphere
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.surface.isosurface.band import extract_band
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.proximity import local_spacing, near_data, surely_near
 from o3dleaf.surface.reconstruction.trim import trim_to_support
@@ -90,7 +89,7 @@ def test_pieces_that_share_no_vertex_are_still_judged_one_by_one():
 def test_seeds_beside_the_surface_lead_to_the_very_mesh():
     towards = np.random.default_rng(2).normal(size=(500, 3))
     towards /= np.linalg.norm(towards, axis=1)[:, np.newaxis]
-    on, beside = (mesh_arrays(extract_band(sphere(), 0.08, CENTRE + r * towards)) for r in (1.0, 1.1))
+    on, beside = (mesh_arrays(extract_isosurface(sphere(), 0.08, seeds=CENTRE + r * towards)) for r in (1.0, 1.1))
     for a, b in zip(on, beside, strict=True):
         assert np.array_equal(a, b)
 

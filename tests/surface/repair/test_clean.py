@@ -8,16 +8,20 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay, cKDTree
 
 from mesh_fields import sphere, wavy_sheets
-from o3dleaf.core.errors import InputError
+from o3dleaf import (
+    InputError,
+    LabelledMesh,
+    clean_mesh,
+    extract_isosurface,
+    mesh_report,
+    simplify_mesh,
+    surface_distance,
+)
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays, triangle_areas
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.mesh.mesh_report import mesh_report
-from o3dleaf.surface.mesh.surface_distance import surface_distance
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.clean import FOLD_ANGLE, Cleaning, clean_labels, clean_mesh
-from o3dleaf.surface.repair.editable_mesh import Draft
+from o3dleaf.surface.repair.clean import FOLD_ANGLE, Cleaning
+from o3dleaf.surface.repair.editable_mesh import EditableMesh
 from o3dleaf.surface.repair.flips import folded_edges
-from o3dleaf.surface.repair.meshlab import simplify_labels, simplify_mesh
 from o3dleaf.surface.repair.repairs import weld
 from tolerances import MERGED, SINGLE_PRECISION_DISTANCE
 
@@ -86,7 +90,7 @@ OPTIONS = st.fixed_dictionaries(
 
 def hold(mesh, options):
     """Assert what cleaning promises."""
-    given_, cleaned = weld(Draft.of(*mesh)), Cleaning(**options).of(Draft.of(*mesh))
+    given_, cleaned = weld(EditableMesh.of(*mesh)), Cleaning(**options).of(EditableMesh.of(*mesh))
     moved = np.linalg.norm(cleaned.vertices - np.asarray(mesh[0])[cleaned.vertex_origin], axis=1)
     assert (moved == 0).all()
     if not len(cleaned.triangles):
@@ -100,7 +104,7 @@ def hold(mesh, options):
     assert [name for name in NEVER if after[name]] == []
     gone = len(np.setdiff1d(given_.triangle_origin, cleaned.triangle_origin))
     assert after["boundary_edges"] <= before["boundary_edges"] + 3 * gone
-    again = Cleaning(**options).of(Draft.of(cleaned.vertices, cleaned.triangles))
+    again = Cleaning(**options).of(EditableMesh.of(cleaned.vertices, cleaned.triangles))
     assert again.vertices.tobytes() == cleaned.vertices.tobytes()
     assert np.array_equal(again.triangles, cleaned.triangles)
 
@@ -307,7 +311,9 @@ def test_colours_and_labels_stay_with_their_places(ball):
     mesh.vertex_colors = o3d.utility.Vector3dVector((np.asarray(mesh.vertices) + 2) / 4)
     mesh.compute_vertex_normals()
     labels = np.array([f"triangle {k}" for k in range(len(kept))])
-    cleaned, left = clean_labels(mesh, labels, largest_hole=5.0)
+    parts = clean_mesh(LabelledMesh(mesh, labels, ("one", "other"), "mm"), largest_hole=5.0)
+    assert (parts.names, parts.unit) == (("one", "other"), "mm")
+    cleaned, left = parts.mesh, parts.labels
     found = np.asarray(cleaned.vertices)
     assert np.array_equal(np.asarray(cleaned.vertex_colors), (found + 2) / 4)
     assert (np.einsum("ij,ij->i", np.asarray(cleaned.vertex_normals), found) > 0).all()
@@ -316,7 +322,7 @@ def test_colours_and_labels_stay_with_their_places(ball):
     beside = np.isin(kept, triangles[:5]).any(axis=1)
     assert set(left[len(kept) :]) <= set(labels[beside])
     with pytest.raises(InputError, match="one a triangle"):
-        clean_labels(mesh, labels[1:])
+        clean_mesh(LabelledMesh(mesh, labels[1:]))
 
 
 def lines(mesh, labels):
@@ -334,7 +340,9 @@ def test_simplifying_keeps_the_lines_between_labels():
     vertices, triangles = mesh_arrays(mesh)
     middle = vertices[triangles].mean(axis=1)
     labels = np.where(middle[:, 2] > 0.3, 7, np.where(middle[:, 0] > 0, 3, -2))
-    smaller, left = simplify_labels(mesh, labels, target_triangles=len(triangles) // 3)
+    parts = simplify_mesh(LabelledMesh(mesh, labels, unit="mm"), target_triangles=len(triangles) // 3)
+    assert parts.unit == "mm"
+    smaller, left = parts.mesh, parts.labels
     assert len(smaller.triangles) == pytest.approx(len(triangles) / 3, abs=1)
     assert lines(smaller, left) == lines(mesh, labels)
     assert set(left) == {7, 3, -2}
@@ -375,4 +383,4 @@ def test_what_cannot_be_meant_is_refused(ball):
     with pytest.raises(InputError, match="deviation"):
         simplify_mesh(ball, deviation=0.0)
     with pytest.raises(InputError, match="one a triangle"):
-        simplify_labels(ball, [1, 2], target_triangles=10)
+        simplify_mesh(LabelledMesh(ball, [1, 2]), target_triangles=10)

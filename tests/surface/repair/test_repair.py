@@ -5,13 +5,9 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import DEFECTS, joined, planted, sphere, wavy_sheets
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, clean_mesh, extract_isosurface, mesh_report, simplify_mesh
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.clean import clean_mesh
-from o3dleaf.surface.repair.meshlab import count_self_intersections, simplify_mesh
 from tolerances import SIMPLIFIED_SPHERE
 
 
@@ -73,8 +69,8 @@ def test_tensor_and_legacy_meshes_and_arrays_are_alike(ball):
 
 def test_self_intersections_are_counted_by_the_triangle():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.3, 0.2, 1], [0.2, 0.3, 1]])
-    assert count_self_intersections((vertices, [[0, 1, 2], [3, 4, 5]])) == 2
-    assert count_self_intersections((vertices, [[0, 1, 2]])) == 0
+    assert mesh_report((vertices, [[0, 1, 2], [3, 4, 5]])).self_intersections == 2
+    assert mesh_report((vertices, [[0, 1, 2]])).self_intersections == 0
 
 
 @pytest.mark.parametrize("target", [{"target_triangles": 400}, {"target_edge": 0.2}])

@@ -18,12 +18,18 @@ from o3dleaf.core.checks import FloatArray, require_choice, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.isosurface.polygonise_loops import count_planes, march_planes, place_vertices
+from o3dleaf.surface.isosurface.polygonize_loops import (
+    FirstOfPlane,
+    NamedMesh,
+    count_planes,
+    march_planes,
+    place_vertices,
+)
 
 METHODS = ("cubes", "tetrahedra")
 
 
-def polygonise(samples: npt.ArrayLike, level: float, method: str = "cubes") -> tuple[FloatArray, IntArray]:
+def polygonize(samples: npt.ArrayLike, level: float, method: str = "cubes") -> tuple[FloatArray, IntArray]:
     """Return the surface where the samples on a lattice cross a level.
 
     Parameters
@@ -107,9 +113,9 @@ def march(values: FloatArray, inside: BoolArray, method: int) -> Crossings:
     counts = np.zeros((2, planes), dtype=np.int64)
     block = max(1, planes // 64)
     run_blocks(lambda a, b: count_planes(method, inside, a, b, counts[0], counts[1]), planes, block)
-    offsets = np.zeros((2, planes + 1), dtype=np.int64)
-    offsets[:, 1:] = np.cumsum(counts, axis=1)
-    crossed, drawn = offsets[:, -1]
-    mesh = np.empty(crossed, dtype=np.int64), np.empty(crossed), np.empty((drawn, 3), dtype=np.int64)
-    run_blocks(lambda a, b: march_planes(method, values, inside, (a, b), (offsets[0], offsets[1]), mesh), planes, block)
+    ends = np.zeros((2, planes + 1), dtype=np.int64)
+    ends[:, 1:] = np.cumsum(counts, axis=1)
+    offsets, (crossed, drawn) = FirstOfPlane(*ends), ends[:, -1]
+    mesh = NamedMesh(np.empty(crossed, dtype=np.int64), np.empty(crossed), np.empty((drawn, 3), dtype=np.int64))
+    run_blocks(lambda a, b: march_planes(method, values, inside, a, b, offsets, mesh), planes, block)
     return Crossings(values.shape, *mesh)

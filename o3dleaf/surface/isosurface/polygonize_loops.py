@@ -1,21 +1,49 @@
-"""The compiled loops of the chapter: a lattice to triangles, plane by plane.
+"""The compiled loops of a whole lattice: samples to triangles, plane by plane.
 
 An edge of the lattice is 8 · (number of its lower point) + direction, a whole number; the crossed
 edges in the order of these numbers are the vertices. Equal edges are one vertex by construction, and
 a plane's vertices can be numbered without its neighbours.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from o3dleaf.surface.isosurface.cell_loops import (
     COUNTS,
     CUBE_EDGES,
     DIRECTIONS,
-    MOST_TRIANGLES,
+    MAX_TRIANGLES,
     cell_triangles,
     crossing,
 )
+
+
+class NamedMesh(NamedTuple):
+    """A surface on a lattice.
+
+    Attributes
+    ----------
+    edges : (n,) ndarray of int64
+        Names of the crossed edges.
+    fractions : (n,) ndarray
+        How far along its edge each vertex lies.
+    triangles : (m, 3) ndarray of int64
+        Numbers of vertices.
+    """
+
+    edges: npt.NDArray[np.int64]
+    fractions: npt.NDArray[np.float64]
+    triangles: npt.NDArray[np.int64]
+
+
+class FirstOfPlane(NamedTuple):
+    """The (nx + 1,) rows of a mesh at which each x-plane's vertices and triangles begin, and the ends."""
+
+    vertices: npt.NDArray[np.int64]
+    triangles: npt.NDArray[np.int64]
 
 
 @njit(nogil=True, cache=True)
@@ -80,7 +108,7 @@ def _number_plane(method, values, inside, i, first, numbers, edges, fractions):
 
 
 @njit(nogil=True, cache=True)
-def march_planes(method, values, inside, planes, offsets, mesh):
+def march_planes(method, values, inside, start, stop, offsets, mesh):
     """Write the vertices of some x-planes and the triangles of their cells into their rows of the mesh.
 
     Parameters
@@ -89,25 +117,23 @@ def march_planes(method, values, inside, planes, offsets, mesh):
         As in `count_planes`.
     values : (nx, ny, nz) ndarray
         Samples less the level.
-    planes : (start, stop)
+    start, stop : int
         The planes to march.
-    offsets : two (nx + 1,) ndarrays of int64
-        First row of each plane's vertices and triangles.
-    mesh : (edges, fractions, triangles)
-        (n,) int64 names of the crossed edges, (n,) how far along it each vertex lies, (m, 3) numbers of vertices.
+    offsets : FirstOfPlane
+    mesh : NamedMesh
+        Filled.
     """
     nx, ny, nz = inside.shape
-    start, stop = planes
     edges, fractions, triangles = mesh
-    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MOST_TRIANGLES, 3), dtype=np.int64)
+    along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     numbers = np.empty((2, ny, nz, 8), dtype=np.int64)
-    _number_plane(method, values, inside, start, offsets[0][start], numbers[0], edges, fractions)
+    _number_plane(method, values, inside, start, offsets.vertices[start], numbers[0], edges, fractions)
     for i in range(start, stop):
         if i + 1 == nx:
             break
         # The next block writes the same names and fractions into the same rows.
-        _number_plane(method, values, inside, i + 1, offsets[0][i + 1], numbers[1], edges, fractions)
-        row = offsets[1][i]
+        _number_plane(method, values, inside, i + 1, offsets.vertices[i + 1], numbers[1], edges, fractions)
+        row = offsets.triangles[i]
         for j in range(ny - 1):
             for k in range(nz - 1):
                 code = corner_code(inside, i, j, k)

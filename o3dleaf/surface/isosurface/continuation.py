@@ -1,0 +1,110 @@
+"""Continuation: the cells that a surface crosses, followed from seeds across their faces."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray, as_mask, require_finite, require_positive
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.field import Field, values_and_gradients
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.surface.isosurface.band import Band
+
+SEED_BLOCK = 4
+"""One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
+
+POINTS_PER_SEED = 36
+"""Points of the lattice at which a field is asked for each seed used: 31 to 37, on clouds as dense as the lattice."""
+
+SHARES = (1, 8, 6)
+"""About how long seeds, growing and drawing take."""
+
+NEWTON_STEPS = 3
+"""Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
+
+TOLERANCE = 1e-3
+"""Share of a cell: a seed whose last step was shorter lies on the surface."""
+
+Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
+"""How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
+
+
+def continue_from_seeds(
+    field: Field,
+    step: FloatArray,
+    seeds: FloatArray,
+    level: float,
+    *,
+    within: Within | None,
+    sharpen: bool,
+    features: bool,
+) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of the parts of a level set that seeds lie on; see `extract_isosurface`."""
+    allowed = _as_test(within, seeds)
+    band = Band.around(seeds, field, level, step)
+    seeding, growing, drawing = progress.split(*SHARES)
+    with seeding:
+        thin = _thin(seeds, step)
+        band.expected = POINTS_PER_SEED * len(thin)
+        cells = band.cells_of(_toward_zero(field, thin, level, TOLERANCE * float(step.min())))
+        if callable(within):
+            cells = band.only(cells, allowed)
+    with growing:
+        while len(cells):
+            cells = band.only(band.advance(cells), allowed)
+    if not band.crossed:
+        raise ReconstructionError(
+            f"seeds: none of {len(seeds)} leads to a cell that the surface {level:g} crosses; give points near it, "
+            "or a finer spacing"
+        )
+    with drawing:
+        return band.draw(sharpen=sharpen, ends=allowed is not None, features=features)
+
+
+def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:
+    """Return `within` as a function of (n, 3) points."""
+    if within is None:
+        return None
+    if callable(within):
+        test = within
+        return lambda centres: as_mask(test(centres), (len(centres),), "within")
+    reach, tree = require_positive(within, "within"), cKDTree(seeds)
+    return lambda centres: np.isfinite(tree.query(centres, distance_upper_bound=reach, workers=-1)[0])
+
+
+def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the first seed of each block of cells."""
+    block = np.floor(seeds / (SEED_BLOCK * step))
+    block -= block.min(axis=0)
+    width = block.max(axis=0) + 1
+    if np.prod(width) < 2.0**62:
+        whole = width.astype(np.int64)
+        place = (block[:, 0].astype(np.int64) * whole[1] + block[:, 1].astype(np.int64)) * whole[2]
+        first = np.unique(place + block[:, 2].astype(np.int64), return_index=True)[1]
+    else:
+        first = np.unique(block, axis=0, return_index=True)[1]
+    return np.asarray(seeds[np.sort(first)])
+
+
+def _toward_zero(field: Field, points: FloatArray, level: float, settled: float) -> FloatArray:
+    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
+
+    A point that has moved less than `settled` stays: what is left is the square of that.
+    """
+    box = np.asarray(field.bounds)
+    longest = float(np.linalg.norm(box[1] - box[0]))
+    moved, asked = points.copy(), np.arange(len(points))
+    for _ in range(NEWTON_STEPS):
+        value, slope = values_and_gradients(field, moved[asked])
+        value = value - level
+        steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
+        # Where the field is flat the quotient may be beyond all numbers.
+        length = value / np.maximum(steep, np.abs(value) / longest)
+        moved[asked] -= (length / steep)[:, np.newaxis] * slope
+        asked = asked[np.abs(length) > settled]
+        if not len(asked):
+            break
+    return require_finite(moved, "seeds moved onto the surface")
