@@ -51,7 +51,8 @@ from .surface.mesh.defects import find_defects as find_defects
 from .surface.mesh.defects import Defects as Defects
 from .surface.mesh.inspection import inspect_mesh as inspect_mesh
 from .surface.mesh.inspection import Inspection as Inspection
-from .io.triangle_mesh import write_triangle_mesh as write_triangle_mesh
+from .io.triangle_mesh import read_mesh as read_mesh
+from .io.triangle_mesh import write_mesh as write_mesh
 from .surface.cloud.noise import estimate_noise as estimate_noise
 from .surface.reconstruction.fit import merge_noise as merge_noise
 from .surface.reconstruction.fit import constrain as constrain
@@ -59,7 +60,6 @@ from .surface.reconstruction.fit import fit_surface as fit_surface
 from .surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .surface.remeshing.remesh import remesh as remesh
 from .output.export.consumers import export_mesh as export_mesh
-from .output.export.read import read_labelled_mesh as read_labelled_mesh
 from .io.labelled_mesh import LabelledMesh as LabelledMesh
 from .output.export.particles import sample_particles as sample_particles
 from .output.export.particles import fill_particles as fill_particles

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice
 
 PERIOD = 1.2

@@ -223,9 +223,8 @@ def patch(
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
     from o3dleaf.core.atomic_files import require_apart, require_writable
     from o3dleaf.io.model_file import SUFFIX
-    from o3dleaf.io.triangle_mesh import SUFFIXES
+    from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
     from o3dleaf.leaf.ct.formats import read_volume
-    from o3dleaf.leaf.instancing.stream import write_mesh
     from o3dleaf.leaf.meshing import extract_flat_tile
     from o3dleaf.leaf.pipeline import PatchOptions, create_texture
 
@@ -348,8 +347,7 @@ def clean(
 ) -> None:
     """Clean a mesh, and simplify it on request; nothing gets worse, and labels and the lines between them stay."""
     from o3dleaf.core.atomic_files import require_apart, require_writable
-    from o3dleaf.io.triangle_mesh import SUFFIXES, write_triangle_mesh
-    from o3dleaf.output.export.read import read_labelled_mesh
+    from o3dleaf.io.triangle_mesh import SUFFIXES, read_mesh, write_mesh
     from o3dleaf.surface.repair.clean import CleaningRun
 
     set_num_threads_if(threads)
@@ -369,15 +367,15 @@ def clean(
         },
         simplifying={"target_triangles": triangles, "target_edge": edge, "deviation": deviation},
     )
-    given = read_labelled_mesh(mesh)
+    given = read_mesh(mesh)
     with shown(quiet=quiet) as journal:
         found, labels = job.run(given.mesh, given.labels, journal)
     if labels is None:
-        write_triangle_mesh(output, found)
+        write_mesh(found, output)
     else:
         from o3dleaf.output.export.consumers import export_mesh
 
-        export_mesh(output, replace(given, mesh=found, labels=labels))
+        export_mesh(replace(given, mesh=found, labels=labels), output)
     if not quiet:
         typer.echo("\n".join(job.table()))
 

@@ -13,25 +13,25 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.core.parallel import Progress
+from o3dleaf.io.grid import SUFFIXES as GRID_SUFFIXES
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import SUFFIX as MODEL
+from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.leaf.meshing import extract_flat_tile
 from o3dleaf.leaf.models import load
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.output.export.consumers import CONSUMERS, SUFFIXES, export_mesh
-from o3dleaf.output.export.distance_grid import SUFFIXES as DISTANCE_SUFFIXES
 from o3dleaf.output.export.distance_grid import export_distance
 from o3dleaf.output.export.particles import SUFFIXES as PARTICLE_SUFFIXES
 from o3dleaf.output.export.particles import export_particles, fill_particles, sample_particles
-from o3dleaf.output.export.read import read_labelled_mesh
 
 WHAT = {
     "mesh": SUFFIXES,
     "surface-particles": PARTICLE_SUFFIXES,
     "volume-particles": PARTICLE_SUFFIXES,
-    "distance": DISTANCE_SUFFIXES,
+    "distance": GRID_SUFFIXES,
 }
 """What can be exported, and as which files."""
 SCALARS = ("curvature", "deviation")
@@ -147,13 +147,13 @@ class ExportRun:
         if self.scalars:
             with journal.stage("scalars"):
                 scalars = self._scalars(mesh, model)
-        with journal.stage("write") as progress:
-            return self._write(self._moved(mesh), scalars, progress)
+        with journal.stage("write"):
+            return self._write(self._moved(mesh), scalars)
 
     def _mesh(self, progress: Progress) -> tuple[LabelledMesh, Any]:
         """Return the mesh of the source, and the model where there is one."""
         if self.source.suffix.lower() != MODEL:
-            found = read_labelled_mesh(self.source)
+            found = read_mesh(self.source)
             unit = self.unit or found.unit
             model = None if self.field is None else load(self.field)
             return LabelledMesh(found.mesh, found.labels, found.names, unit), model
@@ -192,22 +192,19 @@ class ExportRun:
         moved = build_mesh(vertices - as_points(self.origin, "origin", dim=3), triangles)
         return LabelledMesh(moved, mesh.labels, mesh.names, mesh.unit)
 
-    def _write(self, mesh: LabelledMesh, scalars: dict[str, FloatArray], progress: Progress) -> str:
+    def _write(self, mesh: LabelledMesh, scalars: dict[str, FloatArray]) -> str:
         """Write what was asked for; return a line about it."""
         step, ours = self.step or 0.0, mesh.unit or "of no stated unit"
         if self.what == "mesh":
             how: dict[str, Any] = {"consumer": self.consumer, "to_unit": self.to_unit, "scalars": scalars}
-            export_mesh(self.output, mesh, **how, progress=progress)
+            export_mesh(mesh, self.output, **how)
             return f"{len(mesh.mesh.triangles):,} triangles"
         if self.what == "distance":
             box = None if self.bounds is None else np.array(self.bounds) - (self.origin or (0.0, 0.0, 0.0))
-            export_distance(self.output, mesh, step, box, to_unit=self.to_unit, progress=progress)
+            export_distance(mesh, self.output, step, box, to_unit=self.to_unit)
             return f"distances at {step:g} {ours}"
-        if self.what == "surface-particles":
-            found = sample_particles(mesh, step, progress=progress)
-        else:
-            found = fill_particles(mesh, step, progress=progress)
-        export_particles(self.output, found, to_unit=self.to_unit)
+        found = sample_particles(mesh, step) if self.what == "surface-particles" else fill_particles(mesh, step)
+        export_particles(found, self.output, to_unit=self.to_unit)
         return f"{len(found.points):,} particles"
 
 

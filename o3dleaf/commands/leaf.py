@@ -14,12 +14,11 @@ from o3dleaf.core.units import unit_scale
 from o3dleaf.io.model_file import SUFFIX as MODEL
 from o3dleaf.io.model_file import write_model
 from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.io.triangle_mesh import SUFFIXES, write_triangle_mesh
+from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
 from o3dleaf.leaf.ct.formats import read_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.distance.grid import KINDS
 from o3dleaf.leaf.distance.grid import SUFFIXES as GRIDS
-from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.meshing import Realisation
 from o3dleaf.leaf.models import load
@@ -187,7 +186,7 @@ class LeafRun:
             region = self.region if self.around is None else blade.window(self.around, self.window)
             mesh = blade.extract_mesh(self.spacing, region)
         with journal.stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
+            write_mesh(mesh, self.output)
         return mesh
 
     def write_leaf(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, Realisation]:

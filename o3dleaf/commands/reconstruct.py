@@ -12,7 +12,7 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.rbf.smoothing import Amount
 from o3dleaf.io.model_file import SUFFIX as MODEL
 from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.io.triangle_mesh import SUFFIXES, write_triangle_mesh
+from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
 from o3dleaf.output.view.picture import PIXELS, VECTORS, render
 from o3dleaf.output.view.scene import Scalars
 from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
@@ -80,7 +80,7 @@ class CloudRun:
             journal=journal,
         )
         with journal.stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
+            write_mesh(mesh, self.output)
         if self.model is not None:
             with journal.stage("write model"):
                 field.save(self.model)

@@ -208,6 +208,12 @@ def require_choice(value: str, choices: Iterable[str], name: str) -> str:
     return value
 
 
+def require_object_first(thing: object, caller: str, word: str) -> None:
+    """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
+    if isinstance(thing, str | PathLike):
+        raise InputError(f"{caller}: takes the {word} first, then the path")
+
+
 def require_file(path: str | PathLike[str]) -> Path:
     """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
     found = Path(path)

@@ -5,9 +5,9 @@ from os import PathLike
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.atomic_files import require_whole_ply
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.ply_reader import require_whole_ply
 
 SUFFIXES = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
 

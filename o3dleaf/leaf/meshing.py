@@ -17,6 +17,8 @@ from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import Progress, run_blocks
 from o3dleaf.core.progress import listening
 from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.io.mesh_data import unit_comment
+from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.distance.projection import Texture
 from o3dleaf.leaf.instancing.assembly import VERTICES, Assembly, Scraps
@@ -25,7 +27,6 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level
 from o3dleaf.leaf.instancing.levels import extract_levels as _extract_levels
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays, file_bytes, mesh_file, unit_comment
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.outline import sides_of

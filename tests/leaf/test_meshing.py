@@ -12,9 +12,9 @@ from leaf_fields import leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.instancing import assembly
 from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
-from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.meshing import LAYERS, is_one_tile, leaf_lattice, tile_lattice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf

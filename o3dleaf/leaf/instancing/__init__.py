@@ -11,7 +11,6 @@ A tile is periodic along the first two axes, and a function takes flat coordinat
 `assembly`     numbers for every vertex and triangle of the whole, before one of them is written
 `block`        one flat period as a closed block with matching walls
 `levels`       finer windows set into a coarser surface
-`stream`       PLY, STL and OBJ written at known places, whole or not at all
 `tile_loops`   runs along columns and edges of one period
 `plane_loops`  an outline over cells and columns
 `rim_loops`    where an outline cuts a tile

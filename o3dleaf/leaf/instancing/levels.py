@@ -18,10 +18,10 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly, faces_among
 from o3dleaf.leaf.instancing.footprint import Footprint, box_footprint
 from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TINY, Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import march

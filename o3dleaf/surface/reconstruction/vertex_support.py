@@ -128,7 +128,7 @@ def attach_support(
 ) -> o3d.t.geometry.TriangleMesh:
     """Return the mesh as a tensor mesh whose vertices carry their support, and the colours of one measure of it.
 
-    `write_triangle_mesh` keeps all of it in a PLY file, as properties of the vertices.
+    `write_mesh` keeps all of it in a PLY file, as properties of the vertices.
 
     Parameters
     ----------

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from o3dleaf import ReconstructionError, mesh_report
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing import assembly as assembly_module
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import Footprint, footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march

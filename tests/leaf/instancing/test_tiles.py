@@ -14,6 +14,7 @@ from o3dleaf import (
     simplify_mesh,
 )
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing import assembly as assembly_module
 from o3dleaf.leaf.instancing import tile as tile_module
 from o3dleaf.leaf.instancing.assembly import Assembly
@@ -21,7 +22,6 @@ from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION

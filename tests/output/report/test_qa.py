@@ -14,7 +14,7 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf import InputError, check_mesh
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_triangle_mesh
+from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from o3dleaf.output.report import closeups, overviews, shots
 from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
@@ -364,8 +364,10 @@ def test_a_sound_mesh_passes(run, box):
 def test_the_corners_of_an_stl_are_joined(run, tmp_path, writer):
     """STL has three vertices a triangle: judged as they stand, a sphere is as many pieces as it has triangles."""
     mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 20).compute_triangle_normals()
-    write = write_triangle_mesh if writer == "ours" else o3d.io.write_triangle_mesh
-    write(tmp_path / "ball.stl", mesh)
+    if writer == "ours":
+        write_mesh(mesh, tmp_path / "ball.stl")
+    else:
+        o3d.io.write_triangle_mesh(tmp_path / "ball.stl", mesh)
     read = read_triangle_mesh(tmp_path / "ball.stl")
     assert len(read.vertices) == len(mesh.vertices)
     assert not read.has_vertex_normals()

@@ -7,7 +7,7 @@ import pytest
 from mesh_fields import CENTRE, Analytic, sphere
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_triangle_mesh
+from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.vertex_support import attach_support, support
 from tolerances import FIRST_ORDER, FULL_WEIGHT, RESIDUAL_OF_NOISE, SUPPORT_TWIN
@@ -64,7 +64,7 @@ def test_a_file_keeps_support_and_every_digit(tmp_path):
     found = support(ball, noisy_sphere(1_000, 0.01))
     mesh = attach_support(ball, found, measure="residual")
     vertices, triangles = mesh_arrays(ball)
-    write_triangle_mesh(tmp_path / "ball.ply", mesh)
+    write_mesh(mesh, tmp_path / "ball.ply")
     read = mesh_arrays(read_triangle_mesh(tmp_path / "ball.ply"))
     assert np.array_equal(read[0], vertices)
     assert np.array_equal(read[1], triangles)

@@ -10,9 +10,11 @@ import open3d as o3d
 import pytest
 
 from o3dleaf import InputError, O3DLeafError, get_num_threads, set_num_threads
-from o3dleaf.leaf.instancing import stream
+from o3dleaf.io import obj, stl
+from o3dleaf.io.labelled_mesh import LABELS
+from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
+from o3dleaf.io.ply import PlyFile
 from o3dleaf.leaf.instancing.parts import RIM
-from o3dleaf.leaf.instancing.stream import LABELS, Arrays, file_bytes, mesh_file
 from o3dleaf.leaf.instancing.tile import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline
 
@@ -76,11 +78,11 @@ def test_a_ply_file_holds_the_arrays_bit_for_bit(solid, tmp_path):
     assert np.array_equal(np.asarray(read.triangles), arrays.triangles)
 
 
-@pytest.mark.parametrize("block", [1000, stream.BLOCK])
+@pytest.mark.parametrize("block", [1000, stl.BLOCK])
 def test_an_stl_file_holds_the_corners_in_single_precision_their_normals_and_the_labels(
     solid, tmp_path, block, monkeypatch
 ):
-    monkeypatch.setattr(stream, "BLOCK", block)
+    monkeypatch.setattr(stl, "BLOCK", block)
     assembly, arrays = solid
     write(tmp_path / "leaf.stl", assembly)
     data = (tmp_path / "leaf.stl").read_bytes()
@@ -99,9 +101,9 @@ def test_an_stl_file_holds_the_corners_in_single_precision_their_normals_and_the
     assert np.array_equal(np.asarray(read.vertices)[np.asarray(read.triangles)], records["corners"].astype(float))
 
 
-@pytest.mark.parametrize("block", [1000, stream.BLOCK])
+@pytest.mark.parametrize("block", [1000, obj.BLOCK])
 def test_an_obj_file_holds_every_digit_and_a_group_for_each_label(solid, tmp_path, block, monkeypatch):
-    monkeypatch.setattr(stream, "BLOCK", block)
+    monkeypatch.setattr(obj, "BLOCK", block)
     assembly, arrays = solid
     write(tmp_path / "leaf.obj", assembly)
     lines = (tmp_path / "leaf.obj").read_text(encoding="utf-8").splitlines()
@@ -167,7 +169,7 @@ def test_a_failure_while_the_scratch_file_is_turned_leaves_nothing(solid, tmp_pa
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stream.PlyFile, "faces_at", interrupted)
+    monkeypatch.setattr(PlyFile, "triangle_block", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(tmp_path / f"leaf{suffix}", solid[0])
     assert not list(tmp_path.iterdir())

@@ -10,23 +10,22 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.parallel import Progress
-from o3dleaf.output.export.labelled_mesh import Surface
+from o3dleaf.io.mesh_data import MeshData
 
 MAGIC, VERSION, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
 FLOAT, UINT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
-COLOURS = ((0.22, 0.45, 0.16), (0.42, 0.58, 0.32), (0.55, 0.52, 0.28))
-"""Base colours (linear RGB) of the labels, in turn."""
+COLORS = ((0.22, 0.45, 0.16), (0.42, 0.58, 0.32), (0.55, 0.52, 0.28))
+"""Base colors (linear RGB) of the labels, in turn."""
 Z_TO_Y = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 """The rotation (quaternion x, y, z, w) that takes our z, up, to glTF's y."""
 
 
-def write_glb(out: IO[bytes], surface: Surface, name: str, progress: Progress | None = None) -> None:
-    """Write one glTF scene of a surface that is in metres and has normals."""
-    middle = (surface.vertices.min(axis=0) + surface.vertices.max(axis=0)) / 2
-    positions = (surface.vertices - middle).astype("<f4")
-    normals = np.zeros_like(positions) if surface.normals is None else surface.normals.astype("<f4")
+def write_glb(out: IO[bytes], mesh: MeshData, name: str) -> None:
+    """Write one glTF scene of a mesh that is in metres and has normals."""
+    middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+    positions = (mesh.vertices - middle).astype("<f4")
+    normals = np.zeros_like(positions) if mesh.normals is None else mesh.normals.astype("<f4")
     arrays: list[npt.NDArray[Any]] = [positions, normals]
     accessors: list[dict[str, Any]] = [
         {"bufferView": 0, "componentType": FLOAT, "count": len(positions), "type": "VEC3"}
@@ -34,12 +33,12 @@ def write_glb(out: IO[bytes], surface: Surface, name: str, progress: Progress | 
         {"bufferView": 1, "componentType": FLOAT, "count": len(normals), "type": "VEC3"},
     ]
     primitives, materials = [], []
-    for number, (label, triangles) in enumerate(surface.parts(name)):
+    for number, (label, triangles) in enumerate(mesh.parts(name)):
         accessors.append({"bufferView": len(arrays), "componentType": UINT, "count": triangles.size, "type": "SCALAR"})
         arrays.append(triangles.astype("<u4"))
         attributes = {"POSITION": 0, "NORMAL": 1}
         primitives.append({"attributes": attributes, "indices": len(accessors) - 1, "material": number})
-        materials.append(_material(label, COLOURS[number % len(COLOURS)]))
+        materials.append(_material(label, COLORS[number % len(COLORS)]))
     node = {"mesh": 0, "name": name, "rotation": Z_TO_Y, "translation": [middle[0], middle[2], -middle[1]]}
     scene: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "o3dleaf"},
@@ -53,13 +52,11 @@ def write_glb(out: IO[bytes], surface: Surface, name: str, progress: Progress | 
         "buffers": [{"byteLength": sum(array.nbytes for array in arrays)}],
     }
     _write_chunks(out, scene, arrays)
-    if progress:
-        progress(len(surface.triangles), len(surface.triangles))
 
 
-def _material(label: str, colour: tuple[float, float, float]) -> dict[str, Any]:
+def _material(label: str, color: tuple[float, float, float]) -> dict[str, Any]:
     """Return a matt material; open sheets are seen from both sides."""
-    rough = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+    rough = {"baseColorFactor": [*color, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
     return {"name": label, "pbrMetallicRoughness": rough, "doubleSided": True}
 
 

@@ -7,24 +7,21 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import Progress
-from o3dleaf.output.export.labelled_mesh import Surface
+from o3dleaf.io.mesh_data import MeshData
 
 TYPES = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 Table = Mapping[str, npt.NDArray[Any]]
 
 
-def write_vtp(out: IO[bytes], surface: Surface, name: str, progress: Progress | None = None) -> None:
-    """Write a surface: point data `Normals` and the scalars, cell data `label`."""
-    count = len(surface.triangles)
-    points = {**({} if surface.normals is None else {"Normals": surface.normals}), **surface.scalars}
-    cells = {} if surface.labels is None else {"label": surface.labels}
-    connected = surface.triangles.astype(np.int64).ravel(), np.arange(3, 3 * count + 1, 3, dtype=np.int64)
-    numbered = ", ".join(f"{number} {label}" for number, label in enumerate(surface.names))
-    note = f"{name}, lengths in {surface.unit or 'no stated unit'}, label: {numbered}"
-    _write(out, surface.vertices, ("Polys", *connected), points, cells, note)
-    if progress:
-        progress(count, count)
+def write_vtp(out: IO[bytes], mesh: MeshData, name: str) -> None:
+    """Write a mesh: point data `Normals` and the other attributes, cell data `label`."""
+    count = len(mesh.triangles)
+    points = {"Normals" if name == "normals" else name: values for name, values in mesh.attributes.items()}
+    cells = {} if mesh.labels is None else {"label": mesh.labels}
+    connected = mesh.triangles.astype(np.int64).ravel(), np.arange(3, 3 * count + 1, 3, dtype=np.int64)
+    numbered = ", ".join(f"{number} {label}" for number, label in enumerate(mesh.names))
+    note = f"{name}, lengths in {mesh.unit or 'no stated unit'}, label: {numbered}"
+    _write(out, mesh.vertices, ("Polys", *connected), points, cells, note)
 
 
 def write_vtp_points(out: IO[bytes], points: FloatArray, table: Table, note: str) -> None:
