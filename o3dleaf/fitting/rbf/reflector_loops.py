@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 
 RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
