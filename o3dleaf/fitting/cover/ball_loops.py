@@ -40,7 +40,7 @@ class Images(NamedTuple):
     radii: FloatArray
 
 
-class Tree(NamedTuple):
+class BoxTree(NamedTuple):
     """A tree of boxes over the images of balls.
 
     Attributes
@@ -86,7 +86,7 @@ def within(items, centers, radii, low, high):
 
 @njit(nogil=True, cache=True)
 def build_tree(centers, radii, low, high, candidates, max_depth):
-    """Return the `Tree` of a box that is halved until few balls reach into each part."""
+    """Return the `BoxTree` of a box that is halved until few balls reach into each part."""
     axes, splits, children, starts, stops = [-1], [0.0], [-1], [0], [0]
     items = [np.int64(0)]
     items.pop()
@@ -121,7 +121,7 @@ def build_tree(centers, radii, low, high, candidates, max_depth):
             starts.append(0)
             stops.append(0)
     nodes = np.array(axes), np.array(splits), np.array(children)
-    return Tree(nodes[0], nodes[1], nodes[2], np.array(starts), np.array(stops), np.array(items))
+    return BoxTree(nodes[0], nodes[1], nodes[2], np.array(starts), np.array(stops), np.array(items))
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -8,7 +8,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.cover import ball_loops
-from o3dleaf.fitting.cover.ball_loops import Images, Tree
+from o3dleaf.fitting.cover.ball_loops import BoxTree, Images
 from o3dleaf.fitting.cover.tree import build_tree
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -38,7 +38,7 @@ class BallIndex:
         The displacement of each image.
     centers, radii : (K, d), (K,) ndarrays
         Where the images lie.
-    tree : Tree
+    tree : BoxTree
         Boxes, each leaf with the list of the images that reach into it.
     """
 
@@ -48,10 +48,10 @@ class BallIndex:
     shifts: FloatArray
     centers: FloatArray = field(metadata={"stored": "centres"})
     radii: FloatArray
-    tree: Tree
+    tree: BoxTree
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tree", Tree(*self.tree))  # a plain tuple in a file
+        object.__setattr__(self, "tree", BoxTree(*self.tree))  # a plain tuple in a file
 
     def __repr__(self) -> str:
         return f"BallIndex({len(self.balls):,} images of balls in {self.bounds.shape[1]}-D)"

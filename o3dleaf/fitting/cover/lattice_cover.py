@@ -162,7 +162,7 @@ def _tile(shape: IntArray, spacing: FloatArray, most: int, overlap: float) -> In
 
 
 def _count(tile: IntArray, shape: IntArray, spacing: FloatArray, overlap: float) -> int:
-    """Return how many voxels the ball of a tile in the middle of the lattice holds."""
+    """Return how many voxels the ball of a tile in the middle of the lattice contains."""
     radius = overlap * np.linalg.norm(tile * spacing) / 2
     squares = []
     for side, size, step in zip(tile, shape, spacing, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.cover import ball_loops
-from o3dleaf.fitting.cover.ball_loops import Tree
+from o3dleaf.fitting.cover.ball_loops import BoxTree
 from o3dleaf.fitting.rbf.tail import IntArray
 
 TOP_DEPTH = 6
@@ -16,9 +16,9 @@ MAX_DEPTH = 54
 """Levels of a branch: coinciding balls are not told apart by more."""
 
 
-def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> Tree:
+def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> BoxTree:
     """Halve the box `bounds` (2, d) until few of the balls (M, d), (M,) reach into each part."""
-    top: Tree = ball_loops.build_tree(centers, radii, bounds[0], bounds[1], np.arange(len(radii)), TOP_DEPTH)
+    top: BoxTree = ball_loops.build_tree(centers, radii, bounds[0], bounds[1], np.arange(len(radii)), TOP_DEPTH)
     leaves, boxes = np.flatnonzero(top.axes < 0), _boxes(top, bounds)
     branches = [top] * len(leaves)
 
@@ -33,7 +33,7 @@ def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> Tr
     return _grafted(top, leaves, branches)
 
 
-def _boxes(tree: Tree, bounds: FloatArray) -> FloatArray:
+def _boxes(tree: BoxTree, bounds: FloatArray) -> FloatArray:
     """Return the (K, 2, d) boxes of the nodes."""
     boxes = np.repeat(bounds[np.newaxis], len(tree.axes), axis=0)
     for node in np.flatnonzero(tree.axes >= 0):  # children come after their parent
@@ -43,7 +43,7 @@ def _boxes(tree: Tree, bounds: FloatArray) -> FloatArray:
     return boxes
 
 
-def _grafted(top: Tree, leaves: IntArray, branches: list[Tree]) -> Tree:
+def _grafted(top: BoxTree, leaves: IntArray, branches: list[BoxTree]) -> BoxTree:
     """Return the top with its leaves replaced: a branch's root takes the leaf's place, its other nodes are added."""
     whole: list[list[Any]] = [[part.copy()] for part in top[:5]]
     images: list[IntArray] = []
@@ -59,4 +59,4 @@ def _grafted(top: Tree, leaves: IntArray, branches: list[Tree]) -> Tree:
             parts.append(part[1:])
         images.append(branch.images)
         nodes, listed = nodes + len(branch.axes) - 1, listed + len(branch.images)
-    return Tree(*(np.concatenate(parts) for parts in (*whole, images)))
+    return BoxTree(*(np.concatenate(parts) for parts in (*whole, images)))

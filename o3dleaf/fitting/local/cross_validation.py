@@ -1,4 +1,4 @@
-"""Errors at points left out of the fit, group by group, without refitting: what smoothing is judged by."""
+"""Errors at points left out of the fit, group by group, without refitting: by which smoothing is compared."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> Fl
     r"""Return :math:`f_j - F^{(-I)}(x_j)`, with the whole group I of point j left out of every ball's fit.
 
     Groups of one, where the data have none, give leave-one-out errors. On scattered scans, neighboring points share
-    their errors, and only groups wider than that sharing (stretches of a leaf) tell smoothing from
+    their errors, and only groups wider than that sharing (stretches of a leaf) distinguish smoothing from
     following it. NaN where no ball keeps enough points without the group.
 
     .. math:: e_I = (B_{II})^{-1} (B f)_I, \qquad B = Q_2 \bigl(Q_2^T (A + D)\, Q_2\bigr)^{-1} Q_2^T
@@ -29,7 +29,7 @@ def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> Fl
     data : ScatteredData
         Its groups may have any numbers.
     model : SplineModel
-        Of the fit that is judged.
+        Of the fit.
     """
     points, values, exponents = data.points, data.weighted, model.exponents
     groups = np.arange(len(points)) if data.groups is None else data.groups

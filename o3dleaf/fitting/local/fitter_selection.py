@@ -26,7 +26,7 @@ PLACES, SAMPLE = 128, 100_000
 """Most balls of a size, and points of all of them: their mean square residual is known to half a per cent."""
 
 FILLED = 0.7
-"""Share of its most points that a ball of a cover holds on average."""
+"""Share of its most points that a ball of a cover contains on average."""
 
 FLAT, STEEP = 1.07, 2.0
 """Growth of the mean square residual, from one size to the next, of noise at most and of a shape's bias at least."""

@@ -138,10 +138,11 @@ def ball_spectrum(ball, data, balls, kind):
     radius = balls.radii[ball]
     local, gradients = gather_oriented(data, rows_of(balls, ball), balls.centers[ball], radius)
     if kind.method == HERMITE:
-        found = hermite_spectrum(local, gradients, kind.exponents, kind.power, kind.step * sheet_spacing(local))
-        return found[0] / unit_ridge(kind, 1.0, radius), found[1][0] * radius
-    found = gradient_spectrum(local, gradients, kind.exponents, kind.power)
-    return found[0] / unit_ridge(kind, 1.0, radius), found[1][0]
+        length = kind.step * sheet_spacing(local)
+        eigenvalues, coefficients = hermite_spectrum(local, gradients, kind.exponents, kind.power, length)
+        return eigenvalues / unit_ridge(kind, 1.0, radius), coefficients[0] * radius
+    eigenvalues, coefficients = gradient_spectrum(local, gradients, kind.exponents, kind.power)
+    return eigenvalues / unit_ridge(kind, 1.0, radius), coefficients[0]
 
 
 @njit(nogil=True, cache=True)

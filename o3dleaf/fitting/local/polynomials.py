@@ -36,7 +36,7 @@ class MovingLeastSquares:
     degree : int
         Total degree, 1, 2 or 3: planes, quadrics or cubics.
     step : float
-        h, in spacings of the ball's points on their sheet; 3 suits normals from about 30 neighbours.
+        h, in spacings of the ball's points on their sheet; 3 suits normals from about 30 neighbors.
     points_per_ball : int
     """
 
@@ -45,7 +45,7 @@ class MovingLeastSquares:
     points_per_ball: int = 50
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalPolynomials":
-        """Fit every ball of the cover. Where points do not tell a term, as on a plane, it is left out."""
+        """Fit every ball of the cover. Where points do not determine a term, as on a plane, it is left out."""
         if self.degree not in {1, 2, 3}:
             raise InputError(f"degree: is {self.degree}; give 1, 2 or 3")
         step, points, balls = require_positive(self.step, "step"), data.oriented, cover.balls
@@ -70,7 +70,7 @@ class LocalPolynomials:
     tails : (M, q) ndarray
     exponents : (q, d) int64 ndarray
     ranks : (M,) int64 ndarray
-        How many terms each ball's points tell.
+        How many terms each ball's points determine.
     """
 
     tails: FloatArray

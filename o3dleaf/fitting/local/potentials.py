@@ -44,7 +44,7 @@ class Hermite:
 
     .. math:: \sum_j \left(F(x_j)^2 + h^2\,|\nabla F(x_j) + n_j|^2\right) + s\,E(F) \to \min
 
-    With s = 0 both hold to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error falls
+    With s = 0 both are exact to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error falls
     like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give.
 
     Attributes
@@ -143,8 +143,8 @@ def _chosen(smoothing: SmoothingValue, cover: Cover, points: OrientedPoints, kin
         eigenvalues, coefficients = oriented_loops.ball_spectrum(ball, points, cover.balls, kind)
         return Spectrum(eigenvalues, coefficients, int(cover.counts[ball]))
 
-    own = balls_with_points(cover, points.points)
-    sample = own[np.unique(np.linspace(0, len(own) - 1, GCV_BALLS).round().astype(np.int64))]
+    filled = balls_with_points(cover, points.points)
+    sample = filled[np.unique(np.linspace(0, len(filled) - 1, GCV_BALLS).round().astype(np.int64))]
     with single_threaded_blas():
         return choose_by_gcv(Spectrum.pooled(each_ball(spectrum, sample)))
 
@@ -153,8 +153,8 @@ def balls_with_points(cover: Cover, points: FloatArray) -> IntArray:
     """Return the balls that contain all their points, or all balls where each is far from them and borrows them."""
     ball_of = np.repeat(np.arange(len(cover.radii)), cover.counts)
     distances = np.linalg.norm(points[cover.members] - cover.centers[ball_of], axis=1)
-    own = np.maximum.reduceat(distances, cover.offsets[:-1]) <= cover.radii
-    return np.flatnonzero(own) if own.any() else np.arange(len(cover.radii))
+    filled = np.maximum.reduceat(distances, cover.offsets[:-1]) <= cover.radii
+    return np.flatnonzero(filled) if filled.any() else np.arange(len(cover.radii))
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,11 +103,11 @@ class SharedErrors:
         near = np.flatnonzero((trials >= chosen / LESS) & (trials <= chosen * MORE))
         inverses, candidates = np.linalg.inv(blocks[:, near]), trials[near]
 
-        def own(ball: int) -> float:
+        def value_of(ball: int) -> float:
             squares, weight = fit_loops.ball_shared_squares(*self._system(ball, candidates, inverses))
             return cast("float", pooled.chosen_from(candidates, squares, weight).value) if weight else chosen
 
-        return np.array(each_ball(own, np.arange(count), reports=True))
+        return np.array(each_ball(value_of, np.arange(count), reports=True))
 
     def _system(self, ball: int, trials: FloatArray, last: object) -> tuple[Any, ...]:
         """Return what the compiled loops take of a ball, with `trials` in its unit coordinates, up to their `last`."""

@@ -250,7 +250,7 @@ class PUInterpolant(Blended):
         points_per_ball : int or (least, most)
             Balls contain at most so many voxels; those at a face of the lattice fewer.
         bounds : (2, d) array_like, optional
-            The box to cover, within the voxels' faces; by default that of the voxels' centres. Voxels outside
+            The box to cover, within the voxels' faces; by default that of the voxels' centers. Voxels outside
             the box are used where a ball reaches them.
 
         Raises
@@ -299,10 +299,10 @@ class PUInterpolant(Blended):
         Raises
         ------
         InputError
-            If the balls hold other fits than splines, or there is no ball of such a number.
+            If the local fits are no splines, or there is no ball of such a number.
         """
         if not isinstance(self.local, LocalSplines):
-            raise InputError("diagnostics: the balls do not hold splines; diagnose your own local fits yourself")
+            raise InputError("diagnostics: the local fits are no splines; diagnose your own fits yourself")
         count = len(self.cover.radii)
         asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls))
         if asked.dtype.kind not in "iu" or np.any((asked < 0) | (asked >= count)):

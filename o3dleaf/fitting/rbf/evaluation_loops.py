@@ -178,7 +178,7 @@ def cubic_hessian(x, y, z, xs, ys, zs, weights):
 
 @njit(nogil=True, cache=True)
 def add_cubic_jets(z, count, points, weights, order, nought, jets):
-    """Add the jets of Σ λ_j r_j³, in up to three dimensions, to those of the columns of z; `nought` holds n zeros."""
+    """Add the jets of Σ λ_j r_j³, in up to three dimensions, to those of the columns of z; `nought` are n zeros."""
     dimension = len(points)
     kind = weights.dtype.type
     xs, ys, zs = points[0], nought, nought
@@ -253,7 +253,7 @@ def local_jets(z, count, points, weights, coefficients, lowered, power, order, t
     coefficients : (jet, q)
         See `tail_derivatives`.
     terms, scratch : (q, ·), (3, n or more)
-        Working space; scratch[2] holds zeros.
+        Working space; scratch[2] is zero.
     jets : (jet, ·)
     """
     tail_jets(z, count, coefficients, lowered, terms, jets)

@@ -95,8 +95,8 @@ def hermite(points, gradients, exponents, power, ridge):
         matrix[i, i] += ridge[0] if i < count else ridge[1]
     right = np.zeros(len(matrix))
     put(gradients.ravel(), right[count:])
-    found, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
-    return found[:count].copy(), found[count:].copy().reshape(gradients.shape), coefficients, dropped
+    weights, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
+    return weights[:count].copy(), weights[count:].copy().reshape(gradients.shape), coefficients, dropped
 
 
 @njit(nogil=True, cache=True)
@@ -126,9 +126,9 @@ def potential(points, gradients, exponents, power, ridge):
     for i in range(len(inner)):
         inner[i, i] += ridge
     frame = natural_monomials(points, exponents)[1:, 1:].copy()
-    moments, found, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
+    moments, tail_weights, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
     heights, coefficients = np.empty(count), np.zeros(len(exponents))
-    put(found, coefficients[1:])
+    put(tail_weights, coefficients[1:])
     for i in range(count):
         heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i], coefficients, len(coefficients))
     coefficients[0] = -np.mean(heights)

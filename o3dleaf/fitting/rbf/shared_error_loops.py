@@ -1,7 +1,7 @@
 """Groups of points that share their error, left out together: of every smoothing at once, without eigenvectors.
 
 On the null space of the tail (B f)_I = B_II e_I holds for a group I of rows, e its errors when it is left out; see
-`spectrum_loops`. One Krylov space holds B f for all values of the smoothing, at the cost of about one Cholesky
+`spectrum_loops`. One Krylov space contains B f for all values of the smoothing, at the cost of about one Cholesky
 factorization; and for B_II stands its mean over groups of as many rows in some other balls, as in generalized
 cross-validation 1 − tr A/N stands for 1 − A_jj.
 """
@@ -28,10 +28,10 @@ def shifted_solutions(matrix, right, shifts):
     converges last, and ends it.
     """
     size, count = right.size, shifts.size
-    found, directions = np.zeros((count, size)), np.zeros((count, size))
+    solutions, directions = np.zeros((count, size)), np.zeros((count, size))
     pivots, heights = np.ones(count), np.full(count, -math.sqrt(dot(right, right, size)))
     if size == 0 or heights[0] == 0.0:
-        return found
+        return solutions
     vector, before, link = right / -heights[0], np.zeros(size), 0.0
     for step in range(2 * size):
         image = matrix @ vector
@@ -40,18 +40,18 @@ def shifted_solutions(matrix, right, shifts):
             share = link / pivots[i] if step > 0 else 1.0
             pivots[i] = middle + shifts[i] - (share * link if step > 0 else 0.0)
             heights[i] *= -share
-            direction, solution = directions[i], found[i]
+            direction, solution = directions[i], solutions[i]
             for j in range(size):
                 direction[j] = (vector[j] - link * direction[j]) / pivots[i]
                 solution[j] += heights[i] * direction[j]
         for j in range(size):
             image[j] -= middle * vector[j] + link * before[j]
         link = math.sqrt(dot(image, image, size))
-        reached = RESIDUAL * shifts[0] * math.sqrt(dot(found[0], found[0], size))
+        reached = RESIDUAL * shifts[0] * math.sqrt(dot(solutions[0], solutions[0], size))
         if link * abs(heights[0] / pivots[0]) <= reached:
             break
         before, vector = vector, image / link
-    return found
+    return solutions
 
 
 @njit(nogil=True, cache=True)

@@ -214,8 +214,8 @@ def choose_by_gcv(spectrum: Spectrum) -> float:
     scores = np.array([gcv_score(np.exp(x), spectrum) for x in grid])
     best = int(np.argmin(scores))
     bracket = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-    found = minimize_scalar(lambda x: gcv_score(np.exp(x), spectrum), bounds=bracket, method="bounded")
-    least, lowest = min((scores[best], grid[best]), (float(found.fun), float(found.x)))
+    refined = minimize_scalar(lambda x: gcv_score(np.exp(x), spectrum), bounds=bracket, method="bounded")
+    least, lowest = min((scores[best], grid[best]), (float(refined.fun), float(refined.x)))
     limit = least + 2 * _residual(np.exp(lowest), spectrum)[0] / spectrum.count**2
     within = float(max([lowest, *grid[scores <= limit]]))
     beyond = grid[grid > within]

@@ -68,9 +68,9 @@ def coefficients_of(values, roots, decomposed):
         rotated = values[row] * roots
         least = ROUNDING * np.sqrt(np.sum(rotated * rotated))
         reflect(rotated, vectors, betas, True)
-        found = transposed @ rotated[rank:]
-        for k in range(found.size):
-            coefficients[row, k] = found[k] if abs(found[k]) > least else 0.0
+        projected = transposed @ rotated[rank:]
+        for k in range(projected.size):
+            coefficients[row, k] = projected[k] if abs(projected[k]) > least else 0.0
     return eigenvalues, coefficients
 
 
@@ -130,11 +130,11 @@ def group_blocks(basis, inverses):
             for k in range(free):
                 products[row, k] = basis[i, k] * basis[j, k]
             row += 1
-    found, row = products @ inverses, 0
+    entries, row = products @ inverses, 0
     block = np.empty((inverses.shape[1], size, size))
     for i in range(size):
         for j in range(i + 1):
-            block[:, i, j] = block[:, j, i] = found[row]
+            block[:, i, j] = block[:, j, i] = entries[row]
             row += 1
     return block
 
@@ -152,7 +152,7 @@ def diagnose(points, weights, roots, exponents, power, smoothing):
     condition : (e_max + s)/(e_min + s)
     errors : (n,) the e_j; NaN at points that the tail cannot do without
 
-    Where the solution left out directions, its numbers do not tell what they contained: score and errors are NaN.
+    Where the solution left out directions, its numbers do not say what they contained: score and errors are NaN.
     """
     eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
     count, free = len(weights), len(eigenvalues)

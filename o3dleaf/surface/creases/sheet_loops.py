@@ -137,8 +137,7 @@ def find_sheets(rows, measured):
 
     Sheets begin as connected smooth points; then a doubtful point goes to the sheet whose quadric it lies on. What
     lies on none begins one more: a sheet that has only a corner in here has no smooth points. Sheets that do not turn
-    where they meet are one. Where smooth points make one sheet at most there is none to be told from it, and no more
-    is found out.
+    where they meet are one. Where smooth points make one sheet at most there is no other, and no more is found out.
     """
     labels = np.empty(rows.size, dtype=np.int64)
     cosine = 2.0 * measured.cosine * measured.cosine - 1.0  # of the whole angle

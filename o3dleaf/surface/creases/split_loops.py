@@ -10,10 +10,10 @@ from o3dleaf.surface.creases.quadric_loops import product
 from o3dleaf.surface.creases.sheet_loops import find_sheets, place_of, squared_distance
 
 MIN_POINTS = 40
-"""Points that a sheet is fitted to, from beyond the ball where it holds fewer."""
+"""Points that a sheet is fitted to, from beyond the ball where it contains fewer."""
 
 MIN_SITES = 4
-"""Constraints off the surface that a sheet needs: with fewer, its inside is not told from its outside."""
+"""Constraints off the surface that a sheet needs: with fewer, its inside cannot be distinguished from its outside."""
 
 LOST = 0.03
 """Share of a ball's points that may lie on none of its sheets, as noise makes them: else one sheet was missed."""
