@@ -17,9 +17,10 @@ from .leaf.ct.tiff import write_volume as write_volume
 from .fitting.rbf.kernels import polyharmonic as polyharmonic
 from .fitting.rbf.interpolant import RBFInterpolant as RBFInterpolant
 from .fitting.pu.interpolant import PUInterpolant as PUInterpolant
-from .fitting.pu.oriented import Hermite as Hermite
-from .fitting.pu.oriented import CurlFree as CurlFree
-from .fitting.pu.oriented import MovingLeastSquares as MovingLeastSquares
+from .fitting.local.potentials import Hermite as Hermite
+from .fitting.local.potentials import CurlFree as CurlFree
+from .fitting.local.polynomials import MovingLeastSquares as MovingLeastSquares
+from .surface.creases.creased_splines import CreasedSplines as CreasedSplines
 from .leaf.macro.midrib import find_midrib as find_midrib
 from .leaf.macro.frame import LeafFrame as LeafFrame
 from .leaf.macro.frame_quality import FrameQuality as FrameQuality

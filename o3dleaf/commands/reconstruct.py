@@ -9,7 +9,7 @@ from o3dleaf.core.atomic_files import require_apart, require_writable
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.units import check_unit
-from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.io.model_file import SUFFIX as MODEL
 from o3dleaf.io.point_cloud import read_point_cloud
 from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
@@ -48,7 +48,7 @@ class CloudRun:
     cloud: Path
     output: Path
     spacing: float | None = None
-    rho: Amount = "gcv"
+    rho: SmoothingValue = "gcv"
     local: str = "rbf"
     trimmed: bool = True
     measure: str = "distance"

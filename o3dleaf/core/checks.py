@@ -82,7 +82,7 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
-def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
+def as_rows(rows: npt.ArrayLike, count: int, name: str = "groups") -> npt.NDArray[np.int64]:
     """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
     array = np.asarray(rows)
     if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):

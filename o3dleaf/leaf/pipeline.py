@@ -10,7 +10,7 @@ from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume
@@ -46,7 +46,7 @@ class BladeOptions:
     """
 
     alpha: float | None = None
-    smoothing: Amount | Literal["robust"] = "robust"
+    smoothing: SmoothingValue | Literal["robust"] = "robust"
     up: Any = None
     base: Any = None
     offset: str = "up"
@@ -70,7 +70,7 @@ class PatchOptions:
     """
 
     level: float | str = "valley"
-    rho: Amount = "gcv"
+    rho: SmoothingValue = "gcv"
     period: Any = None
     flip: str | None = None
     shift: float = 0.0
@@ -148,7 +148,7 @@ def create_texture(
         transform = align_blade(volume, level)
         box = inscribed_box(volume.bounds, transform)
     # A smoothed implicit interpolant F(z) = f_surface on the voxels.
-    with journal.stage("fit micro-scale interpolant") as progress:
+    with journal.stage("fit micro-scale interpolant"):
         field = PUInterpolant.fit_lattice(
             volume.data,
             spacing=volume.spacing,
@@ -158,7 +158,6 @@ def create_texture(
             rho=options.rho,
             unit=volume.unit,
             bounds=box,
-            progress=progress,
         )
     # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best period.
     with journal.stage("tile"):

@@ -8,14 +8,15 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import Progress, finish, share_out
+from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.oriented import OrientedFitter
-from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.constraints import OffSurface, off_surface_constraints
 from o3dleaf.surface.cloud.downsample import Merged, leave_out_tails, merge_points
 from o3dleaf.surface.cloud.noise import estimate_noise
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.point_spacing import cloud_spacing
+from o3dleaf.surface.creases.creased_splines import CreasedSplines
 
 PER_NOISE = 1.8
 """Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
@@ -87,9 +88,9 @@ def constrain(points: FloatArray, normals: FloatArray, spacing: float, *, off: f
 def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be replaced
     cloud: Merged,
     *,
-    rho: Amount | None = "gcv",
-    smoothing: Amount | None = None,
-    local: str | OrientedFitter = "rbf",
+    rho: SmoothingValue | None = "gcv",
+    smoothing: SmoothingValue | None = None,
+    local: str | Fitter = "rbf",
     constraints: Constrain = constrain,
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
@@ -108,13 +109,13 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     rho, smoothing
         As in `PUInterpolant.fit`. "gcv" is what a sample of balls agrees on and, where there is noise, each ball's own
         choice around that, points being left out with all constraints made from them.
-    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
+    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
         What lives in the balls: splines of the values 0 and ±d at and off the surface, or a fit to points and
         normals, see `PUInterpolant.fit_oriented`, which chooses its own smoothing.
     constraints : callable
         ``constraints(points, normals, spacing) -> OffSurface``, for "rbf".
     creases : "auto", False or float
-        Sharp creases, for "rbf": see `PUInterpolant.fit`. "auto" looks for them where the noise is below a tenth of
+        Sharp creases, for "rbf": see `CreasedSplines`. "auto" looks for them where the noise is below a tenth of
         the spacing.
     points_per_ball, unit
         As in `PUInterpolant.fit`.
@@ -128,12 +129,11 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
         ``progress(done, total)``, in shares of the work.
     """
     spacing = cloud_spacing(cloud.points).median if spacing is None else spacing
-    measuring, constraining, fitting = share_out(progress, 1, 1, 40)
+    measuring, constraining, _ = share_out(progress, 1, 1, 40)
     reach = max(margin, spacing) * np.array([[-1.0], [1.0]])
     options: dict[str, Any] = {
         "bounds": np.array([cloud.points.min(axis=0), cloud.points.max(axis=0)]) + reach,
         "unit": unit,
-        "progress": fitting,
     }
     if points_per_ball is not None:
         options["points_per_ball"] = points_per_ball
@@ -147,16 +147,17 @@ def fit_surface(  # noqa: PLR0913 - the parts of a fit, each of which can be rep
     means = {"off": OFF_MEANS} if constraints is constrain and (cloud.weights > 1).any() else {}
     off = constraints(cloud.points, cloud.normals, spacing, **means)
     finish(constraining)
-    owners = np.concatenate([np.arange(len(cloud.points)), off.base])
-    gcv: Amount = "gcv" if clean else "gcv-per-ball"
+    groups = np.concatenate([np.arange(len(cloud.points)), off.base])
+    gcv: SmoothingValue = "gcv" if clean else "gcv-per-ball"
+    options["rho"] = gcv if rho == "gcv" else rho
+    options["smoothing"] = gcv if smoothing == "gcv" else smoothing
+    if creases is not False and (clean or creases != "auto"):
+        options["local"] = CreasedSplines(creases, rho=options["rho"], smoothing=options["smoothing"])
     return PUInterpolant.fit(
         np.concatenate([cloud.points, off.sites]),
         np.concatenate([np.zeros(len(cloud.points)), off.values]),
-        rho=gcv if rho == "gcv" else rho,
-        smoothing=gcv if smoothing == "gcv" else smoothing,
-        owners=owners,
-        weights=cloud.weights[owners],
-        normals=cloud.normals[owners],
-        creases=creases if clean or creases != "auto" else False,
+        groups=groups,
+        weights=cloud.weights[groups],
+        normals=cloud.normals[groups],
         **options,
     )

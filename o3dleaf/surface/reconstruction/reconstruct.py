@@ -12,14 +12,14 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.parallel import Progress, finish, share_out
-from o3dleaf.fitting.creases.creases import CreasedSplines
+from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.oriented import OrientedFitter
-from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.downsample import Merged
 from o3dleaf.surface.cloud.neighbors import Neighbourhoods, nearest_neighbours
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, prepare_cloud
 from o3dleaf.surface.cloud.point_spacing import cloud_spacing
+from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.along_mesh import turned_over
 from o3dleaf.surface.reconstruction.fit import Constrain, constrain, fit_surface, merge_noise
@@ -44,10 +44,10 @@ TURNED = 1e-3
 def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each of which can be replaced
     pcd: CloudLike,
     spacing: float | None = None,
-    rho: Amount | None = "gcv",
+    rho: SmoothingValue | None = "gcv",
     *,
-    smoothing: Amount | None = None,
-    local: str | OrientedFitter = "rbf",
+    smoothing: SmoothingValue | None = None,
+    local: str | Fitter = "rbf",
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     unit: str | None = None,
@@ -72,7 +72,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what foretells them best.
-    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or OrientedFitter
+    local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit
         What lives in the balls, see `fit_surface`.
     creases : "auto", False or float
         Sharp edges, for "rbf": degrees that normals turn across them at least. "auto" is 30, for clouds whose noise is
@@ -154,7 +154,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             step,
             seeds=merged.points,
             within=near_data(merged.points, each, tree=tree),
-            features=isinstance(field.local, CreasedSplines),
+            features=isinstance(field.local, LocalCreasedSplines),
         )
     with log.stage("trim to data") as progress:
         # Our own step shares what is known of the cloud.
