@@ -237,11 +237,11 @@ def test_constraints_of_means_are_a_spacing_off():
     assert np.abs(far.values).max() == pytest.approx(0.1)
 
 
-def two_scans_of_one_sheet():
-    """Return two sheets that face the same way, four spacings apart: between them a surface has to run back."""
+def two_scans_of_one_sheet(height=0.2):
+    """Return two sheets of spacing 0.05 that face the same way: between them a surface has to run back."""
     rng = np.random.default_rng(8)
     xy = rng.uniform([0, 0], [1, 2], size=(2, 800, 2)) + [[[0.0, 0]], [[0.5, 0]]]
-    points = np.concatenate([np.column_stack([part, np.full(800, z)]) for part, z in zip(xy, (0, 0.2), strict=True)])
+    points = np.concatenate([np.column_stack([part, np.full(800, z)]) for part, z in zip(xy, (0, height), strict=True)])
     return legacy(points, np.tile([0.0, 0, 1], (1600, 1)))
 
 
@@ -267,7 +267,7 @@ def test_a_step_that_is_wrapped_is_the_bare_one(noise):
         "constraints": o3l.offset_constraints,
         "trim": o3l.trim_to_data,
     }
-    cloud = legacy(noisy(samples.Torus(), 12_000, 1.5)[0]) if noise else two_scans_of_one_sheet()
+    cloud = legacy(noisy(samples.Torus(), 12_000, 1.5)[0]) if noise else two_scans_of_one_sheet(0.12)
     bare, field = create_from_point_cloud_rbfpu(cloud)
     wrapped, same = create_from_point_cloud_rbfpu(cloud, **{name: partial(step) for name, step in steps.items()})
     for name in ("vertices", "triangles", "vertex_colors"):
@@ -282,7 +282,7 @@ def test_a_flap_is_kept_where_the_data_have_no_normals_to_tell_it_by():
     def without_normals(mesh, cloud):
         return o3l.trim_to_data(mesh, cloud.points)
 
-    cloud = two_scans_of_one_sheet()
+    cloud = two_scans_of_one_sheet(0.12)
     meshes = [create_from_point_cloud_rbfpu(cloud, trim=step)[0] for step in (o3l.trim_to_data, without_normals)]
     assert report(meshes[0]).area < report(meshes[1]).area
 
