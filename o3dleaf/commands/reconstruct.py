@@ -17,12 +17,12 @@ from o3dleaf.output.view.picture import PIXELS, VECTORS, render
 from o3dleaf.output.view.scene import Scalars
 from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
 from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
-from o3dleaf.surface.reconstruction.trim import trim_to_support
+from o3dleaf.surface.reconstruction.trim import trim_to_data
 from o3dleaf.surface.reconstruction.vertex_support import MEASURES
 
 WORDS = {
     "distance": "distance to the data",
-    "weight": "data that speak for it (1: all that a whole cloud would)",
+    "weight": "density of the data (1: that of the whole cloud)",
     "residual": "data off the surface",
 }
 
@@ -69,16 +69,16 @@ class CloudRun:
         """Make the surface, write it, and return what it is."""
         with journal.stage("read cloud"):
             held = read_point_cloud(self.cloud, finite=False)
-        mesh, field = create_from_point_cloud_rbfpu(
-            o3d.t.geometry.PointCloud.from_legacy(held, o3d.core.float64),
-            self.spacing,
-            self.rho,
-            local=self.local,
-            unit=self.unit,
-            measure=self.measure,
-            trim=trim_to_support if self.trimmed else None,
-            journal=journal,
-        )
+        with journal:
+            mesh, field = create_from_point_cloud_rbfpu(
+                o3d.t.geometry.PointCloud.from_legacy(held, o3d.core.float64),
+                self.spacing,
+                self.rho,
+                local=self.local,
+                unit=self.unit,
+                measure=self.measure,
+                trim=trim_to_data if self.trimmed else None,
+            )
         with journal.stage("write mesh"):
             write_mesh(mesh, self.output)
         if self.model is not None:

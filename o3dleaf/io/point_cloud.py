@@ -21,7 +21,7 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool 
     least : int
         The fewest points that will do.
     finite : bool
-        Whether a point that is NaN or infinite is an error; `prepare_cloud` leaves such points out.
+        Whether a point that is NaN or infinite is an error; `preprocess_point_cloud` leaves such points out.
 
     Raises
     ------

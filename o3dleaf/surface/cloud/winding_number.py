@@ -1,4 +1,4 @@
-"""Which side of the pieces of a cloud is outside: the one from which no volume is enclosed."""
+"""Signs of the pieces of a cloud with which they enclose a volume, by the winding number."""
 
 from typing import NamedTuple
 
@@ -11,8 +11,8 @@ from o3dleaf.surface.cloud.neighbors import IndexArray
 
 SAMPLE = 4096
 """Points at which the winding number is found, and as many that make it."""
-PIECES = 64
-"""Largest pieces that are weighed against one another; smaller ones only against these."""
+MAX_PIECES = 64
+"""Largest pieces whose signs are found; smaller ones follow their neighbors."""
 ROUNDS = 20
 BLOCK = 64
 
@@ -43,21 +43,22 @@ def enclosing_signs(points: FloatArray, normals: FloatArray, area: FloatArray, p
     """
     count = int(piece.max()) + 1
     number = _winding_between(points, normals, area, piece)
-    judged = len(number)
-    weight = np.asarray(np.bincount(piece, area, count)[:judged], dtype=np.float64)
-    sign = np.ones(judged)
+    large = len(number)
+    weight = np.asarray(np.bincount(piece, area, count)[:large], dtype=np.float64)
+    sign = np.ones(large)
     for _ in range(ROUNDS):
-        turned = [c for c in range(judged) if _turn_if_better(number, weight, sign, c)]
+        turned = [c for c in range(large) if _turn_if_better(number, weight, sign, c)]
         if not turned:
             break
-    gain = np.array([_gain(number, weight, sign, c) for c in range(judged)])
-    rest = count - judged
+    gain = np.array([_gain(number, weight, sign, c) for c in range(large)])
+    rest = count - large
     return Enclosure(
         np.append(sign, np.ones(rest)), np.append(number @ sign, np.zeros(rest)), np.append(gain, np.zeros(rest))
     )
 
 
 def _turn_if_better(number: FloatArray, weight: FloatArray, sign: FloatArray, c: int) -> bool:
+    """Turn piece c if the winding numbers are better then; return whether it was turned."""
     better = _gain(number, weight, sign, c) < 0
     if better:
         sign[c] = -sign[c]
@@ -73,16 +74,16 @@ def _gain(number: FloatArray, weight: FloatArray, sign: FloatArray, c: int) -> f
 
 def _winding_between(points: FloatArray, normals: FloatArray, area: FloatArray, piece: IndexArray) -> FloatArray:
     """Return the (m, m) mean winding numbers that each of the largest pieces (column) makes on each (row)."""
-    count = min(int(piece.max()) + 1, PIECES)
+    count = min(int(piece.max()) + 1, MAX_PIECES)
     order = np.random.default_rng(0).permutation(np.flatnonzero(piece < count))
     sources, targets = order[:SAMPLE], order[-SAMPLE:]
     whole, sampled = (np.bincount(piece[rows], area[rows], count) for rows in (order, sources))
     share = whole / np.where(sampled > 0, sampled, 1.0)
-    of = piece[sources]
-    flux = normals[sources] * (area[sources] * share[of])[:, np.newaxis]
-    found = np.empty((len(targets), count))
-    x, at = points[targets], points[sources]
-    run_blocks(lambda i, j: parity_loops.winding(x, at, flux, of, i, j, found), len(targets), BLOCK)
+    source_piece = piece[sources]
+    flux = normals[sources] * (area[sources] * share[source_piece])[:, np.newaxis]
+    number = np.empty((len(targets), count))
+    x, y = points[targets], points[sources]
+    run_blocks(lambda i, j: parity_loops.winding(x, y, flux, source_piece, i, j, number), len(targets), BLOCK)
     total = np.zeros((count, count))
-    np.add.at(total, piece[targets], found)
+    np.add.at(total, piece[targets], number)
     return total / np.maximum(np.bincount(piece[targets], minlength=count), 1)[:, np.newaxis]
