@@ -143,7 +143,7 @@ def export_mesh(
 def _require_closed(surface: Surface, target: Path) -> None:
     """Raise `InputError` unless every edge has two triangles, run along once each way, around a positive volume."""
     edges = EdgeTable.of(surface.triangles)
-    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent().sum())
+    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent.sum())
     if wrong:
         raise InputError(
             f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "

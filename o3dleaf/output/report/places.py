@@ -93,7 +93,7 @@ def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[In
     """Return rows of triangles that hang together by vertices, the largest group first or as they come."""
     if not len(rows):
         return []
-    names, corner = np.unique(inspection.anatomy.triangles[rows], return_inverse=True)
+    names, corner = np.unique(inspection.measurements.triangles[rows], return_inverse=True)
     corner = corner.reshape(-1, 3)
     pairs = np.concatenate([corner[:, 0], corner[:, 1]]), np.concatenate([corner[:, 1], corner[:, 2]])
     label = label_nodes(*pairs, len(names))[corner[:, 0]]
@@ -107,14 +107,14 @@ def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[In
 
 def _middle(inspection: Inspection, rows: IntArray) -> tuple[FloatArray, float]:
     """Return the middle of some triangles and their radius about it."""
-    corners = inspection.anatomy.vertices[inspection.anatomy.triangles[rows]].reshape(-1, 3)
+    corners = inspection.measurements.vertices[inspection.measurements.triangles[rows]].reshape(-1, 3)
     centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
     return centre, float(np.linalg.norm(corners - centre, axis=1).max())
 
 
 def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -> Place:
     """Return the window around a group of triangles, or around its first where the group is too wide to show."""
-    anatomy, report = inspection.anatomy, inspection.report
+    anatomy, report = inspection.measurements, inspection.report
     centre, radius = _middle(inspection, group)
     if kind != "stray" and len(group) > 1 and radius > WIDE * report.median_edge:
         centre, radius = _middle(inspection, group[:1])
@@ -134,7 +134,7 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
 
 def look_at(inspection: Inspection, place: Place) -> Camera:
     """Return the camera from which most of a place's triangles are seen, rather from above than from the side."""
-    anatomy = inspection.anatomy
+    anatomy = inspection.measurements
     corners = anatomy.vertices[anatomy.triangles[place.rows]]
     # Of the surface around, not of what may be flipped or stand out of it.
     toward = _normal(anatomy.vertices[anatomy.triangles[place.window]])
