@@ -88,8 +88,8 @@ class CloudRun:
             with journal.stage("draw picture"):
                 shown = Scalars(mesh.vertex[self.measure].numpy().ravel(), WORDS[self.measure] + self._in_unit)
                 render(mesh, self.picture, scalars=shown, unit=self.unit)
-        with journal.stage("check mesh") as progress:
-            return mesh_report(mesh, unit=self.unit, progress=progress)
+        with journal.stage("check mesh"):
+            return mesh_report(mesh, unit=self.unit)
 
     @property
     def _in_unit(self) -> str:

@@ -162,7 +162,7 @@ def _write(out: IO[bytes], mesh: MeshData, target: Path) -> None:
 def _require_closed(mesh: MeshData, target: Path) -> None:
     """Raise `InputError` unless every edge has two triangles, run along once each way, around a positive volume."""
     edges = EdgeTable.of(mesh.triangles)
-    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent().sum())
+    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent.sum())
     if wrong:
         raise InputError(
             f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "

@@ -30,7 +30,7 @@ SMALL = 26
 
 def draw_closeup(inspection: Inspection, place: Place, number: int) -> str:
     """Return a figure of a place: picture, outlines, and a caption with what and where it is."""
-    anatomy, kind = inspection.anatomy, KINDS[place.kind]
+    anatomy, kind = inspection.measurements, KINDS[place.kind]
     camera = look_at(inspection, place)
     triangles = anatomy.triangles[place.window]
     used, corner = np.unique(triangles, return_inverse=True)
@@ -88,7 +88,7 @@ def _outlines(camera: Camera, corners: FloatArray, color: str) -> list[str]:
 
 def _broken(inspection: Inspection, place: Place, camera: Camera) -> list[str]:
     """Return the edges or vertices in which the defect lies: open ones, shared by too many, bow-ties."""
-    anatomy = inspection.anatomy
+    anatomy = inspection.measurements
     triangles = anatomy.triangles[place.window]
     if place.kind == "nonmanifold_vertex":
         names = np.unique(triangles[anatomy.bowtie[triangles]])
@@ -108,7 +108,7 @@ def _broken(inspection: Inspection, place: Place, camera: Camera) -> list[str]:
 
 def _caption(inspection: Inspection, place: Place, number: int, camera: Camera) -> str:
     """Return number, kind, place and figures of a close-up, and the way there in the interactive view."""
-    anatomy, report, kind = inspection.anatomy, inspection.report, KINDS[place.kind]
+    anatomy, report, kind = inspection.measurements, inspection.report, KINDS[place.kind]
     first = place.rows[np.argmin(anatomy.smallest_angle[place.rows])]
     # Digits as fine as what is shown: no 1e-16 where 0 is meant.
     digits = max(0, 2 - int(np.floor(np.log10(place.radius))))

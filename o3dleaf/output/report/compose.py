@@ -53,7 +53,7 @@ def _can_be_drawn(inspection: Inspection) -> bool:
 
 def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section]:
     """Return the sections of pictures, close-ups, maps and the interactive view."""
-    anatomy, report = inspection.anatomy, inspection.report
+    anatomy, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
         drawn = reduce_mesh(anatomy.vertices, anatomy.triangles, DRAWN)
         turned = reduce_mesh(anatomy.vertices, anatomy.triangles, TURNED)
@@ -139,7 +139,7 @@ def _defects_table(inspection: Inspection) -> str:
 
 def _charts(inspection: Inspection, verdict: Verdict) -> str:
     """Return the histograms of angles, edges and deviations."""
-    report, anatomy, deviation = inspection.report, inspection.anatomy, inspection.deviation
+    report, anatomy, deviation = inspection.report, inspection.measurements, inspection.deviation
     if not report.triangles:
         return ""
     limits = {each.requirement.rule.attribute: each.requirement.wanted for each in verdict.findings}

@@ -57,8 +57,8 @@ class Examination:
         requirements = parse_requirements(require) if require.strip() else ()
         require_inputs(requirements, {"field": field is not None, "cloud": cloud is not None})
         points = None if cloud is None else points_of(cloud, "cloud", least=2)
-        with (journal or Journal()).stage("figures") as progress:
-            inspection = inspect_mesh(mesh, field, points, unit, progress)
+        with (journal or Journal()).stage("figures"):
+            inspection = inspect_mesh(mesh, field, points, unit)
         return cls(inspection, judge(inspection.report, requirements), points)
 
     @cached_property

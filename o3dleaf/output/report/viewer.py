@@ -87,7 +87,7 @@ def _layer(colors: Colors) -> dict[str, Any]:
 
 def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]]:
     """Return the triangles of each kind of defect that was found, and where its close-ups are."""
-    anatomy, found = inspection.anatomy, list[dict[str, Any]]()
+    anatomy, found = inspection.measurements, list[dict[str, Any]]()
     rows = inspection.defects.rows() | {"sharpest": inspection.defects.sharpest}
     for name, kind in KINDS.items():
         if not len(rows[name]):
@@ -108,7 +108,7 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
 
 def angle_colors(inspection: Inspection, reduced: Reduced) -> Colors:
     """Return the smallest angle of the triangles at each vertex, red where it is small."""
-    anatomy = inspection.anatomy
+    anatomy = inspection.measurements
     least = np.full(len(anatomy.vertices), np.inf)
     for corner in range(3):
         np.minimum.at(least, anatomy.triangles[:, corner], anatomy.smallest_angle)

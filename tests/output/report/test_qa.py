@@ -228,7 +228,7 @@ def test_a_reduced_mesh_keeps_the_budget_the_area_and_the_worst_values():
 def test_every_planted_defect_has_a_close_up_that_shows_it(broken):
     places = find_places(broken.inspection)
     assert {place.kind for place in places} == PLANTED
-    anatomy = broken.inspection.anatomy
+    anatomy = broken.inspection.measurements
     for place in places:
         assert np.isin(place.rows, place.window).all()
         corners = anatomy.vertices[anatomy.triangles[place.rows]].reshape(-1, 3)
