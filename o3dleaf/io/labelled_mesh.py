@@ -18,6 +18,9 @@ LabelArray = npt.NDArray[np.uint8]
 LABELS = ("adaxial", "abaxial", "rim")
 """Names of the labels 0, 1 and 2 of a leaf, which the labels of a file have if it names none."""
 
+ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
+"""Upper side, lower side and rim of the solid, as `o3dleaf.leaf.instancing.components` numbers them."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledMesh:

@@ -10,8 +10,8 @@ import open3d as o3d
 import pytest
 
 from o3dleaf import InputError, O3DLeafError, get_num_threads, set_num_threads
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.leaf.instancing import stream
-from o3dleaf.leaf.instancing.parts import RIM
 from o3dleaf.leaf.instancing.stream import LABELS, Arrays, file_bytes, mesh_file
 from o3dleaf.leaf.instancing.tile import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline
