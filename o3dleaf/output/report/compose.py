@@ -13,7 +13,7 @@ from o3dleaf.output.report.closeups import draw_closeup
 from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
 from o3dleaf.output.report.page import Section, as_data, figures_tables, viewer_section, write_page
 from o3dleaf.output.report.places import KINDS, find_places
-from o3dleaf.output.report.reduce import Reduced, reduce_mesh
+from o3dleaf.output.report.reduce import ReducedMesh, reduce_mesh
 from o3dleaf.output.report.requirements import Verdict
 from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.report.viewer import angle_colors, viewer_data
@@ -94,7 +94,7 @@ def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section
     return [*sections, Section("view", "Interactive view", view)]
 
 
-def _reduced_note(reduced: Reduced, unit: str | None) -> str:
+def _reduced_note(reduced: ReducedMesh, unit: str | None) -> str:
     """Return a sentence if what is drawn is not the mesh itself."""
     if not reduced.is_less:
         return ""
@@ -105,7 +105,7 @@ def _reduced_note(reduced: Reduced, unit: str | None) -> str:
     )
 
 
-def _maps(inspection: Inspection, drawn: Reduced, points: FloatArray | None) -> str:
+def _maps(inspection: Inspection, drawn: ReducedMesh, points: FloatArray | None) -> str:
     """Return the maps of the deviations that were measured."""
     unit, figures = inspection.report.unit, list[str]()
     found: list[tuple[Colors | None, str]] = [

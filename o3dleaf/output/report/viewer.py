@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.output.report.places import KINDS, Place
-from o3dleaf.output.report.reduce import Reduced
+from o3dleaf.output.report.reduce import ReducedMesh
 from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.surface.mesh.inspection import Inspection
@@ -36,7 +36,7 @@ def viewer_script() -> str:
 
 
 def viewer_data(
-    inspection: Inspection, reduced: Reduced, layers: Sequence[Colors], places: list[Place]
+    inspection: Inspection, reduced: ReducedMesh, layers: Sequence[Colors], places: list[Place]
 ) -> dict[str, Any]:
     """Return what the view draws, as JSON holds it; arrays are base64 of deflated little-endian numbers.
 
@@ -106,7 +106,7 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
     return found
 
 
-def angle_colors(inspection: Inspection, reduced: Reduced) -> Colors:
+def angle_colors(inspection: Inspection, reduced: ReducedMesh) -> Colors:
     """Return the smallest angle of the triangles at each vertex, red where it is small."""
     anatomy = inspection.anatomy
     least = np.full(len(anatomy.vertices), np.inf)
