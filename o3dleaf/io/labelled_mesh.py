@@ -20,6 +20,9 @@ LABELS = ("adaxial", "abaxial", "rim")
 MAX_LABELS = 256
 """What labels of one byte tell apart."""
 
+ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
+"""Upper side, lower side and rim of the solid, as `o3dleaf.leaf.instancing.components` numbers them."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledMesh:

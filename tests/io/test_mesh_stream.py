@@ -11,10 +11,9 @@ import pytest
 
 from o3dleaf import InputError, O3DLeafError, get_num_threads, set_num_threads
 from o3dleaf.io import obj, stl
-from o3dleaf.io.labelled_mesh import LABELS
+from o3dleaf.io.labelled_mesh import LABELS, RIM
 from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.ply import PlyFile
-from o3dleaf.leaf.instancing.parts import RIM
 from o3dleaf.leaf.instancing.tile import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline
 

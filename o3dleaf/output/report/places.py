@@ -125,8 +125,8 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
         WHOLE * radius, NEAR * min(longest, radius), 2 * report.median_edge if longest < report.median_edge else 0.0
     )
     size = size or 1.0
-    near = np.linalg.norm(anatomy.vertices - center, axis=1) < 1.3 * size
-    inside = near[anatomy.triangles].any(axis=1)
+    near = np.linalg.norm(measurements.vertices - center, axis=1) < 1.3 * size
+    inside = near[measurements.triangles].any(axis=1)
     inside[group] = True
     window = np.flatnonzero(inside)
     return Place(kind, np.union1d(group, np.intersect1d(rows, window)), window, center, size)
@@ -134,7 +134,7 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
 
 def look_at(inspection: Inspection, place: Place) -> Camera:
     """Return the camera from which most of a place's triangles are seen, rather from above than from the side."""
-    anatomy = inspection.measurements
+    measurements = inspection.measurements
     corners = measurements.vertices[measurements.triangles[place.rows]]
     # Of the surface around, not of what may be flipped or stand out of it.
     toward = _normal(measurements.vertices[measurements.triangles[place.window]])
