@@ -295,7 +295,7 @@ HELD_OUT = 1e-7
 SHARED_FACTOR = 1e-9
 """Issue 3's own number, as a share of the largest value: one factor for many balls found 1e-12, a wrong point 1e-3."""
 
-SHARED_APPRAISAL = 1e-7
+SHARED_DIAGNOSTICS = 1e-7
 """Scores and conditions, of eigenvalues that rounding moves by 1e-15 of the largest; conditions are 1e4."""
 
 # --- rbf: parity with SciPy ---
@@ -527,7 +527,7 @@ GROUPS_ANGLE = 4.0
 ON_SURFACE = 0.05
 """The winding number's mean, from 4,000 points without the nearest surroundings of each: 0.47 found for 1/2."""
 
-OWNERS_REFIT = 1e-9
+GROUPS_REFIT = 1e-9
 """Sums of squared errors from one eigen-decomposition against refits, relative: 1e-12 seen; a group taken for points
 left out one by one is off by a tenth or more."""
 

@@ -68,15 +68,14 @@ class CleanJob(CleaningOptions, LongJob):
 
     def work(self) -> "Comparison":
         """Write the mesh with its labels, if it has any, and return what it was and is."""
-        from o3dleaf.io.triangle_mesh import write_triangle_mesh
+        from o3dleaf.io.triangle_mesh import read_mesh, write_mesh
         from o3dleaf.output.export.consumers import export_mesh
-        from o3dleaf.output.export.read import read_labelled_mesh
         from o3dleaf.surface.mesh.mesh_report import mesh_report
         from o3dleaf.surface.mesh.surface_distance import surface_distance
         from o3dleaf.surface.repair.clean import clean_mesh
         from o3dleaf.surface.repair.simplify import simplify_mesh
 
-        given = read_labelled_mesh(self.mesh)
+        given = read_mesh(self.mesh)
         with stage("clean"):
             cleaned = result = clean_mesh(given, **self.cleaning())
         meshes, distance = [given, cleaned], None
@@ -92,9 +91,9 @@ class CleanJob(CleaningOptions, LongJob):
         with stage("report"):
             reports = [mesh_report(each.mesh) for each in meshes]
         if result.labels is None:
-            write_triangle_mesh(self.output, result.mesh)
+            write_mesh(result.mesh, self.output)
         else:
-            export_mesh(self.output, result)
+            export_mesh(result, self.output)
         return Comparison(reports, distance)
 
     def lines(self, summary: "Comparison") -> list[str]:

@@ -17,7 +17,7 @@ WHAT = {
     "mesh": "o3dleaf.output.export.consumers:SUFFIXES",
     "surface-particles": "o3dleaf.output.export.particles:SUFFIXES",
     "volume-particles": "o3dleaf.output.export.particles:SUFFIXES",
-    "distance": "o3dleaf.output.export.distance_grid:SUFFIXES",
+    "distance": "o3dleaf.io.grid:SUFFIXES",
 }
 """What can be exported, and where the suffixes of its files stand."""
 
@@ -138,11 +138,11 @@ class ExportJob(UnitOption, LongJob):
 
     def mesh(self) -> "tuple[LabelledMesh, Any]":
         """Return the mesh of the source, and the model where there is one."""
+        from o3dleaf.io.triangle_mesh import read_mesh
         from o3dleaf.leaf.models import load
-        from o3dleaf.output.export.read import read_labelled_mesh
 
         if not self.is_model:
-            given = read_labelled_mesh(self.source)
+            given = read_mesh(self.source)
             model = None if self.field is None else load(self.field)
             return replace(given, unit=self.unit or given.unit), model
         model = load(self.source)
@@ -191,14 +191,14 @@ class ExportJob(UnitOption, LongJob):
 
         step = self.step or 0.0
         if self.what == "mesh":
-            export_mesh(self.output, mesh, consumer=self.consumer, to_unit=self.to_unit, scalars=scalars)
+            export_mesh(mesh, self.output, consumer=self.consumer, to_unit=self.to_unit, scalars=scalars)
             return f"{len(mesh.mesh.triangles):,} triangles"
         if self.what == "distance":
             box = None if self.bounds is None else np.array(self.bounds) - (self.origin or (0.0, 0.0, 0.0))
-            export_distance(self.output, mesh, step, box, to_unit=self.to_unit)
+            export_distance(mesh, self.output, step, box, to_unit=self.to_unit)
             return f"distances at {step:g} {mesh.unit or 'of no stated unit'}"
         particles = (sample_particles if self.what == "surface-particles" else fill_particles)(mesh, step)
-        export_particles(self.output, particles, to_unit=self.to_unit)
+        export_particles(particles, self.output, to_unit=self.to_unit)
         return f"{len(particles.points):,} particles"
 
     def line(self, summary: str) -> str:

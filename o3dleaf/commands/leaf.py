@@ -171,18 +171,18 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     def write_sheet(self, blade: "Blade") -> "o3d.geometry.TriangleMesh":
         """Write the blade alone, an open sheet, and return it."""
-        from o3dleaf.io.triangle_mesh import write_triangle_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
 
         with journal.stage("extract mesh"):
             mesh = blade.extract_mesh(self.spacing, self.region_of(blade))
         with journal.stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
+            write_mesh(mesh, self.output)
         return mesh
 
     def write_leaf(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, Realisation]":
         """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
         from o3dleaf.core.units import unit_scale
-        from o3dleaf.leaf.instancing.stream import write_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile"):
@@ -208,7 +208,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     def write_windows(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, None]":
         """Write the surface of the leaf with finer windows in it, and return it."""
-        from o3dleaf.leaf.instancing.stream import write_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
 
         levels = [((row[:2], row[2:4]), row[4]) for row in self.fine]
         with journal.stage("extract mesh"):
@@ -219,7 +219,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     def write_more(self, leaf: "MultiscaleLeaf") -> None:
         """Write a flat tile and a grid, where they are asked for."""
-        from o3dleaf.leaf.instancing.stream import write_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
 
         if self.tile_solid is not None:
             with journal.stage("write tile"):

@@ -65,7 +65,7 @@ class PatchJob(CtOptions, BlockOption, LongJob):
 
     def work(self) -> "TiledField":
         """Write the model and the block, and return the texture."""
-        from o3dleaf.leaf.instancing.stream import write_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.leaf.meshing import extract_flat_tile
         from o3dleaf.leaf.pipeline import create_texture
 

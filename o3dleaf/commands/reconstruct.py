@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.core.job import LongJob, UnitOption, argument, number_or_word, option, output
-from o3dleaf.core.journal import open_journal, stage
+from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
-    from o3dleaf.fitting.rbf.smoothing import Amount
+    from o3dleaf.fitting.rbf.smoothing import SmoothingValue
     from o3dleaf.surface.mesh.mesh_report import MeshReport
 
 LABELS = {
@@ -26,7 +26,9 @@ class ReconstructJob(UnitOption, LongJob):
     cloud: Path = argument("Any point cloud, with normals or without: PLY, PCD, XYZ, XYZN, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     spacing: float | None = option(None, "Mesh step (found from the points if not given)", unit="the cloud's unit")
-    rho: "Amount" = option("gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word)
+    rho: "SmoothingValue" = option(
+        "gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word
+    )
     local: str = option("rbf", "What is fitted in each ball: rbf, hermite, curl-free, mls or auto.")
     untrimmed: bool = option(False, "Keep what no data support, four spacings beyond the data.", "--untrimmed")
     measure: str = option(
@@ -51,12 +53,12 @@ class ReconstructJob(UnitOption, LongJob):
         import open3d as o3d
 
         from o3dleaf.io.point_cloud import read_point_cloud
-        from o3dleaf.io.triangle_mesh import write_triangle_mesh
+        from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.output.view.picture import render
         from o3dleaf.output.view.scene import Scalars
         from o3dleaf.surface.mesh.mesh_report import mesh_report
         from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
-        from o3dleaf.surface.reconstruction.trim import trim_to_support
+        from o3dleaf.surface.reconstruction.trim import trim_to_data
 
         with stage("read cloud"):
             cloud = read_point_cloud(self.cloud, finite=False)
@@ -67,11 +69,10 @@ class ReconstructJob(UnitOption, LongJob):
             local=self.local,
             unit=self.unit,
             measure=self.measure,
-            trim=None if self.untrimmed else trim_to_support,
-            journal=open_journal(),
+            trim=None if self.untrimmed else trim_to_data,
         )
         with stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
+            write_mesh(mesh, self.output)
         if self.model is not None:
             with stage("write model"):
                 field.save(self.model)

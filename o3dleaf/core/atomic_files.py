@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written under another name and renamed, or refused where they were cut off."""
+"""Files appear whole or not at all: written under another name and renamed, refused before the work if they cannot."""
 
 import json
 import os
@@ -12,15 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from o3dleaf.core.errors import InputError, O3DLeafError
-
-PLY_HEADER = 65536
-"""Bytes in which the header of a PLY file must end."""
-
-PLY_BYTES = dict.fromkeys(("char", "uchar", "int8", "uint8", "list"), 1)
-PLY_BYTES |= dict.fromkeys(("short", "ushort", "int16", "uint16"), 2)
-PLY_BYTES |= dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4)
-PLY_BYTES |= dict.fromkeys(("double", "float64"), 8)
-"""Bytes of each type that a vertex can have in a PLY file."""
 
 KINDS = (
     (stat.S_ISDIR, "folder"),
@@ -108,45 +99,6 @@ def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
-
-
-def require_whole_ply(path: Path) -> None:
-    """Refuse a PLY file that is shorter than its header claims: a reader would allocate it all and leave the rest wild.
-
-    Raises
-    ------
-    InputError
-        If the file is no PLY, names no points, or was cut off.
-    """
-    with path.open("rb") as stream:
-        head = stream.read(PLY_HEADER)
-        end = head.find(b"end_header")
-        if not head.startswith(b"ply") or end < 0:
-            raise InputError(f"{path}: is no PLY file, it does not begin with 'ply' and a header; export it again")
-        header = [line.split() for line in head[:end].decode("ascii", "replace").splitlines()]
-        count = next((int(w[2]) for w in header if w[:2] == ["element", "vertex"] and w[-1].isdigit()), None)
-        if count is None:
-            raise InputError(f"{path}: its PLY header names no points; export it again")
-        start = head.find(b"\n", end) + 1
-        if ["format", "ascii", "1.0"] in header:
-            stream.seek(start)
-            held = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) + 1
-        else:
-            size = _vertex_bytes(header)
-            held = (path.stat().st_size - start) // size if size else count
-    if held < count:
-        raise InputError(f"{path}: claims {count} points but is too short for them; it was cut off")
-
-
-def _vertex_bytes(header: list[list[str]]) -> int:
-    """Return the bytes of a vertex in a binary PLY."""
-    size, inside = 0, False
-    for words in header:
-        if words[:1] == ["element"]:
-            inside = words[1] == "vertex"
-        elif inside and words[:1] == ["property"]:
-            size += PLY_BYTES.get(words[1], 1)
-    return size
 
 
 def _beside(target: Path) -> Path:

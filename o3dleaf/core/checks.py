@@ -82,7 +82,7 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
-def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
+def as_rows(rows: npt.ArrayLike, count: int, name: str = "groups") -> npt.NDArray[np.int64]:
     """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
     array = np.asarray(rows)
     if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):
@@ -206,6 +206,12 @@ def require_choice(value: str, choices: Iterable[str], name: str) -> str:
     if value not in known:
         raise InputError(f"{name}: unknown {value!r}; choose one of {', '.join(known)}")
     return value
+
+
+def require_object_first(thing: object, caller: str, word: str) -> None:
+    """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
+    if isinstance(thing, str | PathLike):
+        raise InputError(f"{caller}: takes the {word} first, then the path")
 
 
 def require_file(path: str | PathLike[str]) -> Path:

@@ -17,15 +17,16 @@ from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import Progress, run_blocks
 from o3dleaf.core.progress import listening
 from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.io.mesh_data import unit_comment
+from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.distance.projection import Texture
-from o3dleaf.leaf.instancing.assembly import VERTICES, Assembly, Scraps
+from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level
 from o3dleaf.leaf.instancing.levels import extract_levels as _extract_levels
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays, file_bytes, mesh_file, unit_comment
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.outline import sides_of
@@ -62,7 +63,7 @@ class Realisation:
         What there will be.
     voids, specks : int
         Pockets of air filled and pieces of solid removed, in every tile.
-    scraps : Scraps
+    scraps : Fragments
         Pieces that the outline cut off, and that are left out.
     """
 
@@ -143,12 +144,12 @@ class Realisation:
     @property
     def specks(self) -> int:
         """Pieces of solid removed beside every tile."""
-        return self.tile.runs.specks // self._copies
+        return self.tile.runs.islands // self._copies
 
     @property
-    def scraps(self) -> Scraps:
+    def scraps(self) -> Fragments:
         """Pieces that the outline cut off."""
-        return self.assembly.scraps
+        return self.assembly.fragments
 
     def bytes(self, path: str | PathLike[str]) -> int:
         """Return the size that a file of the path's suffix will have: exactly; of OBJ at most, nearly."""
@@ -171,7 +172,7 @@ class Realisation:
         places = lattice_positions(edges, fractions, self.tile.lattice.shape, (along, across, 0))
         flat = self.tile.lattice.positions(places)
         start = time.perf_counter()
-        run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
+        run_blocks(lambda first, last: self.blade.lift(flat[first:last]), TRIAL, BATCH_SIZE // 4)
         return self._counting + (time.perf_counter() - start) * self.vertices / TRIAL
 
     def extract(self, progress: Progress | None = None, *, remesh: float | None = None) -> LabelledMesh:

@@ -4,12 +4,12 @@ from os import PathLike
 from typing import Any
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.creases.creases import CreasedSplines
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.index import BallIndex
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.polynomials import LocalPolynomials
+from o3dleaf.fitting.local.potentials import LocalPotentials
+from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalSplines
-from o3dleaf.fitting.pu.oriented import LocalPolynomials, LocalPotentials
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
@@ -22,6 +22,7 @@ from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, type[Any]] = {
     each.__name__: each
@@ -30,9 +31,9 @@ CLASSES: dict[str, type[Any]] = {
         BallIndex,
         Blade,
         Cover,
-        CreasedSplines,
         HeightMap,
         LeafFrame,
+        LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,
         LocalSplines,
@@ -45,7 +46,8 @@ CLASSES: dict[str, type[Any]] = {
         Smoothing,
         TiledField,
     )
-}
+} | {"CreasedSplines": LocalCreasedSplines}
+"""Of files, by name; the last name is that of version 0.1."""
 
 
 def load(path: str | PathLike[str]) -> Any:

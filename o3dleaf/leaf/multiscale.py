@@ -16,11 +16,10 @@ from o3dleaf.core.parallel import Progress, blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import write_model
-from o3dleaf.io.triangle_mesh import SUFFIXES
+from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
 from o3dleaf.leaf.distance import projection
 from o3dleaf.leaf.distance.distance import SurfaceIndex, closest_points, signed_distance
 from o3dleaf.leaf.distance.grid import write_grid
-from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from o3dleaf.core.job import number_or_word, option, words_of
 
 if TYPE_CHECKING:
-    from o3dleaf.fitting.rbf.smoothing import Amount
+    from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 
 
 def _period(text: str) -> Any:
@@ -37,7 +37,7 @@ class BladeOptions:
     alpha: float | None = option(
         None, "Radius of the outline's alpha-shape (chosen from the scan if not given)", unit="scan-unit"
     )
-    smoothing: "Amount | Literal['robust']" = "robust"
+    smoothing: "SmoothingValue | Literal['robust']" = "robust"
     up: Any = None
     base: Any = None
     offset: str = option("up", "Measure heights along 'up', as the paper, or the 'normal'.")
@@ -63,7 +63,7 @@ class TextureOptions:
     level: float | str = option(
         "valley", "Intensity of the surface: a number, 'valley' or 'otsu'.", kind=str, parse=number_or_word
     )
-    rho: "Amount" = option(
+    rho: "SmoothingValue" = option(
         "gcv",
         "Smoothing of the micro-structure: the paper's rho, in ct-unit³, 'gcv' or 'gcv-per-ball'.",
         kind=str,

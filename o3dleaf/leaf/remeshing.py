@@ -7,9 +7,9 @@ import shapely
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.leaf.distance import projection_loops
 from o3dleaf.leaf.distance.projection import OnBlade, lift, texture_jets, thickness
-from o3dleaf.leaf.instancing.parts import RIM
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.macro.outline import in_polygon, sides_of

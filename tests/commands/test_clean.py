@@ -43,9 +43,9 @@ def test_the_command_shows_before_and_after(ball, tmp_path):
 def test_a_job_keeps_labels_and_measures_what_simplifying_moved(ball, tmp_path):
     labels = np.where(ball[0][ball[1]].mean(axis=1)[:, 2] > 0, 2, 0)
     given = o3l.LabelledMesh(build_mesh(ball[0], ball[1][2:]), labels[2:].astype(np.uint8))
-    o3l.export_mesh(tmp_path / "dirty.ply", given)
+    o3l.export_mesh(given, tmp_path / "dirty.ply")
     job = CleanJob(tmp_path / "dirty.ply", tmp_path / "clean.ply", largest_hole=5.0, triangles=160)
-    comparison, written = job.run(), o3l.read_labelled_mesh(tmp_path / "clean.ply")
+    comparison, written = job.run(), o3l.read_mesh(tmp_path / "clean.ply")
     mesh, left = written.mesh, written.labels
     assert (len(left), set(left), o3l.mesh_report(mesh).watertight) == (len(mesh.triangles), {0, 2}, True)
     assert comparison.table()[-1].split()[-1] == f"{comparison.distance:.6g}"

@@ -8,9 +8,9 @@ import pytest
 from leaf_fields import leaf_of, texture
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.output.export.consumers import export_mesh
 from o3dleaf.output.export.leaf_scalars import field_deviation
-from o3dleaf.output.export.read import read_labelled_mesh
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import FIRST_ORDER, FLAT_FACES
 
@@ -33,15 +33,15 @@ def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
     run = ExportJob(model, tmp_path / "a.obj", consumer="openfoam", spacing=0.5, no_remesh=True, origin=(1.0, 2.0, 3.0))
     said = run.run()
     made = leaf.realise(0.5, closed=True).extract()
-    found = read_labelled_mesh(tmp_path / "a.obj")
+    found = read_mesh(tmp_path / "a.obj")
     assert said == f"{len(made.mesh.triangles):,} triangles"
     assert mesh_report(found.mesh).watertight
     assert np.array_equal(np.asarray(found.mesh.vertices), (np.asarray(made.mesh.vertices) - [1.0, 2.0, 3.0]) * 1e-3)
     assert np.bincount(found.labels).tolist() == np.bincount(made.labels).tolist()
     # A mesh in memory knows its unit, too.
-    export_mesh(tmp_path / "b.obj", made, consumer="openfoam")
+    export_mesh(made, tmp_path / "b.obj", consumer="openfoam")
     assert np.array_equal(
-        np.asarray(read_labelled_mesh(tmp_path / "b.obj").mesh.vertices), np.asarray(made.mesh.vertices) * 1e-3
+        np.asarray(read_mesh(tmp_path / "b.obj").mesh.vertices), np.asarray(made.mesh.vertices) * 1e-3
     )
 
 
@@ -50,7 +50,7 @@ def test_a_solver_gets_a_remeshed_leaf(leaf, model, tmp_path):
     ExportJob(model, tmp_path / "b.ply", spacing=0.5, remesh=0.4, region=REGION).run()
     surface = leaf.realise(0.5, REGION, closed=True)
     for name, edge in (("a.stl", 0.5), ("b.ply", 0.4)):
-        found, made = read_labelled_mesh(tmp_path / name), surface.extract(remesh=edge)
+        found, made = read_mesh(tmp_path / name), surface.extract(remesh=edge)
         corners, ours = (np.asarray(m.mesh.vertices)[np.asarray(m.mesh.triangles)] for m in (found, made))
         # In STL the solids come one by one.
         assert np.array_equal(corners, ours[np.argsort(made.labels, kind="stable")] if name == "a.stl" else ours)
@@ -92,14 +92,14 @@ def test_a_tile_and_a_texture_become_the_same_block(leaf, model, tmp_path):
     leaf.texture.save(tmp_path / "t.o3l")
     ExportJob(model, tmp_path / "a.ply", spacing=0.25, tile=True).run()
     ExportJob(tmp_path / "t.o3l", tmp_path / "b.ply", spacing=0.25).run()
-    blocks = [read_labelled_mesh(tmp_path / name) for name in ("a.ply", "b.ply")]
+    blocks = [read_mesh(tmp_path / name) for name in ("a.ply", "b.ply")]
     assert np.array_equal(*(np.asarray(block.mesh.vertices) for block in blocks))
     assert mesh_report(blocks[0].mesh).watertight
 
 
 def test_particles_and_distances_of_a_mesh(model, tmp_path):
     ExportJob(model, tmp_path / "a.ply", spacing=0.5).run()
-    assert read_labelled_mesh(tmp_path / "a.ply").unit == "mm"
+    assert read_mesh(tmp_path / "a.ply").unit == "mm"
     source = tmp_path / "a.ply"
     assert "particles" in ExportJob(source, tmp_path / "s.csv", what="surface-particles", step=0.5, to_unit="m").run()
     assert "particles" in ExportJob(source, tmp_path / "v.csv", what="volume-particles", step=0.2).run()
@@ -118,7 +118,7 @@ def test_particles_and_distances_of_a_mesh(model, tmp_path):
 
 def test_one_part_is_the_triangles_of_its_label(leaf, model, tmp_path):
     ExportJob(model, tmp_path / "a.ply", spacing=0.5, part="adaxial").run()
-    made, found = leaf.realise(0.5, closed=True).extract(), read_labelled_mesh(tmp_path / "a.ply")
+    made, found = leaf.realise(0.5, closed=True).extract(), read_mesh(tmp_path / "a.ply")
     ours, whole = (np.asarray(mesh.mesh.vertices)[np.asarray(mesh.mesh.triangles)] for mesh in (found, made))
     assert np.array_equal(ours, whole[made.labels == 0])
     assert mesh_report(found.mesh).boundary_loops == 1
@@ -160,7 +160,7 @@ def test_the_command_line_takes_all_of_it(run, model, tmp_path):
     done = run("export", model, "--spacing", 0.5, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
     assert done.returncode == 0, done.stderr
     assert "triangles" in done.stdout
-    assert read_labelled_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")
+    assert read_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")
     done = run("export", model, "--spacing", 0.5, "--open", "--for", "gmsh", "-o", tmp_path / "b.stl", "-q")
     assert done.returncode == 2
     assert "wants a closed mesh" in done.stderr

@@ -10,7 +10,7 @@ import pytest
 from mesh_fields import sphere
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.triangle_mesh import write_triangle_mesh
+from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.ct.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
@@ -85,7 +85,7 @@ def test_every_writer_asks(tmp_path):
     with pytest.raises(InputError, match="is a pipe"):
         write_volume(Volume(np.zeros((2, 2, 2)), np.ones(3), np.zeros(3), "um"), tmp_path / "ct.tif")
     with pytest.raises(InputError, match="is a pipe"):
-        write_triangle_mesh(tmp_path / "ball.ply", extract_isosurface(sphere(), 0.3))
+        write_mesh(extract_isosurface(sphere(), 0.3), tmp_path / "ball.ply")
     assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())
 
 

@@ -10,7 +10,7 @@ from leaf_fields import texture as texture_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.remeshing import ON_RIM, LeafGround, _without_chamfers
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.remeshing import blocks

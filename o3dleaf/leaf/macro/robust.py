@@ -14,13 +14,14 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import Progress
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.cross_validation import held_out_errors
-from o3dleaf.fitting.pu.index import BallIndex
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.cross_validation import held_out_errors
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.splines import fit_splines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalSplines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.fitting.rbf.smoothing import Smoothing
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
 
 NEIGHBOURS = 12
@@ -100,10 +101,10 @@ class RobustHeight:
 
         The residual is that of the blended fit, so that overlapping balls agree on the pass they follow.
         """
-        index = BallIndex.build(self.cover.centres, self.cover.radii, self.cover.bounds)
-        rule = Smoothing(smoothing)
+        index = BallIndex.build(self.cover.centers, self.cover.radii, self.cover.bounds)
+        model = SplineModel(self.kernel, 1, Smoothing(smoothing))
         for _ in range(MOST_ROUNDS):
-            fit = LocalSplines.fit(self.cover, self.plane, self.heights, self.kernel, 1, rule, trust=trust)
+            fit = fit_splines(self.cover, ScatteredData(self.plane, self.heights, trust), model)
             residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
             following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
             moved = float(np.max(np.abs(following - trust)))
@@ -114,16 +115,8 @@ class RobustHeight:
 
     def held_out_loss(self, smoothing: float, trust: FloatArray, stretches: IntArray) -> float:
         """Return the mean Huber loss of heights predicted without the stretch of the leaf that they lie in."""
-        errors = held_out_errors(
-            self.cover,
-            self.plane,
-            self.heights,
-            stretches,
-            kernel=self.kernel,
-            degree=1,
-            smoothing=Smoothing(smoothing),
-            trust=trust,
-        )
+        data = ScatteredData(self.plane, self.heights, trust, stretches)
+        errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
         return float(np.mean(huber_loss(errors[~np.isnan(errors)], self.corner)))
 
 

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.pu.blend import CHUNK
-from o3dleaf.fitting.pu.index import BallIndex
-from o3dleaf.fitting.pu.local import LocalFits
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.leaf.texture import copy_loops
 

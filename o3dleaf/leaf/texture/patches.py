@@ -12,10 +12,10 @@ from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.jet_loops import add_product
 from o3dleaf.fitting.pu.blend import CHUNK, Blended
-from o3dleaf.fitting.pu.index import BallIndex
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.jet_loops import add_product
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.tiling import TiledField

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_number, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.pu.blend import Blended
-from o3dleaf.fitting.pu.index import BallIndex
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalFits
 from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.crop import best_crop, reach_of_fade
 from o3dleaf.leaf.texture.crossfade import CrossFade
@@ -121,7 +121,7 @@ class TiledField(Blended):
         cell = field.bounds.copy()
         cell[:, :2] = crop.offset, crop.offset + size
         local: LocalFits = field.local
-        balls = field.cover.centres, field.cover.radii
+        balls = field.cover.centers, field.cover.radii
         if cropped:
             inner = np.zeros(len(repeat))
             inner[:2] = np.where(crop.fade > 0, 0.0, crop.tile)

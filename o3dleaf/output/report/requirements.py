@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.output.report.words import figure_of, in_words
+from o3dleaf.output.report.words import in_words, quantity_of
 from o3dleaf.surface.mesh.mesh_report import MeshReport
 
 LIMITS = {"count": np.inf, "degrees": 180.0, "share": 1.0, "length": np.inf}
@@ -281,5 +281,5 @@ def _compare(found: float, order: str, limit: float) -> bool:
 def _because(report: MeshReport, rule: Rule) -> str:
     """Return the counts that say why a property does not hold, in brackets."""
     counts = {name: getattr(report, name) for name in rule.causes}
-    named = [f"{figure_of(name).label}: {in_words(name, value, None)}" for name, value in counts.items() if value]
+    named = [f"{quantity_of(name).label}: {in_words(name, value, None)}" for name, value in counts.items() if value]
     return f" ({', '.join(named)})" if named else ""

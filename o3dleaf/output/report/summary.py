@@ -11,7 +11,7 @@ import open3d as o3d
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
 from o3dleaf.core.parallel import get_num_threads
-from o3dleaf.fitting.pu.local import LocalSplines
+from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import Realisation
@@ -100,7 +100,7 @@ def _fit_summary(local: object) -> dict[str, Any]:
         "balls": len(counts),
         "points_per_ball": [int(counts.min()), int(counts.max())],
         "kernel_power": local.kernel.power,
-        "smoothing": local.smoothing.amount,
+        "smoothing": local.smoothing.value,
         "smoothing_is_rho": bool(local.smoothing.per_point),
         "gcv_score": local.smoothing.score,
         "diagonal": np.quantile(local.diagonals, (0, 0.5, 1)).tolist(),

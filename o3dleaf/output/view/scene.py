@@ -63,7 +63,7 @@ class Scalars:
 
 
 @dataclass(frozen=True)
-class Part:
+class SceneMesh:
     """One mesh of a scene.
 
     Attributes
@@ -84,7 +84,7 @@ class Part:
     facets: tuple[FloatArray, IntArray]
 
     @classmethod
-    def of(cls, thing: Drawable) -> "Part":
+    def of(cls, thing: Drawable) -> "SceneMesh":
         """Take a mesh or a cloud apart, or say why there can be no picture of it."""
         if not isinstance(thing, CLOUDS):
             vertices, triangles = mesh_arrays(thing)  # type: ignore[arg-type]
@@ -175,7 +175,7 @@ class Scene:
     @classmethod
     def of(cls, things: Drawable, given: npt.ArrayLike | Scalars | None = None) -> "Scene":
         """Put things together; the scalars are those of the first."""
-        parts = [Part.of(thing) for thing in (things if _is_several(things) else [things])]
+        parts = [SceneMesh.of(thing) for thing in (things if _is_several(things) else [things])]
         scalars = parts[0].scalars(given)
         paints = [part.paint(scalars if part is parts[0] else None) for part in parts]
         counts = [len(part.triangles) for part in parts]

@@ -1,4 +1,4 @@
-"""Points sorted into cubic cells, so that what lies within one edge of a cell is found without a search."""
+"""Points sorted into cubic cells, so that all within one edge of a cell are found without a search."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
-MOST_CELLS = 2**62
+MAX_CELLS = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Cells:
         """Sort `points` (n, 3) into cells of edge `size`, or larger where their numbers would overflow."""
         low = points.min(axis=0)
         extent = points.max(axis=0) - low
-        while np.prod(extent / size + 1) > MOST_CELLS:
+        while np.prod(extent / size + 1) > MAX_CELLS:
             size *= 2
         shape = (extent / size).astype(np.int64) + 1
         keys = cloud_loops.cell_keys(points, low, size, shape)

@@ -1,4 +1,4 @@
-"""Whether two triangles meet in more than a common corner or edge: exactly, by signs of determinants alone.
+"""Contact of two triangles in more than a common corner or edge: exact, by signs of determinants alone.
 
 Corners are common where they are in the same place. A triangle comes with its view: 2 · axis, plus 1 if it runs
 counter-clockwise seen along that axis, along which it is not a line; −1 for one whose corners are in a line. Most

@@ -86,7 +86,7 @@ def remesh(
     level = as_number(isovalue, "isovalue")
     edges = EdgeTable.of(triangles)
     fans = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices))
-    if edges.against.any() or edges.count.max() > 2 or fans.max() > 1:
+    if edges.inconsistent.any() or edges.count.max() > 2 or fans.max() > 1:
         raise InputError(NOT_MANIFOLD)
     target: ProjectionTarget = (
         MeshTarget(vertices, triangles)

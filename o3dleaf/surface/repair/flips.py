@@ -139,7 +139,7 @@ def _choose(mesh: EditableMesh, faults: _Faults, tried: set[tuple[int, int]]) ->
     """Return flips that share no vertex, of edges not tried before; these are then tried."""
     edges, wanted = faults.edges, faults.folded.copy()
     wanted[edges.of_half[faults.longest[faults.flat]]] = True
-    candidates = np.flatnonzero(wanted & (edges.count == 2) & ~edges.against)
+    candidates = np.flatnonzero(wanted & (edges.count == 2) & ~edges.inconsistent)
     halves = edges.order[edges.first(candidates)[:, np.newaxis] + [0, 1]].astype(np.int64)
     ahead = _before(halves)
     start, stop, apex = (edges.corners[each].astype(np.int64) for each in (halves, _before(ahead), ahead))

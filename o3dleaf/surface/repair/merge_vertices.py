@@ -61,7 +61,7 @@ def _faults(mesh: EditableMesh, turned: EditableMesh, angle: float) -> BoolArray
     Edges are inconsistent if they are so in the `turned` mesh, which has the same edges.
     """
     edges = EdgeTable.of(mesh.triangles)
-    wrong = folded_edges(mesh.vertices, edges, angle), edges.count > 2, EdgeTable.of(turned.triangles).against
+    wrong = folded_edges(mesh.vertices, edges, angle), edges.count > 2, EdgeTable.of(turned.triangles).inconsistent
     return np.column_stack(
         [find_crossings(mesh.vertices, mesh.triangles), *(kind[edges.of_half.reshape(-1, 3)] for kind in wrong)]
     )

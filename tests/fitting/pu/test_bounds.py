@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf import InputError, PUInterpolant
 from tolerances import FIELD_GRADIENT, RIM, ROUNDING
 
 

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
+from o3dleaf import InputError, PUInterpolant, RBFInterpolant, TiledField
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.leaf.texture.tiling import TiledField
 from tolerances import CHANGED, SINGLE
 
 UNIT = 2.0**-24
@@ -24,7 +21,7 @@ def fitted(power=3, d=3, scale=1.0, **options):
     points, queries = PLACE + np.random.default_rng(d).random((2, 600, d))
     values = scale * np.sin(5 * (points - PLACE)).sum(axis=1)
     field = PUInterpolant.fit(points, values, kernel=Polyharmonic(power, d), points_per_ball=(40, 80), **options)
-    return field, np.vstack([queries, points[:50], field.cover.centres, PLACE + 3 * (queries[:50] - PLACE)])
+    return field, np.vstack([queries, points[:50], field.cover.centers, PLACE + 3 * (queries[:50] - PLACE)])
 
 
 def radial_sizes(power, r):
@@ -41,7 +38,7 @@ def ball_errors(field, ball, at):
     """
     sites, weights, _ = field.local.ball(ball)
     radius = field.cover.radii[ball]
-    r = reference.distances((at - field.cover.centres[ball]) / radius, sites.T) + 4 * UNIT
+    r = reference.distances((at - field.cover.centers[ball]) / radius, sites.T) + 4 * UNIT
     sizes = [size @ np.abs(weights) for size in radial_sizes(field.local.kernel.power, r)]
     roundings = len(weights) + SINGLE
     return [UNIT * (roundings * sizes[k] + 4 * sizes[k + 1]) / radius**k for k in range(3)]
@@ -52,7 +49,7 @@ def blended_errors(field, at):
 
     Where all balls that hold a point are about to let go of it, p′ and p″ are large: the errors are, too.
     """
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
     balls = [ball_errors(field, ball, at) for ball in range(len(radii))]
     bounds = np.zeros((3, len(at)))
     for i, x in enumerate(at):

@@ -46,7 +46,7 @@ def test_each_pair_is_told_as_by_fractions(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_forest_misses_no_pair(seed):
+def test_the_trees_miss_no_pair(seed):
     vertices, triangles = uneven(seed)
     views, slow = [find_view(vertices, tuple(t)) for t in triangles], np.zeros(len(triangles), dtype=bool)
     lower, upper = vertices[triangles].min(axis=1), vertices[triangles].max(axis=1)

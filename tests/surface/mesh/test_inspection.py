@@ -79,7 +79,7 @@ def test_the_report_agrees_with_meshlab(name, meshes):
     report, defects, told = found.report, found.defects, lab.counts
     assert report.boundary_edges == told["boundary_edges"]
     assert report.components == told["connected_components_number"]
-    assert len(found.anatomy.edges.ends) == told["edges_number"]
+    assert len(found.measurements.edges.ends) == told["edges_number"]
     assert report.manifold == told["is_mesh_two_manifold"]
     assert report.nonmanifold_vertices == told["non_two_manifold_vertices"]
     # Not its edges: an edge of three triangles it counts twice.
@@ -115,11 +115,11 @@ def assert_apart(vertices, triangles, rows):
 @pytest.mark.parametrize("name", HEALTHY + DEFECTS)
 def test_the_report_agrees_with_open3d(name, meshes):
     found, oracle = inspect_mesh(meshes[name]), build_mesh(*meshes[name])
-    report, edges = found.report, found.anatomy.edges
+    report, edges = found.report, found.measurements.edges
     heavy = oracle.get_non_manifold_edges(allow_boundary_edges=True)
     assert {tuple(pair) for pair in edges.ends[edges.count > 2].tolist()} == {tuple(pair) for pair in heavy}
     if not report.nonmanifold_edges:
-        assert np.flatnonzero(found.anatomy.bowtie).tolist() == sorted(oracle.get_non_manifold_vertices())
+        assert np.flatnonzero(found.measurements.bowtie).tolist() == sorted(oracle.get_non_manifold_vertices())
         assert report.orientable == oracle.is_orientable()
     assert report.watertight == oracle.is_watertight()
     assert report.components == len(oracle.cluster_connected_triangles()[1])
@@ -222,12 +222,12 @@ def test_edges_fans_and_duplicates_are_the_literal_ones():
 def test_rings_walk_along_each_boundary_edge_once(meshes):
     for name in ("open sheets", "moebius", "missing face"):
         found = inspect_mesh(meshes[name])
-        rings, ends = found.defects.rings, found.anatomy.edges.ends
+        rings, ends = found.defects.rings, found.measurements.edges.ends
         walked = [
             frozenset(pair) for ring in rings for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)
         ]
         assert len(walked) == len(set(walked)) == found.report.boundary_edges
-        assert set(walked) == {frozenset(pair) for pair in ends[found.anatomy.edges.count == 1].tolist()}
+        assert set(walked) == {frozenset(pair) for pair in ends[found.measurements.edges.count == 1].tolist()}
         assert len(rings) == found.report.boundary_loops
 
 
@@ -237,7 +237,7 @@ def test_angles_are_those_of_forty_digits():
     corners[:, 2] = corners[:, 1] + 10.0 ** -rng.integers(0, 7, size=(300, 1)) * rng.normal(size=(300, 3))
     found = inspect_mesh((corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)))
     angles = np.array([reference.smallest_angle(*three) for three in corners])
-    assert found.anatomy.smallest_angle == pytest.approx(angles, rel=SMALL_ANGLE)
+    assert found.measurements.smallest_angle == pytest.approx(angles, rel=SMALL_ANGLE)
     for limit in (1, 5, 10, 20):
         assert found.report.to_dict()[f"share_below_{limit}deg"] == np.mean(angles < limit)
     assert found.report.angle_histogram == tuple(np.histogram(angles, bins=60, range=(0, 60))[0])
