@@ -44,8 +44,8 @@ class Hermite:
 
     .. math:: \sum_j \left(F(x_j)^2 + h^2\,|\nabla F(x_j) + n_j|^2\right) + s\,E(F) \to \min
 
-    With s = 0 both are exact to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error falls
-    like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give.
+    With s = 0 both are exact to rounding, also for the blend (Wendland 2005, chapter 16). On a torus the mean error
+    falls like spacing⁴ with r⁵, to a hundredth of what values at points beside the surface give.
 
     Attributes
     ----------
