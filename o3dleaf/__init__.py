@@ -3,6 +3,17 @@
 The names below are loaded when they are first used, so that `import o3dleaf` costs nothing; they
 stand in the order of the story in the stub beside this file, `__init__.pyi`.
 
+`__main__`    the program, under a guard against interrupts
+`core`        errors, checks, units, fields, threads, and the doors to Open3D and the disk
+`io`          point clouds, meshes and models from and to files
+`fitting`     scattered data to a function: radial basis functions and their partition of unity
+`surface`     any cloud, any field, any mesh
+`leaf`        the blade of a scan, the micro-structure of a CT, and their fusion
+`samples`     synthetic leaves and solids with known truth
+`output`      files for the next program, pictures, reports, figures
+`commands`    the command line
+`deprecated`  names of version 0.1
+
 Examples
 --------
 >>> import open3d as o3d, o3dleaf as o3l  # doctest: +SKIP

@@ -69,13 +69,14 @@ from .output.export.distance_grid import export_distance as export_distance
 from .output.report.requirements import check_mesh as check_mesh
 from .output.report.requirements import Verdict as Verdict
 from .output.report.examine import write_report as write_report
-from .output.view.render import render as render
+from .output.view.picture import render as render
 from .output.view.maps import render_distortion as render_distortion
 from .output.view.points import Points as Points
 from .output.view.window import show as show
 from .output.view.pick import pick_midrib as pick_midrib
 from .output.figures.draw import draw_figures as draw_figures
 from .output import figures as figures
+from .output import view as view
 from . import samples as samples
 from .core.field import Field as Field
 from .core.parallel import get_num_threads as get_num_threads

@@ -29,7 +29,7 @@ QUICK_CT = {"spacing": 48.0, "size": (1440.0, 1440.0, 480.0)}
 def inputs(folder, quick):
     """Write the CT volume, and return the paths of scan, midrib and volume."""
     volume, _ = o3l.samples.wheat_ct(**(QUICK_CT if quick else {}))
-    o3l.write_volume(folder / "ct.tif", volume)
+    o3l.write_volume(volume, folder / "ct.tif")
     scan, midrib = REAL / "wheat_leaf.ply", REAL / "wheat_leaf_midrib.ply"
     if quick or not scan.is_file():
         sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)

@@ -1,10 +1,12 @@
 """The house stands: layers, lazy doors, a quick start, one file that touches GPL code, names with docstrings."""
 
+import ast
 import inspect
 import re
 import resource
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import o3dleaf
 from tolerances import START_SECONDS
 
 ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = sorted(path.parent for path in (ROOT / "o3dleaf").rglob("__init__.py"))
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 HEAVY = {"open3d", "numba", "scipy", "skimage", "pymeshlab", "matplotlib", "shapely", "tifffile"}
 PROJECT = (ROOT / "pyproject.toml").read_text()
@@ -23,7 +26,40 @@ def test_layers_hold():
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0
 
 
-@pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.commands.cli"])
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_chapter_map_names_what_is_there(package):
+    """Each line of a chapter's docstring that begins with a name in backticks is an entry of its map."""
+    entries = re.findall(r"^`(\w+)`", ast.get_docstring(ast.parse((package / "__init__.py").read_text())), re.MULTILINE)
+    modules = {path.stem for path in package.glob("*.py")} - {"__init__"}
+    folders = {path.parent.name for path in package.glob("*/__init__.py")}
+    assert sorted(entries) == sorted(modules | folders)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_folder_holds_more_than_sixteen_files(package):
+    assert len([path for path in package.iterdir() if path.is_file()]) <= 16
+
+
+def test_contributing_shows_the_tree():
+    """The tree in CONTRIBUTING.md has every folder of the package, and no other."""
+    tree = re.search(r"^    o3dleaf/\n((?:     +.*\n)+)", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)[1]
+    named = sorted(re.findall(r"(\w+)/", tree))
+    assert named == sorted(path.name for path in PACKAGES[1:])
+
+
+def test_no_two_classes_share_a_name():
+    names = Counter(
+        node.name
+        for path in (ROOT / "o3dleaf").rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+@pytest.mark.parametrize(
+    "module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"]
+)
 def test_import_loads_nothing_heavy(module):
     code = f"import {module}, sys; print(*set(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
@@ -62,6 +98,14 @@ def test_public_name_is_documented(name):
         variadic = {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
         parameters = [p.name for p in inspect.signature(maker).parameters.values() if p.kind not in variadic]
         assert [p for p in parameters if not re.search(rf"\b{p}\b", text)] == []
+
+
+@pytest.mark.parametrize("namespace", ["samples", "view", "figures"])
+def test_namespaces_hold_what_they_list(namespace):
+    """Each is there first thing in a new process, and each of its names has a docstring."""
+    code = f"import o3dleaf; room = o3dleaf.{namespace}; print(all(getattr(room, n).__doc__ for n in room.__all__))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == "True"
 
 
 def test_version_is_that_of_the_project_file():

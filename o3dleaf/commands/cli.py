@@ -14,9 +14,6 @@ from o3dleaf.core.parallel import set_num_threads
 FAILED = 1
 """Exit code of a mesh that is not what it must be."""
 
-INTERRUPTED = 130
-"""Exit code that typer gives to Ctrl-C."""
-
 app = typer.Typer(
     help="Laser scan and micro-CT of a leaf into one multi-scale surface.",
     no_args_is_help=True,
@@ -226,6 +223,7 @@ def patch(
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
     from o3dleaf.core.atomic_files import require_apart, require_writable
     from o3dleaf.io.model_file import SUFFIX
+    from o3dleaf.io.triangle_mesh import SUFFIXES
     from o3dleaf.leaf.ct.formats import read_volume
     from o3dleaf.leaf.instancing.stream import write_mesh
     from o3dleaf.leaf.meshing import extract_flat_tile
@@ -236,6 +234,8 @@ def patch(
     require_apart([output, tile_solid], [volume])
     if (tile_solid is None) != (spacing is None):
         raise InputError("tile-solid, spacing: the block needs a step and the step a block; give both or none")
+    if tile_solid is not None:
+        require_writable(tile_solid, SUFFIXES)
     options = PatchOptions(number_or_word(level), number_or_word(rho), as_period(period), flip, shift)
     with shown(quiet=quiet) as journal:
         with journal.stage("read"):
@@ -271,10 +271,12 @@ def info(
     json: Annotated[Path | None, typer.Option(help="Write it as JSON too.")] = None,
 ) -> None:
     """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
-    from o3dleaf.core.atomic_files import require_apart
+    from o3dleaf.core.atomic_files import require_apart, require_writable
     from o3dleaf.output.report.describe import describe_file, write_json
 
     require_apart([json], [file])
+    if json is not None:
+        require_writable(json)
     found = describe_file(file, unit=unit, voxel_spacing=voxel_spacing)
     for name, value in found.items():
         typer.echo(f"{name:>24}  {value}")
@@ -298,10 +300,12 @@ def qa(
     quiet: Quiet = False,
 ) -> None:
     """Judge a mesh: figures, defects, requirements; exit code 1 if one is not met."""
-    from o3dleaf.core.atomic_files import require_apart
+    from o3dleaf.core.atomic_files import require_apart, require_writable
     from o3dleaf.output.report.examine import examine_files, verdict_lines
 
     require_apart([html, json], [mesh, field, cloud])
+    if json is not None:
+        require_writable(json)
     set_num_threads_if(threads)
     with shown(quiet=quiet) as journal:
         found = examine_files(mesh, field=field, cloud=cloud, unit=unit, require=require, html=html, journal=journal)
@@ -468,7 +472,7 @@ def render(
     """Draw meshes and point clouds into a picture (PNG, JPG, PDF or SVG); needs no screen and no GPU."""
     from o3dleaf.core.atomic_files import require_apart
     from o3dleaf.output.report.describe import read_geometry
-    from o3dleaf.output.view.render import render as draw_files
+    from o3dleaf.output.view.picture import render as draw_files
 
     require_apart([output], files)
     draw_files([read_geometry(file) for file in files], output, unit=unit, title=title, size=size, engine=engine)
@@ -535,7 +539,7 @@ def pick(
 
     require_apart([output], [scan])
     control = pick_midrib(read_point_cloud(scan))
-    write_midrib(output, control)
+    write_midrib(control, output)
     typer.echo(f"{output}: {len(control)} control points")
 
 
@@ -579,13 +583,9 @@ def set_num_threads_if(threads: int | None) -> None:
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one line and exit code 2, an interruption exit code 130."""
+    """Run the command line; an error of ours is one line and exit code 2."""
     try:
         app(standalone_mode=True)
     except O3DLeafError as error:
         sys.stderr.write(f"o3dleaf: error: {' '.join(str(error).split())}\n")
         sys.exit(2)
-    except SystemExit as stop:
-        if stop.code == INTERRUPTED:
-            sys.stderr.write("o3dleaf: interrupted; a file that was not finished has left nothing behind\n")
-        raise

@@ -77,7 +77,8 @@ class FiguresJob:
         leaf = self.read_leaf(self.model) if self.model is not None else self.build(points, patch, axis, journal)
         volume = patch if isinstance(patch, Volume) else None
         wanted: dict[str, Any] = {"level": self.level, "formats": self.formats, "only": self.only}
-        return draw_figures(leaf, self.output, scan=points, volume=volume, journal=journal, **wanted)
+        with journal:
+            return draw_figures(leaf, self.output, scan=points, volume=volume, **wanted)
 
     def build(
         self, points: Any, patch: Volume | TiledField | PatchBlend | None, midrib: Any, journal: Journal

@@ -30,7 +30,7 @@ from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.output.report.describe import write_json
 from o3dleaf.output.report.summary import summarise
 from o3dleaf.output.view.maps import MEASURES, render_distortion
-from o3dleaf.output.view.render import Inset, render
+from o3dleaf.output.view.picture import Inset, render
 from o3dleaf.surface.isosurface.polygonize import METHODS
 
 MOST_TO_CHECK = 3_000_000
@@ -119,11 +119,14 @@ class LeafRun:
     def __post_init__(self) -> None:
         """Refuse what can be refused before any work."""
         require_writable(self.output, SUFFIXES)
-        beside = self.tile_solid, self.grid, *map(self.beside, (".png", ".json", ".distortion.png"))
-        require_apart((self.output, self.model, *beside), (self.scan, self.ct, self.midrib))
+        beside = [*map(self.beside, (".png", ".json", ".distortion.png"))]
+        outputs = self.output, self.model, self.tile_solid, self.grid, *beside
+        require_apart(outputs, (self.scan, self.ct, self.midrib))
         for path, suffixes in ((self.model, (MODEL,)), (self.tile_solid, SUFFIXES), (self.grid, GRIDS)):
             if path is not None:
                 require_writable(path, suffixes)
+        for path in beside:
+            require_writable(path)
         if self.ct is None and (self.closed or self.fine or self.tile_solid or self.grid):
             raise InputError(
                 "closed, fine, tile-solid, grid: need a micro-structure, which gives the blade its thickness; give ct"

@@ -13,7 +13,7 @@ from o3dleaf.fitting.rbf.smoothing import Amount
 from o3dleaf.io.model_file import SUFFIX as MODEL
 from o3dleaf.io.point_cloud import read_point_cloud
 from o3dleaf.io.triangle_mesh import SUFFIXES, write_triangle_mesh
-from o3dleaf.output.view.render import PIXELS, VECTORS, render
+from o3dleaf.output.view.picture import PIXELS, VECTORS, render
 from o3dleaf.output.view.scene import Scalars
 from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
 from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -19,17 +20,27 @@ PLY_BYTES |= dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"
 PLY_BYTES |= dict.fromkeys(("double", "float64"), 8)
 """Bytes of each type that a vertex can have in a PLY file."""
 
+KINDS = (
+    (stat.S_ISDIR, "folder"),
+    (stat.S_ISFIFO, "pipe"),
+    (stat.S_ISSOCK, "socket"),
+    (lambda _: True, "device"),
+)
+"""What a path may be but a file."""
+
 
 @contextmanager
 def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     """Yield a temporary name beside `path`, with its suffix; what was written there takes the name at the end.
 
-    A failure or an interruption leaves nothing behind, and an old file of the name survives it.
+    A failure or an interruption leaves nothing behind, and an old file of the name survives it. A symbolic link stays
+    one: what it leads to is replaced, or made, as by any program that opens the link and writes.
 
     Raises
     ------
     InputError
-        If the folder is not there or cannot be written to.
+        If the folder is not there or cannot be written to, or the name is taken by what is no regular file: a folder, a
+        device, a pipe or a socket would be replaced.
     O3DLeafError
         If writing fails, for example because the disk is full.
     """
@@ -37,7 +48,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     temporary = _beside(target)
     try:
         yield temporary
-        temporary.replace(target)
+        temporary.replace(target.resolve())
     except OSError as cause:
         raise O3DLeafError(
             f"{target}: could not be written ({cause.strerror}); free space or choose another"
@@ -46,10 +57,13 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it."""
+def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) -> Path:
+    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it.
+
+    The suffix is one of `suffixes`, if there are any.
+    """
     target = Path(path)
-    if target.suffix.lower() not in suffixes:
+    if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
     return target
@@ -57,7 +71,7 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Pa
 
 def require_free(path: str | PathLike[str], size: int) -> None:
     """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
-    free = shutil.disk_usage(Path(path).absolute().parent).free
+    free = shutil.disk_usage(Path(path).resolve().parent).free
     if free < size:
         raise O3DLeafError(
             f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
@@ -113,14 +127,23 @@ def _vertex_bytes(header: list[list[str]]) -> int:
 
 
 def _beside(target: Path) -> Path:
-    """Return a new empty file in the folder of `target`, or raise `InputError`."""
-    if target.is_dir():
-        raise InputError(f"{target}: is a folder; give the name of a file")
-    # A rename replaces read-only files too, and root may do anything: the mode says what the owner meant.
-    if target.exists() and not target.stat().st_mode & 0o222:
-        raise InputError(f"{target}: is there already and read-only; choose another name")
+    """Return a new empty file in the folder of what `target` is or leads to, or raise `InputError`."""
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=target.parent)
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG | 0o666
+    except OSError as cause:
+        raise InputError(f"{target}: cannot be written ({cause.strerror}); choose another name") from cause
+    # A rename replaces whatever has the name, /dev/null and read-only files too, and root may do anything: the mode
+    # says what the owner meant.
+    if not stat.S_ISREG(mode):
+        kind = next(word for test, word in KINDS if test(mode))
+        raise InputError(f"{target}: is a {kind}, and only a file can be written; give the name of a file")
+    if not mode & 0o222:
+        raise InputError(f"{target}: is there already and read-only; choose another name")
+    folder = target.resolve().parent
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=folder)
     except OSError as cause:
         raise InputError(f"{target}: the folder cannot be written to ({cause.strerror}); choose another") from cause
     os.close(handle)

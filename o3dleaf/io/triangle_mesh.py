@@ -9,7 +9,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.atomic_files import require_whole_ply, require_writable, whole_file
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks import FloatArray, require_file
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.mesh_arrays import MeshLike, build_mesh, mesh_arrays
 
@@ -29,6 +29,8 @@ LINES = 100_000
 def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
     """Return the triangle mesh of a PLY, OBJ, STL or OFF file; `o3dleaf.read_labelled_mesh` keeps its labels too.
 
+    STL repeats every corner of a triangle: equal ones become one vertex, without a normal.
+
     Raises
     ------
     InputError
@@ -41,8 +43,14 @@ def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
         mesh = o3d.io.read_triangle_mesh(file)
     if not mesh.has_triangles():
         raise InputError(f"{file}: no triangles could be read; is it a point cloud, or no PLY, OBJ, STL or OFF file?")
-    mesh_arrays(mesh)
-    return mesh
+    vertices, triangles = mesh_arrays(mesh)
+    return join_corners(vertices[triangles]) if file.suffix.lower() == ".stl" else mesh
+
+
+def join_corners(corners: FloatArray) -> o3d.geometry.TriangleMesh:
+    """Return the mesh of the (m, 3, 3) corners of its triangles, exactly equal ones as one vertex."""
+    mesh = build_mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    return mesh.remove_duplicated_vertices()
 
 
 def write_triangle_mesh(path: str | PathLike[str], mesh: MeshLike) -> None:

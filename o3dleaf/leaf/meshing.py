@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from functools import cached_property
 from os import PathLike
 
@@ -14,6 +15,7 @@ from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_p
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import Progress, run_blocks
+from o3dleaf.core.progress import listening
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.distance.projection import Texture
@@ -86,9 +88,8 @@ class Realisation:
         lattice = leaf_lattice(texture, blade, scale, spacing, together=simplify is None and remesh_tile is None)
         one = tile_lattice(texture, scale, spacing) if is_one_tile(texture, blade, scale) else lattice
         self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-        self.tile: Tile = extract_tile(
-            lambda flat: texture(flat * scale), lattice, kind, progress, sharpen=one.shape[:2]
-        )
+        with listening(progress) if progress else nullcontext():
+            self.tile: Tile = extract_tile(lambda flat: texture(flat * scale), lattice, kind, sharpen=one.shape[:2])
         plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
         reduce = self._reducing(simplify, remesh_tile)
         reduced = None if reduce is None else reduce_tile(self.tile, reduce)
@@ -186,7 +187,8 @@ class Realisation:
         """
         arrays = Arrays(self.assembly)
         if remesh is None:
-            self.assembly.emit(arrays, self.blade.lift, progress)
+            with listening(progress) if progress else nullcontext():
+                self.assembly.emit(arrays, self.blade.lift)
             return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=self.blade.unit)
         edge = require_positive(remesh, "remesh")
         self.assembly.emit(arrays, lambda flat: flat)
@@ -204,8 +206,9 @@ class Realisation:
         O3DLeafError
             If the disk has no room for it, or writing fails.
         """
-        with mesh_file(path, self.assembly, self._comments) as sink:
-            self.assembly.emit(sink, self.blade.lift, progress)
+        heard = listening(progress) if progress else nullcontext()
+        with heard, mesh_file(path, self.assembly, self._comments) as sink:
+            self.assembly.emit(sink, self.blade.lift)
 
 
 def extract_windows(

@@ -5,3 +5,8 @@
 `report`   what is known of a mesh, a file or a run
 `figures`  figures like the paper's
 """
+
+import lazy_loader
+
+# The namespaces o3l.view and o3l.figures, and nothing heavier before they are used.
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["figures", "view"])

@@ -13,11 +13,11 @@ from o3dleaf.samples.micro import WheatPatch
 Intensities = npt.NDArray[np.float32]
 
 PITCH = 280.0
-"""Distance between ridges, in micrometres."""
+"""Distance between ridges, in micrometers."""
 FLOOR = -200.0
-"""Lower side of the patch; the blade's middle is at 0, in micrometres."""
+"""Lower side of the patch; the blade's middle is at 0, in micrometers."""
 MARGIN = 60.0
-"""No hair and no pocket comes nearer to the edge of the patch, in micrometres."""
+"""No hair and no pocket comes nearer to the edge of the patch, in micrometers."""
 BLUR = 0.6
 """Standard deviation of the scanner's point spread, in voxels."""
 GRAIN = 0.4
@@ -45,9 +45,9 @@ def wheat_ct(
     seed : int
         Of the leaf and of the noise.
     spacing : float
-        Voxel size in micrometres, for example 24 or 3; the blur is 0.6 of it.
+        Voxel size in micrometers, for example 24 or 3; the blur is 0.6 of it.
     size : (3,) floats
-        Extent of the patch, face to face, in micrometres.
+        Extent of the patch, face to face, in micrometers.
     noise : float
         Standard deviation of the noise, in intensity; leaf is 0.2 and air 0.
     drift : float
@@ -59,7 +59,7 @@ def wheat_ct(
     Returns
     -------
     volume : Volume
-        32-bit intensities, in micrometres.
+        32-bit intensities, in micrometers.
     truth : WheatPatch
         The intensity without noise and drift; leaf is where ``truth(points) > truth.level``.
 
@@ -70,7 +70,7 @@ def wheat_ct(
     """
     step, extent = require_positive(spacing, "spacing"), np.asarray(size, dtype=np.float64)
     if extent.shape != (3,) or (extent < [600.0, 600.0, 480.0]).any():
-        raise InputError(f"size: is {size}; give at least 600, 600 and 480 micrometres, room for a hair and for air")
+        raise InputError(f"size: is {size}; give at least 600, 600 and 480 micrometers, room for a hair and for air")
     shape = np.round(extent / step).astype(int)
     low = np.array([0.0, 0.0, FLOOR])
     leaf_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)
@@ -141,7 +141,7 @@ def _hairs(rng: np.random.Generator, bare: WheatPatch, lines: FloatArray, count:
 
 
 def _sample(truth: WheatPatch, shape: npt.NDArray[np.int_], origin: FloatArray, step: float) -> Intensities:
-    """Evaluate the truth at the voxel centres, slab by slab along x, as 32-bit floats."""
+    """Evaluate the truth at the voxel centers, slab by slab along x, as 32-bit floats."""
     x, y, z = (origin[a] + step * np.arange(shape[a]) for a in range(3))
     plane = np.stack(np.meshgrid(y, z, indexing="ij"), axis=-1).reshape(-1, 2)
     data = np.empty((len(x), len(y), len(z)), dtype=np.float32)
@@ -163,7 +163,7 @@ def _add_drift(data: Intensities, drift: float) -> None:
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, ...], sigma: float) -> Intensities:
-    """Draw normal noise of standard deviation `sigma`, a little correlated between neighbours."""
+    """Draw normal noise of standard deviation `sigma`, a little correlated between neighbors."""
     white = rng.standard_normal(shape, dtype=np.float32)
     grain: Intensities = gaussian_filter(white, GRAIN)
     grain *= np.float32(sigma / grain.std())

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
@@ -35,12 +36,12 @@ data, under the licence of the project. The truth behind each file is a Field th
 """  # noqa: E501 - a row of a table is one line
 
 
-def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path]:
+def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
     """Write the sample scan, midrib and micro-CT volume with a README that holds their checksums.
 
     Parameters
     ----------
-    directory : path-like
+    folder : path-like
         Made if it does not exist; files of the same names are replaced.
     seed : int
         Of the samples; the files in `data_samples/` have 0.
@@ -53,9 +54,11 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
     Raises
     ------
     InputError
-        If a file cannot be written.
+        If the folder cannot be written to.
+    O3DLeafError
+        If writing fails.
     """
-    folder = Path(directory)
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     scan = wheat_scan(seed=seed)
     volume, _ = wheat_ct(seed=seed)
@@ -63,29 +66,27 @@ def write_samples(directory: str | PathLike[str], *, seed: int = 0) -> list[Path
     paths = [folder / name for name in (SCAN, MIDRIB, PATCH)]
     _write_points(paths[0], np.asarray(scan.cloud.points))
     _write_points(paths[1], scan.midrib)
-    write_volume(paths[2], volume)
+    write_volume(volume, paths[2])
     sums = [f"| `{p.name}` | {p.stat().st_size:,} | `{hashlib.sha256(p.read_bytes()).hexdigest()}` |" for p in paths]
     page = folder / PAGE
-    page.write_text(
-        TEXT.format(
-            seed=seed,
-            scan=SCAN,
-            midrib=MIDRIB,
-            patch=PATCH,
-            points=len(scan.cloud.points),
-            controls=len(scan.midrib),
-            shape=" × ".join(str(n) for n in volume.shape),
-            voxels=volume.data.size,
-            sums="\n".join(sums),
-        ),
-        encoding="utf-8",
+    text = TEXT.format(
+        seed=seed,
+        scan=SCAN,
+        midrib=MIDRIB,
+        patch=PATCH,
+        points=len(scan.cloud.points),
+        controls=len(scan.midrib),
+        shape=" × ".join(str(n) for n in volume.shape),
+        voxels=volume.data.size,
+        sums="\n".join(sums),
     )
+    with whole_file(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return [*paths, page]
 
 
 def _write_points(path: Path, points: FloatArray) -> None:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.round(DECIMALS_MM)))
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
-    if not o3d.io.write_point_cloud(part, cloud):
-        raise InputError(f"{path}: cannot be written; check the folder's permissions and free space")
-    part.replace(path)
+    with whole_file(path) as temporary:
+        if not o3d.io.write_point_cloud(temporary, cloud):
+            raise O3DLeafError(f"{path}: could not be written; check the folder's permissions and free space")

@@ -13,11 +13,11 @@ from o3dleaf.samples.domain import evaluate
 LEAF = 0.2
 """Intensity of leaf, relative to the scanner's largest; air is 0."""
 CREST, BACK = 24.0, 9.0
-"""Half the height of the adaxial and of the abaxial ridges, in micrometres."""
+"""Half the height of the adaxial and of the abaxial ridges, in micrometers."""
 ADAXIAL, ABAXIAL = 100.0, -95.0
-"""Mean height of the two faces above the middle of the blade, in micrometres."""
+"""Mean height of the two faces above the middle of the blade, in micrometers."""
 PIT_DEPTH, PIT_SPREAD = 28.0, np.array([28.0, 16.0])
-"""Depth of a stoma's pit and its standard deviations along (x, y), in micrometres."""
+"""Depth of a stoma's pit and its standard deviations along (x, y), in micrometers."""
 REACH = 7.0
 """So many standard deviations of the blur away, a profile is flat to 1e-12."""
 
@@ -39,19 +39,19 @@ class WheatPatch:
     Attributes
     ----------
     bounds : (2, 3) ndarray
-        The patch, in micrometres.
+        The patch, in micrometers.
     blur : float
-        Standard deviation of the scanner's point spread, in micrometres.
+        Standard deviation of the scanner's point spread, in micrometers.
     ridges : float
         Number of ridges across y.
     phases : (3,) ndarray
         Phases of the ridges' wander and of their height along x and y, in radians.
     hairs : (n, 8) ndarray
-        Foot (x, y, z), tip (x, y, z), radius at the foot and at the tip, in micrometres.
+        Foot (x, y, z), tip (x, y, z), radius at the foot and at the tip, in micrometers.
     stomata : (n, 2) ndarray
-        Centres (x, y) of the pits in the adaxial face, in micrometres.
+        Centers (x, y) of the pits in the adaxial face, in micrometers.
     pockets : (n, 6) ndarray
-        Centre (x, y, z) and half axes of the closed air pockets, in micrometres.
+        Center (x, y, z) and half axes of the closed air pockets, in micrometers.
     """
 
     bounds: FloatArray
@@ -65,11 +65,11 @@ class WheatPatch:
     level: float = LEAF / 2
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n,) intensities at (n, 3) points in micrometres."""
+        """Return the (n,) intensities at (n, 3) points in micrometers."""
         return evaluate(self.inside, self.bounds, points)[0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the (n, 3) gradients at (n, 3) points, in intensity per micrometre."""
+        """Return the (n, 3) gradients at (n, 3) points, in intensity per micrometer."""
         return evaluate(self.inside, self.bounds, points)[1]
 
     def faces(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -81,9 +81,9 @@ class WheatPatch:
         """Return the (n,) intensities and (n, 3) gradients at (n, 3) points in the bounds, unchecked."""
         # Each complement 1 − opacity and its gradient are carried through the product together.
         solid, d_solid = self._blade(p)
-        centres, half = self.pockets[:, :3], self.pockets[:, 3:]
+        centers, half = self.pockets[:, :3], self.pockets[:, 3:]
         reach = half * (1 + REACH * self.blur / half.mean(axis=1, keepdims=True))
-        for j, i in _near(p, centres, reach):
+        for j, i in _near(p, centers, reach):
             pocket = self.pockets[j]
             keep, d_keep = _complement(*_ellipsoid(p[i], pocket), self.blur)
             d_solid[i] = d_solid[i] * keep[:, np.newaxis] + solid[i, np.newaxis] * d_keep
@@ -131,14 +131,14 @@ class WheatPatch:
         return (top, d_top), (bottom, d_bottom)
 
 
-def _near(points: FloatArray, centres: FloatArray, half: FloatArray) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
+def _near(points: FloatArray, centers: FloatArray, half: FloatArray) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
     """Yield each box (m, d) that meets the points, with the rows of the points in it."""
     low, high = np.array([(column.min(), column.max()) for column in points.T]).T
-    for j in np.flatnonzero(((centres - half < high) & (centres + half > low)).all(axis=1)):
-        rows = np.flatnonzero(abs(points[:, 0] - centres[j, 0]) < half[j, 0])
+    for j in np.flatnonzero(((centers - half < high) & (centers + half > low)).all(axis=1)):
+        rows = np.flatnonzero(abs(points[:, 0] - centers[j, 0]) < half[j, 0])
         for axis in range(1, points.shape[1]):
             # One axis after the other, as few rows are left after the first.
-            rows = rows[abs(points[rows, axis] - centres[j, axis]) < half[j, axis]]
+            rows = rows[abs(points[rows, axis] - centers[j, axis]) < half[j, axis]]
         yield int(j), rows
 
 

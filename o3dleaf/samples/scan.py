@@ -12,11 +12,11 @@ from o3dleaf.samples.sheet import WheatBlade
 
 CONTROL_POINTS = 20
 PICK_ERROR = 0.2
-"""Standard deviation of a hand-picked control point, in millimetres."""
+"""Standard deviation of a hand-picked control point, in millimeters."""
 SURPLUS = 2.5
 """So many candidates are scanned for every point that is kept."""
 OUTLIER_REACH = 6.0
-"""Outliers lie up to so far from the leaf, in millimetres."""
+"""Outliers lie up to so far from the leaf, in millimeters."""
 
 
 class ScanSample(NamedTuple):
@@ -36,7 +36,7 @@ def wheat_scan(
     holes: int = 6,
     outliers: int = 0,
 ) -> ScanSample:
-    """Return a synthetic laser scan of a wheat leaf about 200 mm long and 11 mm wide, in millimetres.
+    """Return a synthetic laser scan of a wheat leaf about 200 mm long and 11 mm wide, in millimeters.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def wheat_scan(
     count : int
         Number of points, outliers included.
     noise : float
-        Standard deviation of the scanner's noise along each axis, in millimetres.
+        Standard deviation of the scanner's noise along each axis, in millimeters.
     misregistration : float
-        How far the second of the two passes is displaced, in millimetres.
+        How far the second of the two passes is displaced, in millimeters.
     holes : int
         Number of gaps where something hid the leaf.
     outliers : int
@@ -119,8 +119,8 @@ def _seen(rng: np.random.Generator, truth: WheatBlade, sites: FloatArray, holes:
     for _ in range(holes):
         along = truth.length * (0.05 + 0.9 * rng.beta(1.2, 2.0))
         half_width = truth.half_width(along)[0]
-        centre = np.array([along, rng.uniform(-0.8, 0.8) * half_width])
+        center = np.array([along, rng.uniform(-0.8, 0.8) * half_width])
         # Never so wide that the leaf falls in two.
         half = np.array([rng.uniform(1.5, 4.0), rng.uniform(0.2, 0.45) * half_width])
-        seen &= (((sites - centre) / half) ** 2).sum(axis=1) > 1.0
+        seen &= (((sites - center) / half) ** 2).sum(axis=1) > 1.0
     return seen

@@ -19,7 +19,7 @@ STEPS = 60
 
 @dataclass(frozen=True, eq=False)
 class WheatBlade:
-    r"""A zero-thickness wheat blade, as a Field: ``half_thickness`` less the distance to it, in millimetres.
+    r"""A zero-thickness wheat blade, as a Field: ``half_thickness`` less the distance to it, in millimeters.
 
     .. math:: S(t, v) = m(t) + v\, a(t) + H(t, v)\, n(t), \qquad 0 \le t \le L,\ |v| \le w(t),
 
@@ -29,11 +29,11 @@ class WheatBlade:
     Attributes
     ----------
     length : float
-        Arc length L of the axis, in millimetres.
+        Arc length L of the axis, in millimeters.
     width : float
-        Full width where the blade is widest, in millimetres.
+        Full width where the blade is widest, in millimeters.
     base : (3,) ndarray
-        The axis at t = 0, in millimetres, in world coordinates.
+        The axis at t = 0, in millimeters, in world coordinates.
     rise, droop : float
         Elevation of the axis at the base and at the tip, in radians.
     swing : float
@@ -41,7 +41,7 @@ class WheatBlade:
     twist : float
         Turn of the blade about its axis from base to tip, in radians.
     half_thickness : float
-        Half the thickness of the leaf whose outside is F < 0, in millimetres.
+        Half the thickness of the leaf whose outside is F < 0, in millimeters.
     """
 
     length: float = 200.0
@@ -76,7 +76,7 @@ class WheatBlade:
         object.__setattr__(self, "area", _area(surface.reshape(*SEEDS, 3)))
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
-        """Return half the thickness less the distance to the blade, (n,), at (n, 3) points in millimetres."""
+        """Return half the thickness less the distance to the blade, (n,), at (n, 3) points in millimeters."""
         return evaluate(self._inside, self.bounds, points)[0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
@@ -84,7 +84,7 @@ class WheatBlade:
         return evaluate(self._inside, self.bounds, points)[1]
 
     def axis(self, along: npt.ArrayLike) -> FloatArray:
-        """Return the (n, 3) points of the axis at (n,) arc lengths, in millimetres."""
+        """Return the (n, 3) points of the axis at (n,) arc lengths, in millimeters."""
         return np.asarray(self._axis(np.atleast_1d(np.asarray(along, dtype=np.float64))))
 
     def frame(self, along: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -99,12 +99,12 @@ class WheatBlade:
         return tangent, cos * side + sin * lift, cos * lift - sin * side
 
     def half_width(self, along: npt.ArrayLike) -> FloatArray:
-        """Return half the width (n,) at (n,) arc lengths, in millimetres: a long blade that tapers to a tip."""
+        """Return half the width (n,) at (n,) arc lengths, in millimeters: a long blade that tapers to a tip."""
         s = np.clip(np.atleast_1d(np.asarray(along, dtype=np.float64)) / self.length, 0.0, 1.0)
         return 0.5 * self.width * (0.02 + 0.98 * (1 - s**2.5) * (0.65 + 0.35 * np.sin(np.pi * s * (2 - s))))
 
     def height(self, along: npt.ArrayLike, across: npt.ArrayLike) -> FloatArray:
-        """Return H (n,) above the axis's (along, across) plane, in millimetres: the fold and the wavy margins."""
+        """Return H (n,) above the axis's (along, across) plane, in millimeters: the fold and the wavy margins."""
         t, v = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (along, across))
         fold = 0.28 * (1 - 0.7 * t / self.length) * (np.sqrt(v**2 + 1.0) - 1.0)
         return fold + 0.006 * v**2 * np.sin(2 * np.pi * t / 47.0 + 0.5 * np.tanh(v))

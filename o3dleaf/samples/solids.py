@@ -14,7 +14,7 @@ from o3dleaf.samples.domain import BLOCK, evaluate
 
 TURN = Rotation.from_euler("xyz", [23.0, 37.0, 11.0], degrees=True).as_matrix()
 """How all solids stand in the world: no face, axis or plane of symmetry along a lattice's."""
-CENTRE = np.array([0.31, -0.17, 0.09])
+CENTER = np.array([0.31, -0.17, 0.09])
 MARGIN = 0.25
 """What the bounds leave around a solid's box, of that box's diagonal."""
 ON = 1e-9
@@ -67,7 +67,7 @@ class Solid(ABC):
     @property
     def bounds(self) -> FloatArray:
         """(2, 3) lower, then upper corner of the domain."""
-        corners = np.stack(np.meshgrid(*self.box.T, indexing="ij"), axis=-1).reshape(-1, 3) @ TURN.T + CENTRE
+        corners = np.stack(np.meshgrid(*self.box.T, indexing="ij"), axis=-1).reshape(-1, 3) @ TURN.T + CENTER
         pad = MARGIN * np.linalg.norm(self.box[1] - self.box[0])
         return np.stack([corners.min(axis=0) - pad, corners.max(axis=0) + pad])
 
@@ -92,8 +92,8 @@ class Solid(ABC):
         found = Feet(np.empty_like(where), np.empty_like(where), np.empty(len(where)))
 
         def task(start: int, stop: int) -> None:
-            feet, normals, distance = self._feet((where[start:stop] - CENTRE) @ TURN)
-            found.points[start:stop] = feet @ TURN.T + CENTRE
+            feet, normals, distance = self._feet((where[start:stop] - CENTER) @ TURN)
+            found.points[start:stop] = feet @ TURN.T + CENTER
             found.normals[start:stop] = normals @ TURN.T
             found.distance[start:stop] = distance
 
@@ -131,13 +131,13 @@ class Solid(ABC):
         """
         require_positive(count, "count")
         drawn = self._draw(int(count), np.random.default_rng(seed))
-        feet = self.closest(drawn @ TURN.T + CENTRE)
+        feet = self.closest(drawn @ TURN.T + CENTER)
         return feet.points, feet.normals
 
     def _inside(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        feet, normals, distance = self._feet((points - CENTRE) @ TURN)
+        feet, normals, distance = self._feet((points - CENTER) @ TURN)
         on = np.abs(distance) < ON * np.linalg.norm(self.box[1] - self.box[0])
-        way = (points - (feet @ TURN.T + CENTRE)) / np.where(on, 1.0, distance)[:, np.newaxis]
+        way = (points - (feet @ TURN.T + CENTER)) / np.where(on, 1.0, distance)[:, np.newaxis]
         return -distance, -np.where(on[:, np.newaxis], normals @ TURN.T, way)
 
 

@@ -7,10 +7,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf.leaf.ct.formats import read_volume
-from o3dleaf.samples.ct import wheat_ct
-from o3dleaf.samples.files import write_samples
-from o3dleaf.samples.scan import wheat_scan
+from o3dleaf import read_volume
+from o3dleaf.samples import wheat_ct, wheat_scan, write_samples
 from tolerances import KEPT_DECIMALS
 
 COMMITTED = Path(__file__).resolve().parents[2] / "data_samples"

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import label
 
-from o3dleaf.core.field import Field
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf import Field, get_num_threads, set_num_threads
+from o3dleaf.samples import wheat_ct
 from tolerances import FACE_INTENSITY, SAMPLE_DIFFERENCE
 
 SEEDS = range(4)

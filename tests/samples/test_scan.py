@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.core.field import Field
-from o3dleaf.samples.scan import wheat_scan
-from o3dleaf.samples.sheet import WheatBlade
+from o3dleaf import Field, InputError
+from o3dleaf.samples import WheatBlade, wheat_scan
 from tolerances import SAMPLE_DIFFERENCE, SHEET_ARC, SHEET_DISTANCE
 
 

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.core.field import Field
-from o3dleaf.samples.figure import Figure
+from o3dleaf import Field, InputError
+from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet
 from o3dleaf.samples.meshed import draw_on_triangles
-from o3dleaf.samples.slab import WavySheet
-from o3dleaf.samples.solids import Block, Sphere, Torus
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 from tolerances import DIVERGENCE_SIGMAS, SAMPLE_DIFFERENCE, SHEET_AREA, SOLID_ASTRAY, SOLID_FOOT, SOLID_TIE
 

@@ -78,12 +78,12 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     frame[0, [u_axis, v_axis, normal_axis]] = [*direction, direction @ slopes]
     frame[2, [u_axis, v_axis, normal_axis]] = [*-slopes, 1.0]
     R = _turned_least(frame[0] / np.linalg.norm(frame[0]), frame[2] / np.linalg.norm(frame[2]), up, along)
-    centre = volume.bounds.mean(axis=0)
-    on_plane = centre.copy()
-    on_plane[normal_axis] = height + slopes @ centre[[u_axis, v_axis]]
+    center = volume.bounds.mean(axis=0)
+    on_plane = center.copy()
+    on_plane[normal_axis] = height + slopes @ center[[u_axis, v_axis]]
     transform = np.eye(4)
     transform[:3, :3] = R
-    transform[:3, 3] = [*(centre - R @ centre)[:2], -(R @ on_plane)[2]]
+    transform[:3, 3] = [*(center - R @ center)[:2], -(R @ on_plane)[2]]
     return transform
 
 
@@ -124,7 +124,7 @@ def _fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatA
     z, w = height[known], weight[known]
     for _ in range(5):
         root = np.sqrt(w)[:, np.newaxis]
-        # Centred and scaled by lstsq's own orthogonal factors; three unknowns need no more.
+        # Centered and scaled by lstsq's own orthogonal factors; three unknowns need no more.
         plane = np.linalg.lstsq(design * root, z * root[:, 0], rcond=None)[0]
         off = abs(z - design @ plane)
         w = np.where(off <= HAIR * max(np.median(off), 1e-12 * np.ptp(z)), weight[known], 0.0)

@@ -44,14 +44,14 @@ def read_volume(
         OME metadata, the headers of the other formats). Needed where the file says nothing.
     unit : str, optional
         Unit that the volume is to be in. Lengths that the file states are converted to it; numbers
-        given here are in it. Default: the file's unit, if any (millimetres for NRRD, MetaImage, NIfTI).
+        given here are in it. Default: the file's unit, if any (millimeters for NRRD, MetaImage, NIfTI).
     origin : (3,) array_like, optional
-        Centre of the first voxel, in `unit`; default: the file's, if its spacing is used too, else 0.
+        Center of the first voxel, in `unit`; default: the file's, if its spacing is used too, else 0.
 
     Raises
     ------
     InputError
-        If the file is missing, unreadable, truncated, in colour or of one value, holds NaN, or no
+        If the file is missing, unreadable, truncated, in color or of one value, holds NaN, or no
         spacing is known.
     UnitError
         If the unit is unknown.
@@ -140,7 +140,7 @@ def _read_itk(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
             _require_whole_nifti(path, promised * one.itemsize)
         image = header.Execute()
         if image.GetNumberOfComponentsPerPixel() != 1 or image.GetDimension() != 3:
-            raise InputError(f"{path}: is in colour or not three-dimensional; export one volume of grey values")
+            raise InputError(f"{path}: is in color or not three-dimensional; export one volume of gray values")
         image = SimpleITK.DICOMOrient(image, "LPS")
     except RuntimeError as cause:
         raise InputError(f"{path}: cannot be read ({_last_line(cause)}); export it again") from cause

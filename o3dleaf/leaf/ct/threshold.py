@@ -25,7 +25,7 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float
     """Return the threshold between the two peaks, air and leaf, of the intensities' histogram.
 
     ``"valley"`` smooths the histogram until two peaks are left and takes the lowest point between
-    them (Prewitt and Mendelsohn 1966); ``"otsu"`` maximises the variance between the two classes
+    them (Prewitt and Mendelsohn 1966); ``"otsu"`` maximizes the variance between the two classes
     (Otsu 1979). Zero-valued voxels are padding and are excluded, as in the paper's section on
     micro-scale data; where nothing with two peaks is left, they are taken for air.
 
@@ -60,7 +60,7 @@ def _valley(sample: FloatArray) -> float | None:
     histogram = _histogram(sample)
     if histogram is None:
         return None
-    counts, centres = histogram
+    counts, centers = histogram
     # Empty bins at both ends let a peak in the first or last bin count as one.
     counts = np.pad(counts.astype(np.float64), 1)
     while True:
@@ -74,9 +74,9 @@ def _valley(sample: FloatArray) -> float | None:
     between = counts[low : high + 1]
     if between.min() > DEEPEST_RIPPLE * min(counts[low], counts[high]):
         return None
-    # The floor of a wide valley is flat: its middle, so that neither class is favoured.
+    # The floor of a wide valley is flat: its middle, so that neither class is favored.
     floor = np.flatnonzero(between == between.min())
-    return float(centres[low - 1 + int(floor[len(floor) // 2])])
+    return float(centers[low - 1 + int(floor[len(floor) // 2])])
 
 
 def _otsu(sample: FloatArray) -> float | None:
@@ -84,21 +84,21 @@ def _otsu(sample: FloatArray) -> float | None:
     histogram = _histogram(sample)
     if histogram is None:
         return None
-    counts, centres = histogram
-    level = float(threshold_otsu(hist=(counts, centres)))
+    counts, centers = histogram
+    level = float(threshold_otsu(hist=(counts, centers)))
     weight = counts / counts.sum()
-    mean = float(weight @ centres)
-    total = float(weight @ (centres - mean) ** 2)
-    upper = float(weight[centres > level].sum())
+    mean = float(weight @ centers)
+    total = float(weight @ (centers - mean) ** 2)
+    upper = float(weight[centers > level].sum())
     if total == 0.0 or upper in (0.0, 1.0):
         return None
-    upper_mean = float(weight[centres > level] @ centres[centres > level]) / upper
+    upper_mean = float(weight[centers > level] @ centers[centers > level]) / upper
     between = upper / (1.0 - upper) * (upper_mean - mean) ** 2
     return level if between > LEAST_SEPARATION * total else None
 
 
 def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:
-    """Count voxels in bins, with the bins' centres; one voxel in two thousand at each end may fall outside them."""
+    """Count voxels in bins, with the bins' centers; one voxel in two thousand at each end may fall outside them."""
     if len(sample) == 0:
         return None
     low, high = np.quantile(sample, [0.0005, 0.9995])

@@ -1,7 +1,6 @@
 """TIFF stacks: what the file holds, what it says about lengths, and nothing allocated before it is checked."""
 
 import logging
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.units import METRES, check_unit
@@ -45,11 +45,11 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     Raises
     ------
     InputError
-        If the file is not a TIFF, is truncated, is in colour or holds more than one stack.
+        If the file is not a TIFF, is truncated, is in color or holds more than one stack.
     """
     try:
         with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
-            stack = _one_grey_series(tiff, path)
+            stack = _one_gray_series(tiff, path)
             _require_complete(tiff, stack, path)
             lattice = _stated(tiff)
             _require_no(complaints, path)
@@ -63,7 +63,7 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     return np.asarray(pages).reshape(_three(stack.shape)), lattice
 
 
-def write_volume(path: str | PathLike[str], volume: Volume) -> None:
+def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
     """Write a volume as an ImageJ TIFF stack with its spacing, origin and unit, whole or not at all.
 
     8-bit and 16-bit unsigned integers and 32-bit floats are kept as they are; other types become
@@ -71,12 +71,23 @@ def write_volume(path: str | PathLike[str], volume: Volume) -> None:
 
     Parameters
     ----------
+    volume : Volume
+        A unit of None is written as ImageJ's "pixel".
     path : path-like
         File to write; it appears under its name only when it is complete.
-    volume : Volume
-        The volume; a unit of None is written as ImageJ's "pixel".
+
+    Raises
+    ------
+    InputError
+        If the first argument is no volume, or the folder cannot be written to.
+    O3DLeafError
+        If writing fails, for example because the disk is full.
     """
-    target = Path(path)
+    if not isinstance(volume, Volume):
+        given = type(volume).__name__
+        raise InputError(
+            f"volume: is of type {given}; give the volume first, then the path: write_volume(volume, path)"
+        )
     kept = volume.data.dtype in (np.uint8, np.uint16, np.float32)
     pages = swap_page_order(volume.data if kept else volume.data.astype(np.float32))
     # ImageJ counts its origin in voxels, from the lattice's origin.
@@ -84,19 +95,15 @@ def write_volume(path: str | PathLike[str], volume: Volume) -> None:
     metadata: dict[str, Any] = dict(zip(("xorigin", "yorigin", "zorigin"), steps, strict=True))
     metadata |= {"axes": "ZYX", "spacing": float(volume.spacing[2]), "unit": volume.unit or "pixel"}
     across, down = (Fraction(float(s)).limit_denominator(10**6) for s in volume.spacing[:2])
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as temporary:
         tifffile.imwrite(
-            part,
+            temporary,
             np.ascontiguousarray(pages),
             imagej=True,
             resolution=((across.denominator, across.numerator), (down.denominator, down.numerator)),
             metadata=metadata,
             software="o3dleaf",
         )
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _require_no(complaints: list[str], path: Path) -> None:
@@ -118,12 +125,12 @@ def _complaints() -> Iterator[list[str]]:
         logger.removeHandler(handler)
 
 
-def _one_grey_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
+def _one_gray_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
     if len(tiff.series) != 1:
         raise InputError(f"{path}: holds {len(tiff.series)} images of different sizes; export one stack")
     stack = tiff.series[0]
     if "S" in stack.axes or tiff.pages.first.samplesperpixel > 1:
-        raise InputError(f"{path}: is in colour; export grey values")
+        raise InputError(f"{path}: is in color; export gray values")
     _three(stack.shape)
     return stack
 
@@ -177,7 +184,7 @@ def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> Stated
 
 
 def _ome_lattice(xml: str) -> StatedLattice:
-    """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometres unless it says otherwise."""
+    """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometers unless it says otherwise."""
     pixels = next((e for e in ET.fromstring(xml).iter() if e.tag.endswith("}Pixels")), None)  # noqa: S314
     if pixels is None or any(pixels.get(f"PhysicalSize{a}") is None for a in "XYZ"):
         return StatedLattice()

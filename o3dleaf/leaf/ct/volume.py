@@ -14,16 +14,16 @@ from o3dleaf.leaf.ct.threshold import histogram_threshold
 
 @dataclass(frozen=True, eq=False, init=False)
 class Volume:
-    r"""Intensities on a regular lattice, voxel (i, j, k) centred at ``origin + spacing * (i, j, k)``.
+    r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
 
     Parameters
     ----------
     data : (nx, ny, nz) ndarray of real numbers
         Intensity (radio-density) of the voxels; ``data[i, j, k]`` runs along (x, y, z). It is not copied.
     spacing : float or (3,) array_like
-        Distance between voxel centres along (x, y, z), in `unit`.
+        Distance between voxel centers along (x, y, z), in `unit`.
     origin : (3,) array_like
-        Centre of voxel (0, 0, 0), in `unit`.
+        Center of voxel (0, 0, 0), in `unit`.
     unit : str, optional
         Unit of length of `spacing` and `origin`.
 
@@ -61,7 +61,7 @@ class Volume:
 
     @property
     def voxel_bounds(self) -> FloatArray:
-        """(2, 3) box of the voxel centres, in `unit`."""
+        """(2, 3) box of the voxel centers, in `unit`."""
         return np.stack([self.origin, self.origin + self.spacing * (np.array(self.shape) - 1)])
 
     @property
@@ -105,7 +105,7 @@ class Volume:
         transform: npt.ArrayLike | None = None,
         bounds: npt.ArrayLike | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        r"""Return voxel centres :math:`z_i` and the values :math:`f_i - f_{\mathrm{surface}}`.
+        r"""Return voxel centers :math:`z_i` and the values :math:`f_i - f_{\mathrm{surface}}`.
 
         The data of the paper's implicit fit: positive in the leaf, negative in the air.
 
@@ -123,7 +123,7 @@ class Volume:
         Returns
         -------
         points : (n, 3) ndarray
-            Voxel centres, in `unit`, z fastest.
+            Voxel centers, in `unit`, z fastest.
         values : (n,) ndarray
             Intensity less level.
 
@@ -149,7 +149,7 @@ class Volume:
         return points, values
 
     def crop(self, bounds: npt.ArrayLike) -> "Volume":
-        """Return the volume of the voxels whose centres lie in `bounds` (2, 3), in `unit`, without a copy.
+        """Return the volume of the voxels whose centers lie in `bounds` (2, 3), in `unit`, without a copy.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A periodic surface, polygonised once and set down everywhere inside an outline, block by block into a file.
+"""A periodic surface, polygonized once and set down everywhere inside an outline, block by block into a file.
 
 A tile is periodic along the first two axes, and a function takes flat coordinates to the world.
 

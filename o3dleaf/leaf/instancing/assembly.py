@@ -8,10 +8,11 @@ from typing import Any, Protocol, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import Progress, blocks, run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.parts import ADAXIAL, Part, label_part, sides_of, stand_in
 from o3dleaf.leaf.instancing.placement import Numbers, place_sheets, place_solid
@@ -125,7 +126,7 @@ class Assembly:
         """(2,) the column in the middle of the outline's box."""
         return np.asarray(self.footprint.box.sum(axis=0) // 2)
 
-    def emit(self, sink: Sink, to_world: Callable[[FloatArray], FloatArray], progress: Progress | None = None) -> None:
+    def emit(self, sink: Sink, to_world: Callable[[FloatArray], FloatArray]) -> None:
         """Make every vertex and triangle and hand them to a sink.
 
         Parameters
@@ -133,8 +134,6 @@ class Assembly:
         sink : Sink
         to_world : callable
             Takes (n, 3) flat positions to the world; called from several threads.
-        progress : callable, optional
-            ``progress(done, total)`` in vertices.
         """
         done = 0
         for parts, rows in self._windows():
@@ -143,8 +142,7 @@ class Assembly:
             _side_by_side(partial(self._emit_vertices, sink, to_world, parts, numbers), pieces)
             _side_by_side(partial(self._emit_triangles, sink, parts, numbers), rows)
             done += sum(int(self._kept_counts(at)[0]) for at in rows)
-            if progress:
-                progress(done, self.vertices)
+            progress.report(done, self.vertices)
 
     def names(self) -> IntArray:
         """Return the edges, (i, j, k, direction), of the lattice that the vertices lie on, in their order.
@@ -206,7 +204,7 @@ class Assembly:
         )
 
     def _links(self, parts: dict[At, Part], at: At) -> tuple[IntArray, IntArray]:
-        """Return the pieces of a tile and of its neighbours that have a vertex in common, as pairs of numbers."""
+        """Return the pieces of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
         part, base = parts[at], self._shares[at].first_label
         around = {
             shift: (parts[there].placement, Numbers(parts[there].own, self._shares[there].first_label))
@@ -219,7 +217,7 @@ class Assembly:
 
     @staticmethod
     def _around(parts: dict[At, Part], at: At) -> dict[int, At]:
-        """Return the neighbours that a tile's triangles lean on, by shift."""
+        """Return the neighbors that a tile's triangles lean on, by shift."""
         places = {shift: (at[0] + (shift & 1), at[1] + (shift >> 1)) for shift in (1, 2, 3)}
         return {shift: there for shift, there in places.items() if there in parts}
 

@@ -24,7 +24,7 @@ def _square(code: int) -> list[tuple[int, int, int]]:
     """Return the triangles inside a square: 0 to 3 its corners, 4 + k the vertex between corners k and k + 1."""
     inside = [code >> k & 1 for k in range(4)]
     if code in {5, 10}:
-        # As on the faces of a cell, inside corners that are not neighbours stay apart.
+        # As on the faces of a cell, inside corners that are not neighbors stay apart.
         return [(4 + (k - 1) % 4, k, 4 + k) for k in range(4) if inside[k]]
     polygon = []
     for k in range(4):
@@ -39,7 +39,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     Raises
     ------
     InputError
-        If the tile was not polygonised by marching cubes.
+        If the tile was not polygonized by marching cubes.
     """
     if METHODS[tile.method] != "cubes":
         raise InputError("method: walls are drawn for marching cubes; use cubes")

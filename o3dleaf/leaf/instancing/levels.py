@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, triangle_areas
@@ -109,7 +110,8 @@ def _with_children(level: Level, values: Values) -> Part:
         footprint = footprint.without(hole)
     assembly = Assembly(level.tile, footprint, closed=level.closed, keep_scraps=True)
     arrays = Arrays(assembly)
-    assembly.emit(arrays, lambda flat: flat)
+    with progress.silent():
+        assembly.emit(arrays, lambda flat: flat)
     part = Part(assembly.names(), arrays.vertices, arrays.triangles, arrays.labels)
     for child in level.children:
         part = _stitch(part, _window(child, level.tile, values), child)

@@ -51,8 +51,8 @@ class Numbers:
 class Placement:
     """A tile in one place.
 
-    The nodes of its triangles are, one after the other: the tile's vertices, those of neighbours
-    (`Tile.beyond`), the rim's own vertices, and those of neighbours on the rim.
+    The nodes of its triangles are, one after the other: the tile's vertices, those of neighbors
+    (`Tile.beyond`), the rim's own vertices, and those of neighbors on the rim.
 
     Attributes
     ----------
@@ -129,14 +129,14 @@ class Placement:
         return tile.lattice.positions(places)
 
     def node_numbers(
-        self, own: Numbers | None, neighbours: dict[int, tuple["Placement", Numbers]]
+        self, own: Numbers | None, neighbors: dict[int, tuple["Placement", Numbers]]
     ) -> npt.NDArray[np.int32]:
-        """Return a number for every node from those of own vertices (n + e,), here and in the neighbours.
+        """Return a number for every node from those of own vertices (n + e,), here and in the neighbors.
 
         Parameters
         ----------
         own : Numbers, optional
-        neighbours : dict
+        neighbors : dict
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
@@ -145,7 +145,7 @@ class Placement:
             numbers[:vertices] = own[:vertices]
             numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
         names, shifts = self._rim_beyond
-        for shift, (other, given) in neighbours.items():
+        for shift, (other, given) in neighbors.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)
             numbers[vertices + rows] = given[beyond[rows, 0]]
             rows = np.flatnonzero(shifts == shift)

@@ -28,7 +28,7 @@ class Reduced:
     inner : (k, 3) ndarray
         Flat positions, in tile (0, 0), of the vertices inside.
     nodes : (m, 3) ndarray of int32
-        Triangles: vertices of the tile, of its neighbours, and inside, in the order of `Placement`.
+        Triangles: vertices of the tile, of its neighbors, and inside, in the order of `Placement`.
     """
 
     used: BoolArray

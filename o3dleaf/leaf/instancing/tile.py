@@ -1,4 +1,4 @@
-"""One period of a periodic surface, polygonised once: what is set down everywhere."""
+"""One period of a periodic surface, polygonized once: what is set down everywhere."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, require_finite
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import BLOCK
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import Progress, blocks
+from o3dleaf.core.parallel import blocks
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -82,7 +83,7 @@ class Tile:
     cells : (nx ny + 1,) ndarray of int64
         First triangle over each cell of the plane.
     beyond : (h, 2) ndarray of int64
-        Vertices of neighbours that triangles of this tile use: the vertex, and the neighbour (bits: along, across).
+        Vertices of neighbors that triangles of this tile use: the vertex, and the neighbor (bits: along, across).
     """
 
     lattice: TileLattice
@@ -101,7 +102,6 @@ def extract_tile(
     field: Callable[[FloatArray], FloatArray],
     lattice: TileLattice,
     method: int = 0,
-    progress: Progress | None = None,
     *,
     sharpen: tuple[int, int] | None = None,
 ) -> Tile:
@@ -117,8 +117,6 @@ def extract_tile(
     lattice : TileLattice
     method : int
         Place in `o3dleaf.surface.isosurface.polygonize.METHODS`.
-    progress : callable, optional
-        ``progress(done, total)`` in samples of the first pass.
     sharpen : (2,) tuple of int, optional
         Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
         and across after which the field repeats: copies get the same bits.
@@ -135,8 +133,7 @@ def extract_tile(
         inside = _sample(field, lattice, start, stop) > 0
         flooded += inside[:, [0, -1]].sum(axis=0)
         found.append(find_runs(inside))
-        if progress:
-            progress(stop * ny * nz, nx * ny * nz)
+        progress.report(stop, nx)
     # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
     if flooded.max() > nx * ny / 2:
         raise ReconstructionError(
@@ -271,7 +268,7 @@ def _sharpened(
 def _nodes(
     edges: IntArray, named: list[tuple[IntArray, npt.NDArray[np.uint8]]], triangles: list[npt.NDArray[np.int32]]
 ) -> tuple[npt.NDArray[np.int32], IntArray]:
-    """Return the corners as nodes of the tile, and the vertices of neighbours among them.
+    """Return the corners as nodes of the tile, and the vertices of neighbors among them.
 
     Triangles come by slabs, as rows of the names and shifts of the slab's vertices.
     """

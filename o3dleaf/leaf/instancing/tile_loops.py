@@ -62,7 +62,7 @@ def unite_columns(one, other, first, begin, nz, parent, kind, main):
 
 @njit(nogil=True, cache=True)
 def unite_all(shape, first, begin, parent, kind, main):
-    """Unite alike runs of all neighbouring columns of a period; with a `main` piece, those within columns too."""
+    """Unite alike runs of all neighboring columns of a period; with a `main` piece, those within columns too."""
     nx, ny, nz = shape
     for i in range(nx):
         for j in range(ny):

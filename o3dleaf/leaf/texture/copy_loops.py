@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 MOST = 9
-"""Copies of a point: in each direction its own tile's and, at most, both neighbours'."""
+"""Copies of a point: in each direction its own tile's and, at most, both neighbors'."""
 
 
 @njit(nogil=True, cache=True)

@@ -158,7 +158,7 @@ class _Search:
 
 
 def _dips(score: FloatArray, count: int) -> npt.NDArray[np.int64]:
-    """Return where the `count` least entries lie that are finite and no larger than their neighbours."""
+    """Return where the `count` least entries lie that are finite and no larger than their neighbors."""
     padded = np.pad(score, 1, constant_values=np.inf)
     found = np.flatnonzero(np.isfinite(score) & (score <= padded[:-2]) & (score <= padded[2:]))
     return found[np.argsort(score[found], kind="stable")[:count]]

@@ -13,7 +13,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.units import METRES
 from o3dleaf.io.labelled_mesh import LABELS, LabelArray, LabelledMesh
-from o3dleaf.io.triangle_mesh import read_triangle_mesh
+from o3dleaf.io.triangle_mesh import join_corners, read_triangle_mesh
 from o3dleaf.leaf.instancing.stream import TRIANGLE
 
 PIECE = 1 << 24
@@ -41,9 +41,8 @@ def read_labelled_mesh(path: str | PathLike[str]) -> LabelledMesh:
     .obj    the groups (``g``)
     ======  ===============================================================================
 
-    Names that are the leaf's own (adaxial, abaxial, rim) get its numbers, others the next ones as they come. STL
-    repeats every corner of a triangle: equal ones become one vertex. Other files, and those without labels, come as
-    `read_triangle_mesh` reads them.
+    Names that are the leaf's own (adaxial, abaxial, rim) get its numbers, others the next ones as they come. Equal
+    corners of an STL become one vertex, and files without labels come, as `read_triangle_mesh` reads them.
 
     Parameters
     ----------
@@ -141,12 +140,17 @@ def _read_stl(file: Path) -> Read | None:
         records = np.fromfile(file, TRIANGLE, offset=84)
         count = max(int(records["label"].max(initial=0)) + 1, len(LABELS))
         names = (*LABELS, *map(str, range(3, MOST)))[:count]
-        return *_weld(records["corners"].astype(np.float64)), records["label"].astype(np.uint8), names, None
+        return (
+            *mesh_arrays(join_corners(records["corners"].astype(np.float64))),
+            records["label"].astype(np.uint8),
+            names,
+            None,
+        )
     if not head.lstrip().startswith(b"solid"):
         return None
     corners, solids = _stl_text(file)
     labels, names = _numbered(solids)
-    return *_weld(corners), labels, names, None
+    return *mesh_arrays(join_corners(corners)), labels, names, None
 
 
 def _stl_text(file: Path) -> tuple[FloatArray, list[tuple[str, int]]]:
@@ -176,12 +180,6 @@ def _between(text: bytes, starts: list[re.Match[bytes]]) -> list[bytes]:
     """Return the text from each start to the next."""
     ends = [match.start() for match in starts[1:]] + [len(text)] * bool(starts)
     return [text[match.end() : end] for match, end in zip(starts, ends, strict=True)]
-
-
-def _weld(corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return (m, 3, 3) corners as vertices and triangles, equal corners as one vertex."""
-    mesh = build_mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
-    return mesh_arrays(mesh.remove_duplicated_vertices())
 
 
 def _read_obj(file: Path) -> Read | None:

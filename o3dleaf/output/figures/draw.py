@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
+from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.journal import Journal
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -95,11 +95,10 @@ def draw_figures(
     level: float | str = "valley",
     formats: Iterable[str] = ("png", "pdf"),
     only: Iterable[str] | None = None,
-    journal: Journal | None = None,
 ) -> Drawn:
     """Draw figures like those of the paper into a folder: ``1-scan.png``, ..., ``8-whole-leaf.pdf``, ``captions.md``.
 
-    They are a printed column wide, 85 mm, with words of 7 points, in colours that colour-blind readers can tell
+    They are a printed column wide, 85 mm, with words of 7 points, in colors that color-blind readers can tell
     apart. Plots are vectors in PDF and SVG; of pictures, their words and bars are.
 
     Parameters
@@ -117,15 +116,12 @@ def draw_figures(
     formats : sequence of {"png", "pdf", "svg", "jpg"}
     only : sequence of str, optional
         Names in `FIGURES`, if not all of them are wanted.
-    journal : Journal, optional
-        Told of each figure, and of those left out.
 
     Raises
     ------
     InputError
         If there is no such format or figure, the folder cannot be written to, or nothing can be drawn.
     """
-    journal = journal or Journal()
     suffixes, wanted = check_request(formats, only)
     target = make_folder(folder)
     blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)

@@ -17,8 +17,8 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import Page, em_of
+from o3dleaf.output.view.picture import Inset, Scalars, draw_page
 from o3dleaf.output.view.points import Points, make_facets
-from o3dleaf.output.view.render import Inset, Scalars, draw_page
 
 TILE_STEPS = 140
 """Mesh steps along a tile that is looked at closely."""
@@ -31,7 +31,7 @@ SECTION = 0.3
 
 GREENS = ("#79b151", "#4f9a6a")
 CUT = "#fff4d6"
-"""Colours of the tiles of a pattern, and of cut leaf."""
+"""Colors of the tiles of a pattern, and of cut leaf."""
 
 AT = 0.4
 """Share of the leaf's length at which its micro-structure is shown: wide, and not in the shadow of a curled tip."""
@@ -51,7 +51,7 @@ class Window(NamedTuple):
 
 
 def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
-    """Return the scan coloured by the way along the midrib, with the midrib and its control points.
+    """Return the scan colored by the way along the midrib, with the midrib and its control points.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
     page.key(VERMILION, "o", "control points and midrib")
     return Sheet(
         page.figure,
-        f"The laser scan, {len(points):,} points coloured by their first leaf coordinate, and the midrib with its "
+        f"The laser scan, {len(points):,} points colored by their first leaf coordinate, and the midrib with its "
         f"{len(control)} control points.",
     )
 
@@ -178,17 +178,17 @@ def whole_tiles(leaf: MultiscaleLeaf, count: tuple[int, int]) -> Window:
 def block(
     leaf: MultiscaleLeaf, step: float, region: FloatArray, *, seams: bool = False
 ) -> list[o3d.geometry.TriangleMesh]:
-    """Return a piece of the leaf as a solid in two meshes, the surface and the cut faces, in their colours."""
+    """Return a piece of the leaf as a solid in two meshes, the surface and the cut faces, in their colors."""
     vertices, triangles = mesh_arrays(leaf.extract_mesh(step, region, closed=True))
     plane = leaf.blade.flatten(vertices)[:, :2]
     near = np.abs(plane[:, np.newaxis] - region).min(axis=(1, 2)) < CUT_WITHIN * step
     at_cut = np.all(near[triangles], axis=1)
     meshes = []
-    for chosen, colour in ((~at_cut, GREENS[0]), (at_cut, CUT)):
+    for chosen, color in ((~at_cut, GREENS[0]), (at_cut, CUT)):
         used = np.unique(triangles[chosen])
         mesh = build_mesh(vertices[used], np.searchsorted(used, triangles[chosen]))
-        mesh.paint_uniform_color(to_rgb(colour))
-        if seams and colour != CUT:
+        mesh.paint_uniform_color(to_rgb(color))
+        if seams and color != CUT:
             mesh.vertex_colors = o3d.utility.Vector3dVector(_pattern(leaf, plane[used], region, step))
         meshes.append(mesh)
     return meshes
@@ -199,11 +199,11 @@ def _pattern(leaf: MultiscaleLeaf, plane: FloatArray, region: FloatArray, step: 
     tile = np.asarray(getattr(leaf.texture, "tile", leaf.texture.period)) / leaf.scale
     first = np.asarray(leaf.texture.cell)[0, :2] / leaf.scale
     place = (plane - first) / tile
-    colours = np.array([to_rgb(green) for green in GREENS])[np.floor(place).astype(int).sum(axis=1) % 2]
+    colors = np.array([to_rgb(green) for green in GREENS])[np.floor(place).astype(int).sum(axis=1) % 2]
     seam = first + np.round(place) * tile
     inner = (seam > region[0] + step) & (seam < region[1] - step)
-    colours[(inner & (np.abs(plane - seam) < SEAM_WITHIN * step)).any(axis=1)] = to_rgb(VERMILION)
-    return np.asarray(colours)
+    colors[(inner & (np.abs(plane - seam) < SEAM_WITHIN * step)).any(axis=1)] = to_rgb(VERMILION)
+    return np.asarray(colors)
 
 
 def _picture(leaf: MultiscaleLeaf, window: Window, steps: int, *, seams: bool = False) -> Page:

@@ -21,7 +21,7 @@ SAMPLES = (600, 150)
 
 
 def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
-    """Return the scan in leaf coordinates, from above and from the side, coloured by the way along the midrib.
+    """Return the scan in leaf coordinates, from above and from the side, colored by the way along the midrib.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
     return Sheet(
         figure,
         f"The scan ({len(leaf):,} points) in leaf coordinates, y = T(x): from above and from the side. "
-        "Across and height are enlarged. Colours as in the figure of the scan.",
+        "Across and height are enlarged. Colors as in the figure of the scan.",
     )
 
 

@@ -1,4 +1,4 @@
-"""What all figures share: a column's width, the fonts, colours that colour-blind readers can tell apart."""
+"""What all figures share: a column's width, the fonts, colors that color-blind readers can tell apart."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,10 +21,10 @@ TEXT = 1.75
 """Words of a picture, relative to those on a screen: 7 points in a column."""
 
 BLUE, ORANGE, VERMILION, TEAL = "#0072b2", "#e69f00", "#d55e00", "#009e73"
-"""Of the palette of Okabe and Ito, which colour-blind readers can tell apart."""
+"""Of the palette of Okabe and Ito, which color-blind readers can tell apart."""
 
 ALONG, HEIGHT = "viridis", "cividis"
-"""Colour maps of even lightness: of the way along the leaf, and of heights."""
+"""Color maps of even lightness: of the way along the leaf, and of heights."""
 
 RULES: dict[str, Any] = {
     "font.family": "DejaVu Sans",

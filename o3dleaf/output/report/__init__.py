@@ -6,12 +6,12 @@
 `requirements`  what a mesh must be, "watertight,components=1,min-angle=10", and whether it is
 `examine`       a mesh examined: figures, verdict, JSON and page
 `compose`       the parts of the page
-`page`          the page, with `page.css`
+`page`          the page, with `assets/page.css`
 `reduce`        fewer triangles, to look at
 `places`        where the defects are, and from where to look at them
 `shots`         pictures of a mesh, shaded
 `closeups`      the worst triangles and every defect
 `overviews`     the mesh from several sides
 `charts`        histograms
-`viewer`        the data of the interactive view, which `viewer.js` draws
+`viewer`        the data of the interactive view, which `assets/viewer.js` draws
 """

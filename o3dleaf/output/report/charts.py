@@ -1,4 +1,4 @@
-"""Histograms as inline SVG: crisp at any size, small, in the page's own colours."""
+"""Histograms as inline SVG: crisp at any size, small, in the page's own colors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,17 +6,17 @@ from importlib.metadata import version
 
 import numpy as np
 
+from o3dleaf.core import journal, progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.journal import Journal
 from o3dleaf.output.report.charts import Histogram, Mark
 from o3dleaf.output.report.closeups import draw_closeup
-from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colours, scan_colours
+from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
 from o3dleaf.output.report.page import Section, as_data, figures_tables, viewer_section, write_page
 from o3dleaf.output.report.places import KINDS, find_places
 from o3dleaf.output.report.reduce import Reduced, reduce_mesh
 from o3dleaf.output.report.requirements import Verdict
-from o3dleaf.output.report.shots import Colours
-from o3dleaf.output.report.viewer import angle_colours, viewer_data
+from o3dleaf.output.report.shots import Colors
+from o3dleaf.output.report.viewer import angle_colors, viewer_data
 from o3dleaf.output.report.words import in_words, unit_of
 from o3dleaf.surface.mesh.inspection import Inspection
 
@@ -29,14 +29,12 @@ TURNED = 300_000
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
 
 
-def compose_page(
-    inspection: Inspection, verdict: Verdict, points: FloatArray | None, title: str, journal: Journal
-) -> str:
+def compose_page(inspection: Inspection, verdict: Verdict, points: FloatArray | None, title: str) -> str:
     """Return the page of a mesh; `points` are those of the scan, if there is one."""
     report = inspection.report
     sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
     if _can_be_drawn(inspection):
-        sections += _pictures(inspection, points, journal)
+        sections += _pictures(inspection, points)
     else:
         sections.append(
             Section("pictures", "Pictures", "<p>The mesh has no triangle with an area; there is nothing to draw.</p>")
@@ -53,27 +51,27 @@ def _can_be_drawn(inspection: Inspection) -> bool:
     return inspection.report.area > 0
 
 
-def _pictures(inspection: Inspection, points: FloatArray | None, journal: Journal) -> list[Section]:
+def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section]:
     """Return the sections of pictures, close-ups, maps and the interactive view."""
     anatomy, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
         drawn = reduce_mesh(anatomy.vertices, anatomy.triangles, DRAWN)
         turned = reduce_mesh(anatomy.vertices, anatomy.triangles, TURNED)
-    with journal.stage("places") as progress:
+    with journal.stage("places"):
         places = find_places(inspection)
         closeups = list[str]()
         for number, place in enumerate(places, 1):
             closeups.append(draw_closeup(inspection, place, number))
-            progress(number, len(places))
+            progress.report(number, len(places))
     with journal.stage("pictures"):
         sides = draw_sides(drawn, places, report.unit)
     with journal.stage("maps"):
         maps = _maps(inspection, drawn, points)
     with journal.stage("interactive view"):
         layers = [
-            angle_colours(inspection, turned),
-            field_colours(inspection, turned),
-            scan_colours(inspection, turned, points),
+            angle_colors(inspection, turned),
+            field_colors(inspection, turned),
+            scan_colors(inspection, turned, points),
         ]
         data = viewer_data(inspection, turned, [each for each in layers if each is not None], places)
     legend = "A number marks a close-up below; a dashed ring lies behind the surface." if places else ""
@@ -103,36 +101,36 @@ def _reduced_note(reduced: Reduced, unit: str | None) -> str:
     step = f", vertices within {in_words('median_edge', reduced.step, unit)} put together" if reduced.step else ""
     return (
         f"Drawn with {len(reduced.triangles):,} of {reduced.full:,} triangles{step}; "
-        "colours are the worst of what a vertex stands for, defects and close-ups are those of the full mesh."
+        "colors are the worst of what a vertex stands for, defects and close-ups are those of the full mesh."
     )
 
 
 def _maps(inspection: Inspection, drawn: Reduced, points: FloatArray | None) -> str:
     """Return the maps of the deviations that were measured."""
     unit, figures = inspection.report.unit, list[str]()
-    found: list[tuple[Colours | None, str]] = [
-        (field_colours(inspection, drawn), "Distance of the vertices to the field's surface."),
+    found: list[tuple[Colors | None, str]] = [
+        (field_colors(inspection, drawn), "Distance of the vertices to the field's surface."),
         (
-            scan_colours(inspection, drawn, points),
-            "Distance from the mesh of the scan's nearest point; grey: no point near.",
+            scan_colors(inspection, drawn, points),
+            "Distance from the mesh of the scan's nearest point; gray: no point near.",
         ),
     ]
-    for colours, caption in found:
-        if colours is not None:
-            figures.append(draw_map(drawn, colours, unit, f"{caption} Colours end at 99 %."))
+    for colors, caption in found:
+        if colors is not None:
+            figures.append(draw_map(drawn, colors, unit, f"{caption} Colors end at 99 %."))
     return "\n".join(figures)
 
 
 def _defects_table(inspection: Inspection) -> str:
     """Return how many triangles each kind of defect concerns."""
     rows = [
-        f'<tr><td><i class="key" style="background:{KINDS[name].colour}">&nbsp;</i> {KINDS[name].title}</td>'
+        f'<tr><td><i class="key" style="background:{KINDS[name].color}">&nbsp;</i> {KINDS[name].title}</td>'
         f"<td>{KINDS[name].text}</td><td>{len(found):,} triangle{'s' * (len(found) > 1)}</td></tr>"
         for name, found in inspection.defects.rows().items()
         if len(found)
     ]
     note = (
-        '<p class="note">Triangles concerned are in colour and outlined where something hides them; '
+        '<p class="note">Triangles concerned are in color and outlined where something hides them; '
         "violet is the inside of the surface, black lines and dots are where it is broken.</p>"
     )
     table = f'<table class="figures">{"".join(rows)}</table>' if rows else "<p>No defect was found.</p>"

@@ -1,5 +1,6 @@
 """A mesh examined: its figures, whether it is what it must be, and the page and the JSON that say so."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -71,7 +72,8 @@ class Examination:
 
     def write_html(self, path: str | PathLike[str], title: str, journal: Journal | None = None) -> None:
         """Write the page, whole or not at all."""
-        page = compose_page(self.inspection, self.verdict, self.points, title, journal or Journal())
+        with journal or nullcontext():
+            page = compose_page(self.inspection, self.verdict, self.points, title)
         with whole_file(path) as temporary:
             temporary.write_text(page, encoding="utf-8")
 

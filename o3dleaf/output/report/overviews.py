@@ -1,4 +1,4 @@
-"""The whole mesh from several sides, its places marked, and maps of its deviations in colours."""
+"""The whole mesh from several sides, its places marked, and maps of its deviations in colors."""
 
 from dataclasses import replace
 from html import escape
@@ -12,7 +12,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.output.report.places import KINDS, Place
 from o3dleaf.output.report.reduce import Reduced
-from o3dleaf.output.report.shots import Colours, Shot, leaf_green, shoot
+from o3dleaf.output.report.shots import Colors, Shot, leaf_green, shoot
 from o3dleaf.output.report.words import unit_of
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.surface.mesh.inspection import Inspection
@@ -72,13 +72,13 @@ def draw_sides(reduced: Reduced, places: list[Place], unit: str | None) -> str:
     return "\n".join(figures)
 
 
-def _frame(reduced: Reduced, view: View, colours: Colours | None = None) -> Shot:
+def _frame(reduced: Reduced, view: View, colors: Colors | None = None) -> Shot:
     """Return the picture of the whole mesh, as wide as its shape asks for."""
     own = Camera.framing(reduced.vertices, reduced.triangles, view)
     width = WIDE if own.width > 1.9 * own.height else HALF
     height = int(np.clip(round(width * own.height / own.width), 90, TALLEST if width == WIDE else HALF))
     camera = Camera.framing(reduced.vertices, reduced.triangles, view, width / height)
-    paint = leaf_green if colours is None else colours.paint(reduced.triangles)
+    paint = leaf_green if colors is None else colors.paint(reduced.triangles)
     return shoot(reduced.vertices, reduced.triangles, paint, camera, (width, height))
 
 
@@ -94,7 +94,7 @@ def _hidden(
     """Say of each place whether the mesh hides it from a camera."""
     if not places:
         return []
-    start = np.stack([place.centre for place in places]) - middle + 0.004 * camera.width * camera.toward
+    start = np.stack([place.center for place in places]) - middle + 0.004 * camera.width * camera.toward
     rays = np.hstack([start, np.broadcast_to(camera.toward, start.shape)]).astype(np.float32)
     return [bool(each) for each in scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()]
 
@@ -104,16 +104,16 @@ def _markers(shot: Shot, places: list[Place], hidden: list[bool]) -> list[str]:
     ink, taken = list[str](), list[FloatArray]()
     if not places:
         return ink
-    dots = shot.camera.project(np.stack([place.centre for place in places]), shot.size)
+    dots = shot.camera.project(np.stack([place.center for place in places]), shot.size)
     for number, (place, dot, unseen) in enumerate(zip(places, dots, hidden, strict=True), 1):
         label = _free_spot(dot, taken, dots, shot.size)
         taken.append(label)
-        colour = KINDS[place.kind].colour
+        color = KINDS[place.kind].color
         dashes = ' stroke-dasharray="3 2"' if unseen else ""
         ink += [
             f'<path class="lead" d="M{dot[0]:.1f} {dot[1]:.1f}L{label[0]:.1f} {label[1]:.1f}"/>',
-            f'<circle class="ring" style="stroke:{colour}"{dashes} cx="{dot[0]:.1f}" cy="{dot[1]:.1f}" r="5"/>',
-            f'<a href="#place-{number}"><circle fill="{colour}" cx="{label[0]:.1f}" cy="{label[1]:.1f}" r="9"/>',
+            f'<circle class="ring" style="stroke:{color}"{dashes} cx="{dot[0]:.1f}" cy="{dot[1]:.1f}" r="5"/>',
+            f'<a href="#place-{number}"><circle fill="{color}" cx="{label[0]:.1f}" cy="{label[1]:.1f}" r="9"/>',
             f'<text class="number" x="{label[0]:.1f}" y="{label[1] + 4:.1f}">{number}</text></a>',
         ]
     return ink
@@ -135,31 +135,31 @@ def _free_spot(dot: FloatArray, taken: list[FloatArray], dots: FloatArray, size:
     return best
 
 
-def field_colours(inspection: Inspection, reduced: Reduced) -> Colours | None:
-    """Return the distances to the field as colours on a reduced mesh, None without a field."""
+def field_colors(inspection: Inspection, reduced: Reduced) -> Colors | None:
+    """Return the distances to the field as colors on a reduced mesh, None without a field."""
     found = inspection.deviation.to_field
     if found is None:
         return None
-    return _colours(reduced.worst(found), f"distance to the field{_unit(inspection)}", "viridis")
+    return _colors(reduced.worst(found), f"distance to the field{_unit(inspection)}", "viridis")
 
 
-def scan_colours(inspection: Inspection, reduced: Reduced, points: FloatArray | None) -> Colours | None:
+def scan_colors(inspection: Inspection, reduced: Reduced, points: FloatArray | None) -> Colors | None:
     """Return for each vertex how far the nearest point of the scan is from the mesh; NaN where none is near."""
     deviation = inspection.deviation
     if points is None or deviation.from_scan is None or deviation.spacing is None:
         return None
     away, nearest = KDTree(points).query(reduced.vertices, workers=get_num_threads())
     values = np.where(away <= max(REACH * deviation.spacing, 2 * reduced.step), deviation.from_scan[nearest], np.nan)
-    return _colours(values, f"distance of the scan from the mesh{_unit(inspection)}", "plasma")
+    return _colors(values, f"distance of the scan from the mesh{_unit(inspection)}", "plasma")
 
 
-def _colours(values: FloatArray, label: str, colour_map: str) -> Colours | None:
-    """Return colours that reach as far as 99 % of the values do; None where there is no value."""
+def _colors(values: FloatArray, label: str, color_map: str) -> Colors | None:
+    """Return colors that reach as far as 99 % of the values do; None where there is no value."""
     known = values[np.isfinite(values)]
     if not len(known):
         return None
     high = float(np.quantile(known, 0.99)) or float(known.max()) or 1.0
-    return Colours(values, label, (0.0, high), colour_map)
+    return Colors(values, label, (0.0, high), color_map)
 
 
 def _unit(inspection: Inspection) -> str:
@@ -167,10 +167,10 @@ def _unit(inspection: Inspection) -> str:
     return f", {unit}" if unit else ""
 
 
-def draw_map(reduced: Reduced, colours: Colours, unit: str | None, caption: str) -> str:
-    """Return two figures of the mesh in colours, from both faces."""
+def draw_map(reduced: Reduced, colors: Colors, unit: str | None, caption: str) -> str:
+    """Return two figures of the mesh in colors, from both faces."""
     figures = list[str]()
     for side in sides_of(reduced)[:2]:
-        shot = _frame(reduced, side.view, colours)
-        figures.append(_figure(shot.svg(unit, (), colours), f"{side.name}. {caption}", shot))
+        shot = _frame(reduced, side.view, colors)
+        figures.append(_figure(shot.svg(unit, (), colors), f"{side.name}. {caption}", shot))
     return "\n".join(figures)

@@ -40,7 +40,7 @@ class Section(NamedTuple):
 
 def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
     """Return the page of a title, a verdict and sections."""
-    style = (files("o3dleaf.output.report") / "page.css").read_text(encoding="utf-8")
+    style = (files("o3dleaf.output.report") / "assets" / "page.css").read_text(encoding="utf-8")
     links = "".join(f'<a href="#{each.name}">{escape(each.heading)}</a>' for each in sections)
     badge = as_data("verdict", verdict.word, WORDS[verdict.word])
     parts = [
@@ -97,13 +97,13 @@ def viewer_section(data: dict[str, Any], full: int, step: str) -> str:
     choices = "".join(f'<option value="{n}">{escape(each["label"])}</option>' for n, each in enumerate(data["layers"]))
     kinds = "".join(
         f'<label><input type="checkbox" name="defect" value="{each["name"]}"{" checked" if each["shown"] else ""}> '
-        f'<i class="key" style="background:{KINDS[each["name"]].colour}">&nbsp;</i> '
+        f'<i class="key" style="background:{KINDS[each["name"]].color}">&nbsp;</i> '
         f"{KINDS[each['name']].title} ({each['count']:,})</label>"
         for each in data["defects"]
     )
     return f"""<p class="note interactive">{CONTROLS} {step}</p>
 <div id="viewer" class="interactive" data-triangles="{full}" data-layers="{shown}">
-<div class="tools"><label>Colour <select name="colour"><option value="-1">plain</option>{choices}</select></label>
+<div class="tools"><label>Color <select name="color"><option value="-1">plain</option>{choices}</select></label>
 <label><input type="checkbox" name="wire"> wire frame</label>
 <button type="button" name="reset">Start view</button>{kinds}</div>
 <p class="message"></p>

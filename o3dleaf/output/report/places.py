@@ -23,10 +23,10 @@ WHOLE = 1.5
 
 
 class Kind(NamedTuple):
-    """A kind of defect on the page: its name, its colour, what it is, and how many places of it are shown."""
+    """A kind of defect on the page: its name, its color, what it is, and how many places of it are shown."""
 
     title: str
-    colour: str
+    color: str
     text: str
     places: int = 3
 
@@ -58,7 +58,7 @@ class Place:
         The triangles of that kind in the window.
     window : (w,) ndarray of int64
         All triangles near.
-    centre : (3,) ndarray
+    center : (3,) ndarray
     radius : float
         Half the width that a close-up shows, in the mesh's unit.
     """
@@ -66,7 +66,7 @@ class Place:
     kind: str
     rows: IntArray
     window: IntArray
-    centre: FloatArray
+    center: FloatArray
     radius: float
 
 
@@ -81,8 +81,8 @@ def find_places(inspection: Inspection) -> list[Place]:
         for group in _groups(inspection, rows[kind], by_size=kind != "sharpest"):
             if len(seen) == each.places:
                 break
-            centre = _middle(inspection, group)[0]
-            if any(np.linalg.norm(centre - other.centre) < 0.8 * other.radius for other in seen):
+            center = _middle(inspection, group)[0]
+            if any(np.linalg.norm(center - other.center) < 0.8 * other.radius for other in seen):
                 continue
             seen.append(_place(inspection, kind, group, rows[kind]))
         found += seen
@@ -108,16 +108,16 @@ def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[In
 def _middle(inspection: Inspection, rows: IntArray) -> tuple[FloatArray, float]:
     """Return the middle of some triangles and their radius about it."""
     corners = inspection.measurements.vertices[inspection.measurements.triangles[rows]].reshape(-1, 3)
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    return centre, float(np.linalg.norm(corners - centre, axis=1).max())
+    center = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return center, float(np.linalg.norm(corners - center, axis=1).max())
 
 
 def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -> Place:
     """Return the window around a group of triangles, or around its first where the group is too wide to show."""
     anatomy, report = inspection.measurements, inspection.report
-    centre, radius = _middle(inspection, group)
+    center, radius = _middle(inspection, group)
     if kind != "stray" and len(group) > 1 and radius > WIDE * report.median_edge:
-        centre, radius = _middle(inspection, group[:1])
+        center, radius = _middle(inspection, group[:1])
         group = group[:1]
     corners = anatomy.vertices[anatomy.triangles[group]]
     longest = float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max())
@@ -125,11 +125,11 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
         WHOLE * radius, NEAR * min(longest, radius), 2 * report.median_edge if longest < report.median_edge else 0.0
     )
     size = size or 1.0
-    near = np.linalg.norm(anatomy.vertices - centre, axis=1) < 1.3 * size
+    near = np.linalg.norm(anatomy.vertices - center, axis=1) < 1.3 * size
     inside = near[anatomy.triangles].any(axis=1)
     inside[group] = True
     window = np.flatnonzero(inside)
-    return Place(kind, np.union1d(group, np.intersect1d(rows, window)), window, centre, size)
+    return Place(kind, np.union1d(group, np.intersect1d(rows, window)), window, center, size)
 
 
 def look_at(inspection: Inspection, place: Place) -> Camera:
@@ -145,13 +145,13 @@ def look_at(inspection: Inspection, place: Place) -> Camera:
     right /= np.linalg.norm(right)
     up = np.cross(toward, right)
     scene = o3d.t.geometry.RaycastingScene()
-    around = (anatomy.vertices[anatomy.triangles[place.window]] - place.centre).astype(np.float32).reshape(-1, 3)
+    around = (anatomy.vertices[anatomy.triangles[place.window]] - place.center).astype(np.float32).reshape(-1, 3)
     scene.add_triangles(
         o3d.core.Tensor.from_numpy(around),
         o3d.core.Tensor.from_numpy(np.arange(len(around), dtype=np.uint32).reshape(-1, 3)),
     )
     middle = corners.mean(axis=1, keepdims=True)
-    points = (middle + 0.7 * (corners - middle)).reshape(-1, 3)[:600] - place.centre
+    points = (middle + 0.7 * (corners - middle)).reshape(-1, 3)[:600] - place.center
     best, most = toward, -1.0
     for way in _ways(toward, right, up, steep=place.kind in {"self_intersecting", "nonmanifold_edge"}):
         start = points + 1e-3 * place.radius * way
@@ -166,7 +166,7 @@ def look_at(inspection: Inspection, place: Place) -> Camera:
     right = np.cross(up, best)
     right /= np.linalg.norm(right)
     extent = 2 * place.radius
-    return Camera(place.centre, right, np.cross(best, right), best, extent, extent)
+    return Camera(place.center, right, np.cross(best, right), best, extent, extent)
 
 
 def _ways(toward: FloatArray, right: FloatArray, up: FloatArray, *, steep: bool) -> list[FloatArray]:

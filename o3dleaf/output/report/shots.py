@@ -27,51 +27,51 @@ QUALITY = 82
 """Of WebP."""
 
 FOOT = 40
-"""Height below a picture that scale bar and colour bar take."""
+"""Height below a picture that scale bar and color bar take."""
 
 LABEL = 16
-"""Height that the name of the colours takes besides."""
+"""Height that the name of the colors takes besides."""
 
 BANDS = 64
-"""Of a colour bar."""
+"""Of a color bar."""
 
 NO_VALUE = np.array([0.42, 0.42, 0.42])
 """Linear RGB of what has no value."""
 
 
 @dataclass(frozen=True)
-class Colours:
-    """Numbers shown as colours.
+class Colors:
+    """Numbers shown as colors.
 
     Attributes
     ----------
     values : (n,) ndarray
-        One a vertex; NaN is grey.
+        One a vertex; NaN is gray.
     label : str
         What they are, with their unit.
     limits : (float, float)
-        Values at the ends of the colour map.
-    colour_map : str
+        Values at the ends of the color map.
+    color_map : str
         One of Matplotlib's.
     """
 
     values: FloatArray
     label: str
     limits: tuple[float, float]
-    colour_map: str = "viridis"
+    color_map: str = "viridis"
 
     def table(self) -> FloatArray:
-        """Return (256, 3) sRGB colours."""
-        return np.asarray(colormaps[self.colour_map](np.linspace(0, 1, 256))[:, :3])
+        """Return (256, 3) sRGB colors."""
+        return np.asarray(colormaps[self.color_map](np.linspace(0, 1, 256))[:, :3])
 
     def stops(self) -> list[str]:
-        """Return 16 colours of the map, evenly spaced, as HTML writes them."""
-        return [_hex(colour) for colour in self.table()[::17].tolist()]
+        """Return 16 colors of the map, evenly spaced, as HTML writes them."""
+        return [_hex(color) for color in self.table()[::17].tolist()]
 
     def paint(self, triangles: IntArray) -> Paint:
-        """Return the colours of the surface; a triangle with a corner without value is grey."""
+        """Return the colors of the surface; a triangle with a corner without value is gray."""
         low, high = self.limits
-        # Full light is brighter than the bar: toned down, the colours are those of the bar.
+        # Full light is brighter than the bar: toned down, the colors are those of the bar.
         table = 0.72 * linear(self.table())
 
         def paint(triangle: IntArray, weights: FloatArray, _facing: FloatArray) -> FloatArray:
@@ -83,13 +83,13 @@ class Colours:
         return paint
 
     def bar(self, width: float, top: float) -> str:
-        """Return the colour bar as SVG, its right end at `width`."""
+        """Return the color bar as SVG, its right end at `width`."""
         length = min(320.0, 0.45 * width)
         left, each = width - length - 8, length / BANDS
         table = self.table()[np.linspace(0, 255, BANDS).astype(int)].tolist()
         bands = "".join(
-            f'<path stroke="{_hex(colour)}" d="M{left + (n + 0.5) * each:.2f} {top + 2:.0f}v9"/>'
-            for n, colour in enumerate(table)
+            f'<path stroke="{_hex(color)}" d="M{left + (n + 0.5) * each:.2f} {top + 2:.0f}v9"/>'
+            for n, color in enumerate(table)
         )
         return (
             f'<g class="bands" stroke-width="{each + 0.4:.2f}">{bands}</g>'
@@ -100,7 +100,7 @@ class Colours:
 
 
 def leaf_green(_triangle: IntArray, _weights: FloatArray, facing: FloatArray) -> FloatArray:
-    """Return the colours of a leaf: its outside, and paler where the triangles are seen from behind."""
+    """Return the colors of a leaf: its outside, and paler where the triangles are seen from behind."""
     return np.where(facing[:, np.newaxis] > 0, UPPER_GREEN, UNDER_GREEN)
 
 
@@ -121,20 +121,20 @@ class Shot:
     size: tuple[int, int]
     camera: Camera
 
-    def svg(self, unit: str | None, ink: Sequence[str] = (), colours: Colours | None = None) -> str:
-        """Return the picture with its scale bar, what is drawn over it, and the bar of its colours."""
+    def svg(self, unit: str | None, ink: Sequence[str] = (), colors: Colors | None = None) -> str:
+        """Return the picture with its scale bar, what is drawn over it, and the bar of its colors."""
         width, height = self.size
         length = round_length(0.2 * self.camera.width)
         pixels = length / self.camera.width * width
         name = f"{length:g} {in_unit(unit)}" if unit else f"{length:g}"
         return "\n".join(
             [
-                f'<svg class="picture" viewBox="0 0 {width} {height + FOOT + (LABEL if colours else 0)}" role="img">',
+                f'<svg class="picture" viewBox="0 0 {width} {height + FOOT + (LABEL if colors else 0)}" role="img">',
                 f'<image href="{self.image}" width="{width}" height="{height}"/>',
                 *ink,
                 f'<path class="scale" d="M8 {height + 12}h{pixels:.1f}"/>',
                 f'<text x="8" y="{height + 30}">{name}</text>',
-                *([colours.bar(width, height + 4)] if colours else []),
+                *([colors.bar(width, height + 4)] if colors else []),
                 "</svg>",
             ]
         )
@@ -158,18 +158,18 @@ def shoot(
 def _as_address(shaded: FloatArray) -> str:
     """Return a data address of linear RGB times coverage, and coverage."""
     cover = shaded[..., 3:]
-    colour = encode(shaded[..., :3] / np.where(cover > 0, cover, 1))
-    pixels: npt.NDArray[np.uint8] = np.round(255 * np.concatenate([colour, cover], axis=2)).astype(np.uint8)
+    color = encode(shaded[..., :3] / np.where(cover > 0, cover, 1))
+    pixels: npt.NDArray[np.uint8] = np.round(255 * np.concatenate([color, cover], axis=2)).astype(np.uint8)
     stream = io.BytesIO()
     imsave(stream, pixels, format="webp", pil_kwargs={"quality": QUALITY})
     return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
-def linear_colour(text: str) -> FloatArray:
-    """Return the linear RGB of a colour as HTML writes it, "#rrggbb"."""
+def linear_color(text: str) -> FloatArray:
+    """Return the linear RGB of a color as HTML writes it, "#rrggbb"."""
     return linear(np.array([int(text[each : each + 2], 16) / 255 for each in (1, 3, 5)]))
 
 
-def _hex(colour: Sequence[float]) -> str:
-    """Return an sRGB colour as HTML writes it."""
-    return "#" + "".join(f"{round(255 * each):02x}" for each in colour)
+def _hex(color: Sequence[float]) -> str:
+    """Return an sRGB color as HTML writes it."""
+    return "#" + "".join(f"{round(255 * each):02x}" for each in color)

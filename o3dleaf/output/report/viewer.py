@@ -1,4 +1,4 @@
-"""What the interactive view draws: a mesh small enough for a page, colours by vertex, the defects as they are."""
+"""What the interactive view draws: a mesh small enough for a page, colors by vertex, the defects as they are."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.output.report.places import KINDS, Place
 from o3dleaf.output.report.reduce import Reduced
-from o3dleaf.output.report.shots import Colours
+from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.surface.mesh.inspection import Inspection
 
@@ -21,7 +21,7 @@ STEPS = 65535
 """Of a coordinate of the reduced mesh, over its extent."""
 
 LEVELS = 254
-"""Of a colour; one more is for no value."""
+"""Of a color; one more is for no value."""
 
 SOUP = 20_000
 """Triangles of one kind of defect that are passed on at most."""
@@ -32,11 +32,11 @@ QUIET = ("boundary", "sharpest")
 
 def viewer_script() -> str:
     """Return the program of the view."""
-    return (files("o3dleaf.output.report") / "viewer.js").read_text(encoding="utf-8")
+    return (files("o3dleaf.output.report") / "assets" / "viewer.js").read_text(encoding="utf-8")
 
 
 def viewer_data(
-    inspection: Inspection, reduced: Reduced, layers: Sequence[Colours], places: list[Place]
+    inspection: Inspection, reduced: Reduced, layers: Sequence[Colors], places: list[Place]
 ) -> dict[str, Any]:
     """Return what the view draws, as JSON holds it; arrays are base64 of deflated little-endian numbers.
 
@@ -69,17 +69,17 @@ def viewer_data(
     }
 
 
-def _layer(colours: Colours) -> dict[str, Any]:
-    """Return one way to colour the mesh."""
-    low, high = colours.limits
-    known = np.isfinite(colours.values)
-    part = np.clip((np.where(known, colours.values, low) - low) / ((high - low) or 1.0), 0, 1)
-    table = np.round(255 * colours.table()).astype(np.uint8)
+def _layer(colors: Colors) -> dict[str, Any]:
+    """Return one way to color the mesh."""
+    low, high = colors.limits
+    known = np.isfinite(colors.values)
+    part = np.clip((np.where(known, colors.values, low) - low) / ((high - low) or 1.0), 0, 1)
+    table = np.round(255 * colors.table()).astype(np.uint8)
     return {
-        "label": colours.label,
+        "label": colors.label,
         "low": f"{low:.3g}",
         "high": f"{high:.3g}",
-        "css": f"linear-gradient(to right, {', '.join(colours.stops())})",
+        "css": f"linear-gradient(to right, {', '.join(colors.stops())})",
         "map": base64.b64encode(table.tobytes()).decode("ascii"),
         "values": _pack(np.where(known, np.round(part * LEVELS), LEVELS + 1), "u1"),
     }
@@ -92,28 +92,28 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
     for name, kind in KINDS.items():
         if not len(rows[name]):
             continue
-        colour = [int(kind.colour[each : each + 2], 16) / 255 for each in (1, 3, 5)]
+        color = [int(kind.color[each : each + 2], 16) / 255 for each in (1, 3, 5)]
         found.append(
             {
                 "name": name,
                 "count": len(rows[name]),
-                "colour": colour,
+                "color": color,
                 "shown": name not in QUIET,
-                "places": [place.centre.tolist() for place in places if place.kind == name],
+                "places": [place.center.tolist() for place in places if place.kind == name],
                 "soup": _pack(anatomy.vertices[anatomy.triangles[rows[name][:SOUP]]], "<f4"),
             }
         )
     return found
 
 
-def angle_colours(inspection: Inspection, reduced: Reduced) -> Colours:
+def angle_colors(inspection: Inspection, reduced: Reduced) -> Colors:
     """Return the smallest angle of the triangles at each vertex, red where it is small."""
     anatomy = inspection.measurements
     least = np.full(len(anatomy.vertices), np.inf)
     for corner in range(3):
         np.minimum.at(least, anatomy.triangles[:, corner], anatomy.smallest_angle)
     least[np.isinf(least)] = np.nan
-    return Colours(
+    return Colors(
         reduced.worst(least, least=True), "smallest angle of the triangles there, degrees", (0.0, 45.0), "RdYlGn"
     )
 

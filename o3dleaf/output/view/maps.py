@@ -12,7 +12,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.leaf.macro.blade import APPRAISED, Blade
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.output.view.camera import View
-from o3dleaf.output.view.render import Scalars, render
+from o3dleaf.output.view.picture import Scalars, render
 
 
 class Measure(NamedTuple):
@@ -32,7 +32,7 @@ MEASURES = {
     "volume": Measure(lambda found: found.volume, "volume factor", 1.0),
 }
 LEAST_SPAN = 1e-3
-"""Half the span of the colours at least, lest rounding be painted."""
+"""Half the span of the colors at least, lest rounding be painted."""
 
 
 def render_distortion(
@@ -44,9 +44,9 @@ def render_distortion(
     spacing: float | None = None,
     **options: Any,
 ) -> npt.NDArray[np.uint8]:
-    """Return a picture of a blade in the colours of its distortion, and write it to a file if a path is given.
+    """Return a picture of a blade in the colors of its distortion, and write it to a file if a path is given.
 
-    The colours are symmetric about the value that means none, so that the middle one is undistorted;
+    The colors are symmetric about the value that means none, so that the middle one is undistorted;
     they reach as far as 99 % of the blade do.
 
     Parameters

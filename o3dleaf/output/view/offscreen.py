@@ -1,7 +1,7 @@
 """Open3D's own renderer, where there is a driver for it, in a process of its own.
 
 Without a driver for Vulkan the renderer aborts the process that asks for it, and with one it prints to
-the terminal: so it runs in a child, once for all panels of a page. It rasterises; the colours and the light are
+the terminal: so it runs in a child, once for all panels of a page. It rasterizes; the colors and the light are
 those of `o3dleaf.output.view.shade` at each corner of each triangle, so that both engines draw the same thing, but for
 cast shadows and ambient occlusion.
 """
@@ -33,7 +33,7 @@ MOST_PIXELS = 8192
 """Side of the largest picture that every driver can hold; beyond it, pixels are supersampled less."""
 
 CHUNK = 1 << 19
-"""Triangles coloured at once."""
+"""Triangles colored at once."""
 
 
 @cache
@@ -55,7 +55,7 @@ def find_renderer() -> Literal["hardware", "software"] | None:
     return "software" if b"software device" in log else "hardware"
 
 
-def rasterise(shots: list[Shot]) -> list[FloatArray]:
+def rasterize(shots: list[Shot]) -> list[FloatArray]:
     """Return a picture of each shot as `shade_mesh` does, drawn by Open3D's renderer.
 
     Raises
@@ -91,11 +91,11 @@ def _hand_over(path: Path, shot: Shot) -> int:
     """Write what the child needs for one picture, and return the pixels drawn along each side of one."""
     finer = max(1, min(shot.view.supersampling, MOST_PIXELS // max(shot.size)))
     camera = shot.camera
-    corners, colours = _light_corners(shot)
+    corners, colors = _light_corners(shot)
     np.savez(
         path,
         corners=corners,
-        colours=colours,
+        colors=colors,
         size=np.array(shot.size) * finer,
         axes=np.stack([camera.right, camera.up, camera.toward]),
         extent=np.array([camera.width, camera.height]),
@@ -105,16 +105,16 @@ def _hand_over(path: Path, shot: Shot) -> int:
 
 
 def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Return the corners (3m, 3) of the triangles about the camera's target, and their sRGB colours."""
+    """Return the corners (3m, 3) of the triangles about the camera's target, and their sRGB colors."""
     local = (shot.vertices - shot.camera.target).astype(np.float32)
     normals = vertex_normals(local, shot.triangles) if shot.view.smooth else None
     corners = local[shot.triangles]
-    colours = np.empty_like(corners)
+    colors = np.empty_like(corners)
     for start in range(0, len(corners), CHUNK):
         part = slice(start, start + CHUNK)
         numbers = np.arange(len(corners))[part]
-        colours[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
-    return corners.reshape(-1, 3), colours.reshape(-1, 3)
+        colors[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
+    return corners.reshape(-1, 3), colors.reshape(-1, 3)
 
 
 def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals: FloatArray | None) -> FloatArray:
@@ -146,7 +146,7 @@ def _take_back(path: Path, finer: int) -> FloatArray:
 
 
 def draw(given: Path, output: Path) -> None:
-    """Draw one picture: corners and colours in, (h, w, 4) uint8 out, sRGB and whether there is anything."""
+    """Draw one picture: corners and colors in, (h, w, 4) uint8 out, sRGB and whether there is anything."""
     import open3d as o3d  # noqa: PLC0415 - in the child alone
     from open3d.visualization import rendering  # noqa: PLC0415
 
@@ -154,19 +154,19 @@ def draw(given: Path, output: Path) -> None:
     corners = shot["corners"]
     triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(triangles))
-    mesh.vertex.colors = o3d.core.Tensor.from_numpy(shot["colours"])
+    mesh.vertex.colors = o3d.core.Tensor.from_numpy(shot["colors"])
     width, height = shot["size"].tolist()
     renderer = rendering.OffscreenRenderer(width, height)
     material = rendering.MaterialRecord()
     material.shader = "defaultUnlit"
     renderer.scene.add_geometry("mesh", mesh, material)
-    # Colours pass through unchanged, and depth tells what is covered.
+    # Colors pass through unchanged, and depth tells what is covered.
     for switch_off in (renderer.scene.view.set_post_processing, renderer.scene.view.set_antialiasing):
         switch_off(False)
     _aim(renderer.scene.camera, shot, rendering.Camera)
-    colours = np.asarray(renderer.render_to_image())
+    colors = np.asarray(renderer.render_to_image())
     covered = np.asarray(renderer.render_to_depth_image()) < 1
-    np.save(output, np.dstack([colours, 255 * covered.astype(np.uint8)]))
+    np.save(output, np.dstack([colors, 255 * covered.astype(np.uint8)]))
 
 
 def _aim(camera: Any, shot: Any, kinds: Any) -> None:

@@ -1,4 +1,4 @@
-"""The furniture of a page: scale bars, colour bar, frames and words, drawn by Matplotlib without its global state."""
+"""The furniture of a page: scale bars, color bar, frames and words, drawn by Matplotlib without its global state."""
 
 from dataclasses import dataclass
 from os import PathLike
@@ -101,13 +101,13 @@ class Page:
         points = scale * self.line * 0.72
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
 
-    def key(self, colour: str, marker: str, text: str) -> None:
-        """Say at the foot, between scale bar and colour bar, what a marker of Matplotlib in a colour stands for."""
+    def key(self, color: str, marker: str, text: str) -> None:
+        """Say at the foot, between scale bar and color bar, what a marker of Matplotlib in a color stands for."""
         width, height = self.figure.bbox.size
         left, base = 0.29 * width, height - 1.3 * self.em
         line = marker == "-"
         x = left + self.em * np.array([-0.6, 0.6] if line else [0.0])
-        drawn = self.axes.plot(x, np.full(len(x), base), color=colour, linewidth=0.15 * self.line)[0]
+        drawn = self.axes.plot(x, np.full(len(x), base), color=color, linewidth=0.15 * self.line)[0]
         if not line:
             drawn.set(marker=marker, markersize=0.5 * self.line)
         self.write(left + 1.1 * self.em, base, text, scale=0.85)
@@ -152,11 +152,11 @@ class Page:
         )
         self.write(left, base - 0.85 * self.em, name_length(length, unit))
 
-    def colour_bar(self, box: Box, colour_map: str, limits: tuple[float, float], label: str) -> None:
-        """Draw the bar of a colour map, with its two ends and a label, into the lower right corner of a box."""
+    def color_bar(self, box: Box, color_map: str, limits: tuple[float, float], label: str) -> None:
+        """Draw the bar of a color map, with its two ends and a label, into the lower right corner of a box."""
         width, height = max(0.24 * box.width, 9 * self.em), 0.55 * self.em
         left, top = box.left + box.width - width - self.em, box.top + box.height - 2.3 * self.em
-        strip = colormaps[colour_map](np.linspace(0, 1, 256))[np.newaxis]
+        strip = colormaps[color_map](np.linspace(0, 1, 256))[np.newaxis]
         self.axes.imshow(strip, extent=(left, left + width, top + height, top), aspect="auto", zorder=3)
         self.axes.set_xlim(0, self.figure.bbox.width)
         self.axes.set_ylim(self.figure.bbox.height, 0)
@@ -188,7 +188,7 @@ def name_length(length: float, unit: str | None) -> str:
     """Return a length in words, in the largest unit that makes it 1 or more: 0.2 mm is 200 µm."""
     if unit is None:
         return f"{length:g}"
-    metres = length * METRES[unit]
+    meters = length * METRES[unit]
     usual = [name for name in METRES if name != "cm" or name == unit]
-    name = next((name for name in usual if METRES[name] <= METRES[unit] and metres >= 0.999 * METRES[name]), "nm")
-    return f"{metres / METRES[name]:.6g} {name.replace('um', 'µm')}"
+    name = next((name for name in usual if METRES[name] <= METRES[unit] and meters >= 0.999 * METRES[name]), "nm")
+    return f"{meters / METRES[name]:.6g} {name.replace('um', 'µm')}"

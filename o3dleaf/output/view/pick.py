@@ -39,7 +39,7 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
     return control_points(points, _pick(points))
 
 
-def write_midrib(path: str | PathLike[str], control: FloatArray) -> None:
+def write_midrib(control: FloatArray, path: str | PathLike[str]) -> None:
     """Write control points (k, 3) as a PLY point cloud, whole or not at all."""
     target = require_writable(path, (".ply",))
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(control))

@@ -15,7 +15,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 FINENESS = ((1_000, 3), (20_000, 1), (200_000, 0))
 """Up to so many points a sphere is an icosahedron, split so often; of more points each one is an octahedron."""
 
-NEIGHBOURS = 12
+NEIGHBORS = 12
 """Points by which the plane of the cloud about each one is told."""
 
 
@@ -28,13 +28,13 @@ class Points:
     points : (n, 3) array_like or Open3D point cloud
     radius : float, optional
         Of the sphere at each point, in the points' unit; left out, half their median distance to the nearest other.
-    colour : str, optional
-        A colour of Matplotlib for all of them; left out, the cloud's own colours, or a light brown.
+    color : str, optional
+        A color of Matplotlib for all of them; left out, the cloud's own colors, or a light brown.
     """
 
     points: CloudLike
     radius: float | None = None
-    colour: str | None = None
+    color: str | None = None
 
     def positions(self) -> FloatArray:
         """Return the (n, 3) points, at least one."""
@@ -70,7 +70,7 @@ def make_facets(points: FloatArray) -> tuple[FloatArray, IntArray]:
         vertices, triangles, _ = make_spheres(points, 1.0)
         return vertices, triangles
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(min(NEIGHBOURS, len(points))))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(min(NEIGHBORS, len(points))))
     normal = np.asarray(cloud.normals)
     helper = np.eye(3)[np.abs(normal).argmin(axis=1)]
     one = np.cross(normal, helper)

@@ -1,4 +1,4 @@
-"""What is drawn in one panel: meshes and point clouds, put together into triangles that know their colours."""
+"""What is drawn in one panel: meshes and point clouds, put together into triangles that know their colors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,31 +34,31 @@ UNDER_GREEN = np.array([0.235, 0.370, 0.150])
 """The same from behind: an abaxial side is paler."""
 
 BROWN = "#c49a6c"
-"""Of points that have no colour of their own: the paper's scan."""
+"""Of points that have no color of their own: the paper's scan."""
 
 TONE = 0.68
-"""Full light is brighter than white paper: toned down, the colours stay those of the bar."""
+"""Full light is brighter than white paper: toned down, the colors stay those of the bar."""
 
 
 @dataclass(frozen=True)
 class Scalars:
-    """Numbers on a mesh or a point cloud that are shown as colours.
+    """Numbers on a mesh or a point cloud that are shown as colors.
 
     Attributes
     ----------
     values : (n,) or (m,) array_like
         One a vertex or one a triangle; of a cloud, one a point. Of a list of things, those of the first.
     label : str
-        What they are, with their unit; written beside the colour bar.
-    colour_map : str
-        A colour map of Matplotlib.
+        What they are, with their unit; written beside the color bar.
+    color_map : str
+        A color map of Matplotlib.
     limits : (float, float), optional
-        The values at the ends of the colour map; left out, the 1st and 99th percentile.
+        The values at the ends of the color map; left out, the 1st and 99th percentile.
     """
 
     values: npt.ArrayLike
     label: str = ""
-    colour_map: str = "viridis"
+    color_map: str = "viridis"
     limits: tuple[float, float] | None = None
 
 
@@ -69,7 +69,7 @@ class Part:
     Attributes
     ----------
     vertices, triangles : (n, 3), (m, 3) ndarrays
-    colours : (n, 3), (1, 3) ndarray, optional
+    colors : (n, 3), (1, 3) ndarray, optional
         Linear RGB of the vertices, or of all of them; None: leaf green.
     owner : (m,) ndarray, optional
         The point of a cloud that each triangle belongs to; None: it is no cloud.
@@ -79,7 +79,7 @@ class Part:
 
     vertices: FloatArray
     triangles: IntArray
-    colours: FloatArray | None
+    colors: FloatArray | None
     owner: IntArray | None
     facets: tuple[FloatArray, IntArray]
 
@@ -93,25 +93,25 @@ class Part:
             _require_few(len(triangles))
             if np.ptp(vertices[triangles.ravel()], axis=0).max() == 0:
                 raise InputError("mesh: all its vertices are in one place; there is nothing to draw")
-            return cls(vertices, triangles, _own_colours(thing), None, (vertices, triangles))
+            return cls(vertices, triangles, _own_colors(thing), None, (vertices, triangles))
         cloud = thing if isinstance(thing, Points) else Points(thing)
         points = cloud.positions()
         # Of octahedra, the simplest of spheres.
         _require_few(8 * len(points))
         vertices, triangles, owner = make_spheres(points, cloud.size(points))
-        colours = _own_colours(cloud.points) if cloud.colour is None else None
-        if colours is None:
-            colours = _colour(cloud.colour or BROWN)
-        elif len(colours) == len(points):
-            colours = np.repeat(colours, len(vertices) // len(points), axis=0)
-        return cls(vertices, triangles, colours, owner, make_facets(points))
+        colors = _own_colors(cloud.points) if cloud.color is None else None
+        if colors is None:
+            colors = _color(cloud.color or BROWN)
+        elif len(colors) == len(points):
+            colors = np.repeat(colors, len(vertices) // len(points), axis=0)
+        return cls(vertices, triangles, colors, owner, make_facets(points))
 
     def scalars(self, given: npt.ArrayLike | Scalars | None) -> Scalars | None:
         """Return scalars one a vertex or one a triangle, with their limits set, or None."""
         if given is None:
             return None
         scalars = given if isinstance(given, Scalars) else Scalars(given)
-        require_choice(scalars.colour_map, colormaps, "colour_map")
+        require_choice(scalars.color_map, colormaps, "color_map")
         values = require_finite(np.asarray(scalars.values, dtype=np.float64), "scalars")
         if self.owner is not None:
             count = int(self.owner[-1]) + 1
@@ -126,20 +126,20 @@ class Part:
         return replace(scalars, values=values if self.owner is None else values[self.owner], limits=(low, high))
 
     def paint(self, scalars: Scalars | None) -> Paint:
-        """Return the colours of the surface."""
+        """Return the colors of the surface."""
         if scalars is not None and scalars.limits is not None:
-            return self._map(np.asarray(scalars.values), scalars.limits, scalars.colour_map)
-        colours, triangles = self.colours, self.triangles
-        if colours is None:
+            return self._map(np.asarray(scalars.values), scalars.limits, scalars.color_map)
+        colors, triangles = self.colors, self.triangles
+        if colors is None:
             return lambda _triangle, _weights, facing: np.where(facing[:, np.newaxis] > 0, UPPER_GREEN, UNDER_GREEN)
-        if len(colours) == 1:
-            return lambda triangle, _weights, _facing: np.broadcast_to(colours, (len(triangle), 3))
-        return lambda triangle, weights, _facing: np.einsum("ij,ijk->ik", weights, colours[triangles[triangle]])
+        if len(colors) == 1:
+            return lambda triangle, _weights, _facing: np.broadcast_to(colors, (len(triangle), 3))
+        return lambda triangle, weights, _facing: np.einsum("ij,ijk->ik", weights, colors[triangles[triangle]])
 
-    def _map(self, values: FloatArray, limits: tuple[float, float], colour_map: str) -> Paint:
-        """Return the colours of numbers, one a vertex or one a triangle."""
+    def _map(self, values: FloatArray, limits: tuple[float, float], color_map: str) -> Paint:
+        """Return the colors of numbers, one a vertex or one a triangle."""
         low, high = limits
-        table = TONE * linear(colormaps[colour_map](np.linspace(0, 1, 256))[:, :3])
+        table = TONE * linear(colormaps[color_map](np.linspace(0, 1, 256))[:, :3])
 
         def paint(triangle: IntArray, weights: FloatArray, _facing: FloatArray) -> FloatArray:
             if len(values) == len(self.vertices):
@@ -198,13 +198,13 @@ def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
     first = np.cumsum([0, *counts])
 
     def paint(triangle: IntArray, weights: FloatArray, facing: FloatArray) -> FloatArray:
-        colours = np.empty((len(triangle), 3))
+        colors = np.empty((len(triangle), 3))
         part = np.searchsorted(first, triangle, side="right") - 1
         for number, own in enumerate(paints):
             at = np.flatnonzero(part == number)
             if len(at):
-                colours[at] = own(triangle[at] - first[number], weights[at], facing[at])
-        return colours
+                colors[at] = own(triangle[at] - first[number], weights[at], facing[at])
+        return colors
 
     return paint
 
@@ -215,24 +215,24 @@ def _require_few(count: int) -> None:
         raise MemoryBudgetError(f"mesh: {count} triangles are too many for a picture; simplify it first")
 
 
-def _own_colours(thing: Any) -> FloatArray | None:
+def _own_colors(thing: Any) -> FloatArray | None:
     """Return the linear RGB (n, 3) that an Open3D geometry has at its vertices or points, or None."""
-    colours: npt.NDArray[Any] | None = None
+    colors: npt.NDArray[Any] | None = None
     table = getattr(thing, "vertex", getattr(thing, "point", None))
     if table is not None and "colors" in table:
-        colours = table.colors.cpu().numpy()
-        colours = colours / 255 if np.issubdtype(colours.dtype, np.integer) else colours
+        colors = table.colors.cpu().numpy()
+        colors = colors / 255 if np.issubdtype(colors.dtype, np.integer) else colors
     elif getattr(thing, "has_vertex_colors", bool)():
-        colours = np.asarray(thing.vertex_colors)
+        colors = np.asarray(thing.vertex_colors)
     elif getattr(thing, "has_colors", bool)():
-        colours = np.asarray(thing.colors)
-    return None if colours is None else TONE * linear(np.clip(colours.astype(np.float64), 0, 1))
+        colors = np.asarray(thing.colors)
+    return None if colors is None else TONE * linear(np.clip(colors.astype(np.float64), 0, 1))
 
 
-def _colour(name: str) -> FloatArray:
-    """Return the linear RGB (1, 3) of a colour's name."""
+def _color(name: str) -> FloatArray:
+    """Return the linear RGB (1, 3) of a color's name."""
     if not is_color_like(name):
-        raise InputError(f"colour: unknown {name!r}; give a colour of Matplotlib, such as '#d55e00'")
+        raise InputError(f"color: unknown {name!r}; give a color of Matplotlib, such as '#d55e00'")
     return TONE * linear(np.array([to_rgb(name)]))
 
 

@@ -80,8 +80,8 @@ def shade_mesh(shot: Shot) -> FloatArray:
         y = (np.arange(top * finer, bottom * finer) + 0.5) / finer
         columns, lines = (grid.ravel() for grid in np.meshgrid(x, y))
         rays = camera.rays(columns, lines, size)
-        colours = _shade_rays(scene, rays, (triangles, normals), shot.paint, camera)
-        image[top:bottom] = colours.reshape(bottom - top, finer, width, finer, 4).mean(axis=(1, 3))
+        colors = _shade_rays(scene, rays, (triangles, normals), shot.paint, camera)
+        image[top:bottom] = colors.reshape(bottom - top, finer, width, finer, 4).mean(axis=(1, 3))
     return image
 
 
@@ -92,12 +92,12 @@ def _shade_rays(
     paint: Paint,
     camera: Camera,
 ) -> FloatArray:
-    """Return the (n, 4) colours of rays; those that hit nothing stay zero."""
+    """Return the (n, 4) colors of rays; those that hit nothing stay zero."""
     answer = {name: value.numpy() for name, value in scene.cast_rays(o3d.core.Tensor.from_numpy(rays)).items()}
     hit = np.flatnonzero(np.isfinite(answer["t_hit"]))
-    colours = np.zeros((len(rays), 4))
+    colors = np.zeros((len(rays), 4))
     if not len(hit):
-        return colours
+        return colors
     triangle = answer["primitive_ids"][hit].astype(np.int64)
     uv = answer["primitive_uvs"][hit].astype(np.float64)
     weights = np.column_stack([1 - uv.sum(axis=1), uv])
@@ -113,15 +113,15 @@ def _shade_rays(
         bent = np.where(bent.any(axis=1, keepdims=True), bent, flat)
     place = rays[hit, :3] + answer["t_hit"][hit, np.newaxis] * way + 1e-4 * camera.width * flat
     light = _light(scene, place, bent, way, camera)
-    colours[hit, :3] = paint(triangle, weights, facing) * light[:, :1] + light[:, 1:]
-    colours[hit, 3] = 1.0
-    return colours
+    colors[hit, :3] = paint(triangle, weights, facing) * light[:, :1] + light[:, 1:]
+    colors[hit, 3] = 1.0
+    return colors
 
 
 def _light(
     scene: o3d.t.geometry.RaycastingScene, place: FloatArray, normal: FloatArray, way: FloatArray, camera: Camera
 ) -> FloatArray:
-    """Return (n, 2): the light that a surface scatters in its colour, and the gloss added in white."""
+    """Return (n, 2): the light that a surface scatters in its color, and the gloss added in white."""
     sun = np.broadcast_to(sun_of(camera), place.shape)
     lit = ~_blocked(scene, place, sun, np.inf)
     return reflect(normal, way, camera, lit, _sky_seen(scene, place, normal, camera))

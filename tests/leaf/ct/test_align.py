@@ -7,11 +7,10 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.leaf.ct.align import align_blade
+from o3dleaf import InputError, ReconstructionError, Volume, align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
-from o3dleaf.leaf.ct.volume import Volume, apply_transform
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.leaf.ct.volume import apply_transform
+from o3dleaf.samples import wheat_ct
 from tolerances import ALIGNED_DEGREES, ALIGNED_VOXELS
 
 SPACING = 24.0
@@ -40,7 +39,7 @@ def test_a_known_turn_is_recovered(angles, seed):
     found = align_blade(volume)
     assert degrees_between(found[:3, :3], R.T) < ALIGNED_DEGREES
     assert abs(np.linalg.det(found[:3, :3]) - 1) < 1e-12
-    # The middle of the blade is 2.5 um above the truth's z = 0, which passes 40 um under the holder's centre.
+    # The middle of the blade is 2.5 um above the truth's z = 0, which passes 40 um under the holder's center.
     middle = apply_transform(found, (np.array([[0, 0, 2.5 - 40.0]]) @ R.T))[0]
     assert abs(middle[2]) < ALIGNED_VOXELS * SPACING
 

@@ -1,15 +1,13 @@
 """What is written is read again; what a file does not say is asked for; what is broken is refused in one line."""
 
+import errno
 import sys
 
 import numpy as np
 import pytest
 import tifffile
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats import read_volume
-from o3dleaf.leaf.ct.tiff import write_volume
-from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf import InputError, O3DLeafError, Volume, read_volume, write_volume
 from tolerances import ROUND_TRIP_SPACING
 
 
@@ -37,7 +35,7 @@ def assert_same(read, volume, *, lattice=True):
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
 def test_round_trip_with_three_different_sizes(tmp_path, volume, kind):
     volume = Volume((volume.data * 50 + 100).astype(kind), volume.spacing, volume.origin, "um")
-    write_volume(tmp_path / "v.tif", volume)
+    write_volume(volume, tmp_path / "v.tif")
     read = read_volume(tmp_path / "v.tif")
     assert read.data.dtype == kind
     assert_same(read, volume)
@@ -46,7 +44,7 @@ def test_round_trip_with_three_different_sizes(tmp_path, volume, kind):
 
 
 def test_doubles_become_single_precision_and_a_unit_may_be_missing(tmp_path, volume):
-    write_volume(tmp_path / "v.tif", Volume(volume.data.astype(float), volume.spacing))
+    write_volume(Volume(volume.data.astype(float), volume.spacing), tmp_path / "v.tif")
     read = read_volume(tmp_path / "v.tif")
     assert read.unit is None
     assert np.array_equal(read.data, volume.data)
@@ -54,22 +52,28 @@ def test_doubles_become_single_precision_and_a_unit_may_be_missing(tmp_path, vol
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, volume, monkeypatch):
     target = tmp_path / "v.tif"
-    write_volume(target, volume)
+    write_volume(volume, target)
     before = target.read_bytes()
 
     def fail(path, *_, **__):
         path.write_bytes(b"half")
-        raise OSError("disk full")
+        raise OSError(errno.ENOSPC, "disk full")
 
     monkeypatch.setattr(tifffile, "imwrite", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_volume(target, volume)
+    with pytest.raises(O3DLeafError, match="disk full"):
+        write_volume(volume, target)
     assert [f.name for f in tmp_path.iterdir()] == ["v.tif"]
     assert target.read_bytes() == before
 
 
+def test_a_path_given_first_is_refused_and_nothing_is_written(tmp_path, volume):
+    with pytest.raises(InputError, match=r"write_volume\(volume, path\)"):
+        write_volume(tmp_path / "v.tif", volume)
+    assert not list(tmp_path.iterdir())
+
+
 def test_stated_lengths_are_converted_and_arguments_win(tmp_path, volume):
-    write_volume(tmp_path / "v.tif", volume)
+    write_volume(volume, tmp_path / "v.tif")
     in_mm = read_volume(tmp_path / "v.tif", unit="mm")
     assert in_mm.unit == "mm"
     assert np.allclose(in_mm.spacing, volume.spacing * 1e-3, rtol=ROUND_TRIP_SPACING)
@@ -154,7 +158,7 @@ def test_without_simpleitk_the_message_says_what_to_install(tmp_path, monkeypatc
 def test_no_truncation_goes_unnoticed(tmp_path, volume, imagej, compression):
     whole, cut = tmp_path / "v.tif", tmp_path / "cut.tif"
     if imagej:
-        write_volume(whole, volume)
+        write_volume(volume, whole)
     else:
         tifffile.imwrite(whole, pages(volume), metadata=None, compression=compression)
     content = whole.read_bytes()
@@ -194,7 +198,7 @@ def test_a_header_that_promises_too_much_allocates_nothing(tmp_path):
 @pytest.mark.parametrize(
     ("array", "says"),
     [
-        (np.zeros((4, 5, 6, 3), np.uint8), "colour"),
+        (np.zeros((4, 5, 6, 3), np.uint8), "color"),
         (np.zeros((4, 5, 3), np.uint8), "one value"),
         (np.full((4, 5, 6), 7, np.uint16), "one value"),
         (np.full((4, 5, 6), np.nan, np.float32), "NaN"),

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, Volume
 from o3dleaf.leaf.ct.threshold import histogram_threshold
-from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples import wheat_ct
 
 METHODS = ["valley", "otsu"]
 
@@ -51,8 +50,8 @@ def test_scales_and_shifts_with_the_intensities(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_whole_number_intensities_will_do(method):
     volume, _ = wheat_ct(seed=0)
-    grey = np.clip(np.rint(volume.data * 1000) + 40, 0, 255).astype(np.uint8)
-    assert 60 < histogram_threshold(grey, method) < 200
+    gray = np.clip(np.rint(volume.data * 1000) + 40, 0, 255).astype(np.uint8)
+    assert 60 < histogram_threshold(gray, method) < 200
 
 
 def test_air_that_the_scanner_set_to_zero_counts_as_air():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.leaf.ct.volume import Volume, apply_transform
+from o3dleaf import InputError, UnitError, Volume
+from o3dleaf.leaf.ct.volume import apply_transform
 
 
 @pytest.fixture
@@ -15,12 +15,12 @@ def volume():
     return Volume(data, (1.0, 2.0, 4.0), (10.0, 20.0, 30.0), "um")
 
 
-def test_voxel_centres_and_faces(volume):
+def test_voxel_centers_and_faces(volume):
     assert np.array_equal(volume.voxel_bounds, [[10, 20, 30], [13, 28, 54]])
     assert np.array_equal(volume.bounds, [[9.5, 19, 28], [13.5, 29, 56]])
 
 
-def test_samples_are_centres_and_intensity_less_level(volume):
+def test_samples_are_centers_and_intensity_less_level(volume):
     points, values = volume.to_samples(0.1)
     for n in (0, 17, 101, len(points) - 1):
         index = np.rint((points[n] - volume.origin) / volume.spacing).astype(int)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import ReconstructionError
+from o3dleaf import ReconstructionError, mesh_report
 from o3dleaf.leaf.instancing import assembly as assembly_module
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.block import extract_block
@@ -13,7 +13,6 @@ from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tile_fields import LATTICE, PERIOD, area, assemble, layer, outline, solid_layer
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)

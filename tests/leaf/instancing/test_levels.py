@@ -6,12 +6,11 @@ import numpy as np
 import pymeshlab
 import pytest
 
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf import InputError, ReconstructionError, mesh_report
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.surface.isosurface.polygonize import polygonize
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tile_fields import LATTICE, area, assemble, layer, outline
 
 

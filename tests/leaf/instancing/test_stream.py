@@ -9,8 +9,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf import InputError, O3DLeafError, get_num_threads, set_num_threads
 from o3dleaf.leaf.instancing import stream
 from o3dleaf.leaf.instancing.parts import RIM
 from o3dleaf.leaf.instancing.stream import LABELS, Arrays, file_bytes, mesh_file

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
+from o3dleaf import (
+    MemoryBudgetError,
+    ReconstructionError,
+    get_num_threads,
+    mesh_report,
+    remesh,
+    set_num_threads,
+    simplify_mesh,
+)
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.instancing import assembly as assembly_module
 from o3dleaf.leaf.instancing import tile as tile_module
 from o3dleaf.leaf.instancing.assembly import Assembly
@@ -19,9 +26,6 @@ from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions, march
-from o3dleaf.surface.mesh.mesh_report import mesh_report
-from o3dleaf.surface.remeshing.remesh import remesh
-from o3dleaf.surface.repair.simplify import simplify_mesh
 from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, outline, solid_layer
 from tolerances import SHARPENED
 

@@ -5,9 +5,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf import InputError, PUInterpolant, TiledField
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     FADE_TWIN,

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf import InputError, PUInterpolant, TiledField
 from o3dleaf.fitting.pu.weight_loops import wendland
-from o3dleaf.leaf.texture.tiling import TiledField
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 
@@ -19,14 +17,14 @@ def patch():
 def literal_tiling(field, period, points, reach=3):
     """The equation of G in the paper's section 2.6, with explicit copies: Σ w F_i(z − s) / Σ w."""
     index = field.index
-    centres, radii = field.cover.centres, field.cover.radii
+    centers, radii = field.cover.centres, field.cover.radii
     total, weights = np.zeros(len(points)), np.zeros(len(points))
     for p in range(-reach, reach + 1):
         for q in range(-reach, reach + 1):
             shift = np.array([p * period[0], q * period[1], 0.0])
             for ball in range(len(radii)):
                 z = points - shift
-                tau = np.linalg.norm(z - centres[ball], axis=1) / radii[ball]
+                tau = np.linalg.norm(z - centers[ball], axis=1) / radii[ball]
                 for row in np.flatnonzero(tau < 1):
                     w = wendland(tau[row])
                     total[row] += w * local_value(field, ball, z[row])

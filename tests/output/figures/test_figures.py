@@ -9,20 +9,15 @@ from matplotlib.image import imread
 
 import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
+from o3dleaf import AlphaShape, HeightMap, InputError, MultiscaleLeaf, ReconstructionError, Volume, draw_figures
 from o3dleaf.commands.figures import FiguresJob
-from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.output.figures import pictures
-from o3dleaf.output.figures.draw import CAPTIONS, FIGURES, draw_figures
-from o3dleaf.output.figures.pictures import CUT, block, scan_picture, whole_tiles
-from o3dleaf.output.figures.plots import flattened_scan, height_map, histogram
+from o3dleaf.output.figures import flattened_scan, height_map, histogram, pictures, scan_picture
+from o3dleaf.output.figures.draw import CAPTIONS, FIGURES
+from o3dleaf.output.figures.pictures import CUT, block, whole_tiles
 from o3dleaf.output.figures.style import COLUMN, PICTURE, VERMILION
-from o3dleaf.output.view.render import PAPER, draw_page
+from o3dleaf.output.view.picture import PAPER, draw_page
 from tolerances import ON_A_SEAM
 
 
@@ -145,7 +140,7 @@ def test_a_leaf_too_small_for_its_tiles_is_an_error_with_a_cure(leaf):
         whole_tiles(leaf, (4, 4))
 
 
-def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
+def test_a_block_is_the_closed_leaf_in_two_colors_cut_at_the_window(leaf):
     window = whole_tiles(leaf, (2, 2))
     surface, cut = block(leaf, 0.1, window.region, seams=True)
     whole = leaf.extract_mesh(0.1, window.region, closed=True)
@@ -155,21 +150,22 @@ def test_a_block_is_the_closed_leaf_in_two_colours_cut_at_the_window(leaf):
     assert np.abs(plane[:, np.newaxis] - window.region).min(axis=(1, 2)).max() < 0.03
     assert len(triangles) > 0
     assert np.allclose(cut.vertex_colors, to_rgb(CUT))
-    colours = np.asarray(surface.vertex_colors)
+    colors = np.asarray(surface.vertex_colors)
     flat = leaf.blade.flatten(np.asarray(surface.vertices))[:, :2]
-    red = np.abs(colours - to_rgb(VERMILION)).max(axis=1) < 1e-6
+    red = np.abs(colors - to_rgb(VERMILION)).max(axis=1) < 1e-6
     middle = window.region.mean(axis=0)
     assert np.abs(flat[red] - middle).min(axis=1).max() < 0.1
     assert red[np.abs(flat - middle).min(axis=1) < 1e-6].mean() > 0.9
     quarter = (flat > middle).sum(axis=1) % 2
-    green = colours[~red]
+    green = colors[~red]
     assert len(np.unique(green[quarter[~red] == 0], axis=0)) == len(np.unique(green[quarter[~red] == 1], axis=0)) == 1
     assert len(np.unique(green, axis=0)) == 2
 
 
 def test_figures_of_a_blade_say_what_is_left_out(leaf, scan, quick, tmp_path):
     journal = Notes()
-    drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"], journal=journal)
+    with journal:
+        drawn = draw_figures(leaf.blade, tmp_path / "new" / "folder", scan=scan, formats=["png", "svg"])
     names = [f"{number}-{name}.{suffix}" for number, name in ((1, "scan"), (2, "flattened"), (3, "height-map"))
              for suffix in ("png", "svg")]  # fmt: skip
     assert [path.name for path in drawn.paths] == [*names, CAPTIONS]

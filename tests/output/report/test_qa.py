@@ -12,13 +12,14 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, check_mesh
 from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_triangle_mesh
 from o3dleaf.output.report import closeups, overviews, shots
 from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
 from o3dleaf.output.report.reduce import reduce_mesh
-from o3dleaf.output.report.requirements import RULES, check_mesh, parse_requirements
+from o3dleaf.output.report.requirements import RULES, parse_requirements
 from o3dleaf.output.report.words import FIGURES
 from o3dleaf.output.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
@@ -298,7 +299,7 @@ def test_a_mesh_without_an_area_still_gets_a_page(tmp_path):
     assert "nothing to draw" in (tmp_path / "line.html").read_text(encoding="utf-8")
 
 
-def test_maps_of_field_and_scan_have_their_colours_and_limits(monkeypatch, tmp_path):
+def test_maps_of_field_and_scan_have_their_colors_and_limits(monkeypatch, tmp_path):
     monkeypatch.setattr(shots, "FINER", 0.25)
     vertices, triangles = ball()
     # A spiral over the half of the sphere with x > 0, evenly dense, a little outside.
@@ -306,9 +307,9 @@ def test_maps_of_field_and_scan_have_their_colours_and_limits(monkeypatch, tmp_p
     scan = 1.02 * np.column_stack([x, np.sqrt(1 - x**2) * np.cos(turn), np.sqrt(1 - x**2) * np.sin(turn)])
     found = Examination.of((vertices, triangles), cloud=scan, unit="mm", require="max-scan-distance=0.1")
     reduced = reduce_mesh(vertices, triangles, 10**6)
-    colours = overviews.scan_colours(found.inspection, reduced, found.points)
-    assert np.isnan(colours.values[reduced.vertices[:, 0] < -0.5]).all()
-    assert np.isfinite(colours.values[reduced.vertices[:, 0] > 0.1]).all()
+    colors = overviews.scan_colors(found.inspection, reduced, found.points)
+    assert np.isnan(colors.values[reduced.vertices[:, 0] < -0.5]).all()
+    assert np.isfinite(colors.values[reduced.vertices[:, 0] > 0.1]).all()
     found.write_html(tmp_path / "scan.html", "scan")
     text = (tmp_path / "scan.html").read_text(encoding="utf-8")
     assert text.count("distance of the scan from the mesh, mm") >= 3  # two pictures and the view
@@ -357,6 +358,25 @@ def test_a_sound_mesh_passes(run, box):
     done = run("qa", box, "--require", "watertight,min-angle=45")
     assert done.returncode == 0
     assert "passed (2 of 2 met)" in done.stdout
+
+
+@pytest.mark.parametrize("writer", ["ours", "Open3D's"])
+def test_the_corners_of_an_stl_are_joined(run, tmp_path, writer):
+    """STL has three vertices a triangle: judged as they stand, a sphere is as many pieces as it has triangles."""
+    mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 20).compute_triangle_normals()
+    write = write_triangle_mesh if writer == "ours" else o3d.io.write_triangle_mesh
+    write(tmp_path / "ball.stl", mesh)
+    read = read_triangle_mesh(tmp_path / "ball.stl")
+    assert len(read.vertices) == len(mesh.vertices)
+    assert not read.has_vertex_normals()
+    corners, same = (np.asarray(each.vertices)[np.asarray(each.triangles)] for each in (mesh, read))
+    np.testing.assert_array_equal(same, corners.astype(np.float32))
+    done = run("qa", tmp_path / "ball.stl", "--require", "watertight,manifold,oriented,components=1")
+    assert (done.returncode, "passed (4 of 4 met)" in done.stdout) == (0, True)
+    done = run("info", tmp_path / "ball.stl", "--json", tmp_path / "ball.json")
+    assert done.returncode == 0
+    said = json.loads((tmp_path / "ball.json").read_text())
+    assert (said["components"], said["vertices"], said["watertight"]) == (1, len(mesh.vertices), True)
 
 
 def test_wrong_input_is_one_line_and_leaves_nothing(run, box, tmp_path):

@@ -1,16 +1,12 @@
-"""Maps show the distortion where it is, in colours that are symmetric about none."""
+"""Maps show the distortion where it is, in colors that are symmetric about none."""
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.macro.blade import Blade
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.output.view.maps import MEASURES, render_distortion
-from o3dleaf.output.view.render import PAPER
+from o3dleaf import AlphaShape, Blade, HeightMap, InputError, LeafFrame, render_distortion
+from o3dleaf.output.view.maps import MEASURES
+from o3dleaf.output.view.picture import PAPER
 
 SIZE = (320, 200)
 
@@ -33,7 +29,7 @@ def test_the_outer_edge_is_red_and_the_inner_one_blue(arc):
     leaf = np.abs(page / 255 - PAPER).max(axis=2) > 0.05
     rows = np.flatnonzero(leaf[:, 90:230].all(axis=1))
     first, last = page[rows[3:10], 90:230].mean(axis=(0, 1)), page[rows[-10:-3], 90:230].mean(axis=(0, 1))
-    warm = [colour[0] - colour[2] for colour in (first, last)]
+    warm = [color[0] - color[2] for color in (first, last)]
     assert min(warm) < -20
     assert max(warm) > 20
 

@@ -1,4 +1,4 @@
-"""Clouds are drawn where their points are, things of a scene keep their own colours, and both engines draw the same."""
+"""Clouds are drawn where their points are, things of a scene keep their own colors, and both engines draw the same."""
 
 import subprocess
 import sys
@@ -8,15 +8,14 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf.core.errors import InputError, MemoryBudgetError, O3DLeafError
+from o3dleaf import InputError, MemoryBudgetError, O3DLeafError, Points, extract_isosurface, render
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.output.view import offscreen, scene
 from o3dleaf.output.view import points as points_module
 from o3dleaf.output.view.camera import View
-from o3dleaf.output.view.points import Points, make_facets, make_spheres
-from o3dleaf.output.view.render import PAPER, Inset, Scalars, draw_page, render
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from tolerances import BACKGROUND, ENGINES_COLOUR, ENGINES_COVER, SILHOUETTE
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
+from o3dleaf.output.view.points import make_facets, make_spheres
+from tolerances import BACKGROUND, ENGINES_COLOR, ENGINES_COVER, SILHOUETTE
 
 SIZE = (320, 200)
 FACE_ON = View(direction=(0.0, 0.0, 1.0), tilt=0.0)
@@ -82,7 +81,7 @@ def test_facets_lie_in_the_cloud(scattered):
     assert np.abs(normals.sum(axis=0)).max() < 1e-12 < np.abs(normals).max()
 
 
-def test_things_of_a_list_are_drawn_together_each_in_its_colour(ball):
+def test_things_of_a_list_are_drawn_together_each_in_its_color(ball):
     things = [ball, Points([[-3.0, 0, 0]], 0.8, "#d55e00"), Points([[3.0, 0, 0]], 0.8, "#0072b2")]
     page = render(things, size=SIZE, scale_bar=False, view=FACE_ON).astype(float)
     drawn = ~is_paper(page)
@@ -92,14 +91,14 @@ def test_things_of_a_list_are_drawn_together_each_in_its_colour(ball):
     assert right.argmax() == 2
 
 
-def test_each_mesh_of_a_list_keeps_the_colours_of_its_vertices(ball):
+def test_each_mesh_of_a_list_keeps_the_colors_of_its_vertices(ball):
     halves = []
-    for shift, colours in ((-1.5, ([1, 0, 0], [0, 0, 1])), (1.5, ([0, 0, 1], [1, 0, 0]))):
+    for shift, colors in ((-1.5, ([1, 0, 0], [0, 0, 1])), (1.5, ([0, 0, 1], [1, 0, 0]))):
         # Longest along x, which tells the picture's right.
         vertices, triangles = mesh_arrays(ball)
         mesh = build_mesh(vertices * [1.3, 1, 1] + [shift, 0, 0], triangles)
         upper = np.asarray(mesh.vertices)[:, 1] > 0
-        mesh.vertex_colors = o3d.utility.Vector3dVector(np.where(upper[:, np.newaxis], *np.array(colours, float)))
+        mesh.vertex_colors = o3d.utility.Vector3dVector(np.where(upper[:, np.newaxis], *np.array(colors, float)))
         halves.append(mesh)
     page = render(halves, size=SIZE, scale_bar=False, view=FACE_ON).astype(float)
     warm = (page[..., 0] - page[..., 2]) * ~is_paper(page)
@@ -122,7 +121,7 @@ def test_scalars_of_a_list_are_those_of_the_first(scattered):
 
 
 @pytest.mark.parametrize("kind", ["legacy", "tensor", "cloud"])
-def test_a_geometry_keeps_its_own_colours(ball, scattered, kind):
+def test_a_geometry_keeps_its_own_colors(ball, scattered, kind):
     if kind == "cloud":
         thing = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scattered))
         thing.paint_uniform_color([0.8, 0.1, 0.1])
@@ -140,7 +139,7 @@ def test_a_geometry_keeps_its_own_colours(ball, scattered, kind):
         (np.zeros((0, 3)), InputError, "at least 1"),
         (np.ones((5, 3)), InputError, "radius"),
         (Points(np.eye(3), -1.0), InputError, "radius"),
-        (Points(np.eye(3), 1.0, "leafy"), InputError, "colour"),
+        (Points(np.eye(3), 1.0, "leafy"), InputError, "color"),
         ([Points(np.eye(3), 1.0), np.full((2, 3), np.nan)], InputError, "NaN"),
     ],
 )
@@ -165,7 +164,7 @@ def test_vectors_are_the_same_every_time(ball, tmp_path, suffix):
 
 
 def test_the_engines_draw_the_same_picture(ball):
-    """Same silhouettes, furniture and colours, orthographic and in perspective; shadows and hidden sky aside."""
+    """Same silhouettes, furniture and colors, orthographic and in perspective; shadows and hidden sky aside."""
     if offscreen.find_renderer() is None:
         pytest.skip("Open3D's renderer does not work here: no Vulkan driver")
     heights = np.asarray(ball.vertices)[:, 1]
@@ -178,9 +177,9 @@ def test_the_engines_draw_the_same_picture(ball):
         inset = Inset(bowl, "inset", at=[[0, 0, 1]], view=View((0.0, 0.0, 1.0), tilt=30.0))
         flat = Inset(ball, at=[], view=View(tilt=60.0, smooth=False))
         things = [ball, Points([[1.5, 0, 0]], 0.2, "#d55e00")]
-        colours = Scalars(heights, "height", "coolwarm")
+        colors = Scalars(heights, "height", "coolwarm")
         page = render(
-            things, size=(480, 300), insets=[inset, flat], scalars=colours, unit="mm", view=view, engine=engine
+            things, size=(480, 300), insets=[inset, flat], scalars=colors, unit="mm", view=view, engine=engine
         )
         pages.append(page / 255.0)
     covered = [np.abs(page - PAPER).max(axis=2) > 0.1 for page in pages]
@@ -190,7 +189,7 @@ def test_the_engines_draw_the_same_picture(ball):
     assert both.mean() > 0.15
     # The main picture, then each inset.
     for panel in (apart[:, :300], apart[:150, 300:], apart[150:, 300:]):
-        assert np.nanmedian(panel) < ENGINES_COLOUR
+        assert np.nanmedian(panel) < ENGINES_COLOR
 
 
 def test_without_a_driver_auto_is_the_cpu_and_open3d_an_error_with_a_cure(ball, monkeypatch):

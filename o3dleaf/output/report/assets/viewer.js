@@ -44,22 +44,22 @@
     out vec3 from; out float shade; void main() {
       vec3 at = low + place * extent; from = at - eye; shade = value;
       gl_Position = motion * vec4(at, 1.0); }`;
-  const SURFACE_COLOUR = `#version 300 es
+  const SURFACE_COLOR = `#version 300 es
     precision highp float; in vec3 from; in float shade; uniform sampler2D map; uniform vec4 plain; uniform int mode; uniform float under;
-    uniform vec3 sun; out vec4 colour; void main() {
+    uniform vec3 sun; out vec4 color; void main() {
       vec3 normal = normalize(cross(dFdx(from), dFdy(from)));
       float light = 0.34 + 0.62 * max(dot(normal, sun), 0.0) + 0.10 * max(dot(normal, -normalize(from)), 0.0);
       vec3 base = plain.rgb * (gl_FrontFacing ? 1.0 : under);
       float code = shade * 255.0;
       if (mode == 1) light = 0.45 + 0.55 * light;
       if (mode == 1) base = code > 254.5 ? vec3(0.62) : texture(map, vec2((code + 0.5) / 255.0, 0.5)).rgb;
-      colour = mode == 2 ? plain : vec4(min(base * light * 1.08, 1.0), 1.0); }`;
+      color = mode == 2 ? plain : vec4(min(base * light * 1.08, 1.0), 1.0); }`;
   const POINT_VERTEX = `#version 300 es
     in vec3 place; uniform mat4 motion; uniform float size; void main() {
       gl_Position = motion * vec4(place, 1.0); gl_PointSize = size; }`;
-  const POINT_COLOUR = `#version 300 es
-    precision highp float; uniform vec4 plain; out vec4 colour; void main() {
-      float r = length(gl_PointCoord - 0.5); if (r > 0.5 || r < 0.36) discard; colour = plain; }`;
+  const POINT_COLOR = `#version 300 es
+    precision highp float; uniform vec4 plain; out vec4 color; void main() {
+      float r = length(gl_PointCoord - 0.5); if (r > 0.5 || r < 0.36) discard; color = plain; }`;
 
   function program(vertex, fragment) {
     const made = gl.createProgram();
@@ -76,7 +76,7 @@
     const names = ["low", "extent", "motion", "eye", "map", "plain", "mode", "sun", "size", "under"];
     return { made, at: Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
   }
-  const surface = program(SURFACE_VERTEX, SURFACE_COLOUR), point = program(POINT_VERTEX, POINT_COLOUR);
+  const surface = program(SURFACE_VERTEX, SURFACE_COLOR), point = program(POINT_VERTEX, POINT_COLOR);
 
   function buffer(target, array) {
     const made = gl.createBuffer();
@@ -183,7 +183,7 @@
     for (const kind of shown) {
       gl.bindBuffer(gl.ARRAY_BUFFER, kind.buffer);
       gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-      gl.uniform4f(surface.at.plain, ...kind.colour, 1);
+      gl.uniform4f(surface.at.plain, ...kind.color, 1);
       gl.polygonOffset(-1, -2);
       gl.enable(gl.POLYGON_OFFSET_FILL);
       gl.drawArrays(gl.TRIANGLES, 0, kind.soup.length / 3);
@@ -196,7 +196,7 @@
     for (const kind of shown) {
       gl.bindBuffer(gl.ARRAY_BUFFER, kind.points);
       gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
-      gl.uniform4f(point.at.plain, ...kind.colour, 1);
+      gl.uniform4f(point.at.plain, ...kind.color, 1);
       gl.drawArrays(gl.POINTS, 0, kind.places.length);
     }
     gl.enable(gl.DEPTH_TEST);
@@ -258,7 +258,7 @@
     ask();
   });
 
-  const select = root.querySelector("[name=colour]");
+  const select = root.querySelector("[name=color]");
   select.addEventListener("change", () => {
     state.layer = Number(select.value);
     const layer = data.layers[state.layer], legend = root.querySelector(".legend");

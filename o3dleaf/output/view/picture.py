@@ -13,7 +13,7 @@ from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.output.view.camera import Camera, View
-from o3dleaf.output.view.offscreen import find_renderer, rasterise
+from o3dleaf.output.view.offscreen import find_renderer, rasterize
 from o3dleaf.output.view.panel import Box, Page, em_of, lay_out, save_figure
 from o3dleaf.output.view.scene import Drawable, Scalars, Scene, encode, linear
 from o3dleaf.output.view.shade import Shot, shade_mesh
@@ -71,7 +71,7 @@ def render(
     """Return a picture of meshes and point clouds, and write it to a file if a path is given.
 
     The mesh fills the picture, its blade toward the viewer and seen a little from below, in its own
-    colours, in leaf green or in the colours of `scalars`; of a cloud, each point is a small sphere. It
+    colors, in leaf green or in the colors of `scalars`; of a cloud, each point is a small sphere. It
     needs no screen, no GPU and no Vulkan, and the same input gives the same picture.
 
     Parameters
@@ -86,7 +86,7 @@ def render(
     insets : sequence of Inset or of meshes
         Details in panels of their own, each with a marker where it lies on the mesh.
     scalars : (n,) or (m,) array_like, or Scalars, optional
-        One number a vertex or a triangle, of a cloud one a point, shown as colours with a colour bar.
+        One number a vertex or a triangle, of a cloud one a point, shown as colors with a color bar.
     scale_bar : bool
         Whether each panel has one. In a perspective view it holds at the mesh's middle.
     unit : str, optional
@@ -97,7 +97,7 @@ def render(
         Another direction, tilt, perspective, flat shading, supersampling or larger words.
     engine : {"cpu", "open3d", "auto"}
         "cpu" casts rays, with shadows and ambient occlusion, and draws the same everywhere. "open3d" is Open3D's
-        renderer, which needs Vulkan, in a process of its own: the same camera, colours and light without
+        renderer, which needs Vulkan, in a process of its own: the same camera, colors and light without
         shadows, for meshes whose ray tree would be too large or slow. "auto" is "open3d" where that runs on a GPU.
 
     Returns
@@ -163,7 +163,7 @@ def draw_page(
         if scale_bar:
             page.scale_bar(box, shot.camera.width, each.unit or unit)
         if scene.scalars is not None and scene.scalars.limits is not None:
-            page.colour_bar(box, scene.scalars.colour_map, scene.scalars.limits, scene.scalars.label)
+            page.color_bar(box, scene.scalars.color_map, scene.scalars.limits, scene.scalars.label)
     return page
 
 
@@ -181,7 +181,7 @@ def _expose(shots: list[Shot], boxes: list[Box], size: tuple[int, int], engine: 
     """Return the page of all panels over the paper, sRGB."""
     chosen = require_choice(engine, ENGINES, "engine")
     raster = chosen == "open3d" or (chosen == "auto" and find_renderer() == "hardware")
-    pictures = rasterise(shots) if raster else [shade_mesh(shot) for shot in shots]
+    pictures = rasterize(shots) if raster else [shade_mesh(shot) for shot in shots]
     pixels = np.broadcast_to(PAPER, (size[1], size[0], 3)).copy()
     for shaded, box in zip(pictures, boxes, strict=True):
         height, width = shaded.shape[:2]

@@ -6,13 +6,11 @@ import pytest
 from matplotlib.image import imread
 
 from mesh_fields import sphere, wavy_sheets
-from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf import InputError, O3DLeafError, extract_isosurface, render, show
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import lay_out, name_length, round_length
-from o3dleaf.output.view.render import PAPER, Inset, Scalars, render
-from o3dleaf.output.view.window import show
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars
 from tolerances import BACKGROUND, SILHOUETTE
 
 SIZE = (320, 200)
@@ -40,9 +38,9 @@ def test_a_sphere_is_a_disc_on_paper(ball):
     assert (page.shape, page.dtype) == ((SIZE[1], SIZE[0], 3), np.uint8)
     camera = Camera.framing(*mesh_arrays(ball), View(), SIZE[0] / SIZE[1])
     x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5)
-    centre = camera.project([[0.013, -0.021, 0.007]], SIZE)[0]
+    center = camera.project([[0.013, -0.021, 0.007]], SIZE)[0]
     radius = SIZE[0] / camera.width
-    distance = np.hypot(x - centre[0], y - centre[1])
+    distance = np.hypot(x - center[0], y - center[1])
     assert not is_paper(page)[distance < radius - SILHOUETTE].any()
     assert is_paper(page)[distance > radius + SILHOUETTE].all()
     assert radius > 0.4 * SIZE[1]
@@ -77,7 +75,7 @@ def test_insets_scale_bars_and_title_are_drawn_where_they_belong(blade, ball):
 
 
 @pytest.mark.parametrize("per", ["vertex", "triangle"])
-def test_scalars_are_shown_in_the_colours_of_their_map(ball, per):
+def test_scalars_are_shown_in_the_colors_of_their_map(ball, per):
     vertices, triangles = mesh_arrays(ball)
     middle = vertices if per == "vertex" else vertices[triangles].mean(axis=1)
     view = View(direction=(0, 0, 1), tilt=0)
