@@ -107,11 +107,11 @@ def require_whole_ply(path: Path) -> None:
         start = head.find(b"\n", end) + 1
         if ["format", "ascii", "1.0"] in header:
             stream.seek(start)
-            held = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) + 1
+            count_in_file = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) + 1
         else:
             size = _vertex_bytes(header)
-            held = (path.stat().st_size - start) // size if size else count
-    if held < count:
+            count_in_file = (path.stat().st_size - start) // size if size else count
+    if count_in_file < count:
         raise InputError(f"{path}: claims {count} points but is too short for them; it was cut off")
 
 
