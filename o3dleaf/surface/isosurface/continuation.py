@@ -29,7 +29,7 @@ TOLERANCE = 1e-3
 """Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
+"""The reach of a band from its seeds, or a function of (n, 3) centres of cells that says which it may have."""
 
 
 def continue_from_seeds(
@@ -89,22 +89,22 @@ def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
     return np.asarray(seeds[np.sort(first)])
 
 
-def _toward_zero(field: Field, points: FloatArray, level: float, settled: float) -> FloatArray:
+def _toward_zero(field: Field, points: FloatArray, level: float, tolerance: float) -> FloatArray:
     """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
 
-    A point that has moved less than `settled` stays: what is left is the square of that.
+    A point that has moved less than `tolerance` stays: what is left is the square of that.
     """
     box = np.asarray(field.bounds)
     longest = float(np.linalg.norm(box[1] - box[0]))
-    moved, asked = points.copy(), np.arange(len(points))
+    moved, active = points.copy(), np.arange(len(points))
     for _ in range(NEWTON_STEPS):
-        value, slope = values_and_gradients(field, moved[asked])
+        value, slope = values_and_gradients(field, moved[active])
         value = value - level
         steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
         # Where the field is flat the quotient may be beyond all numbers.
         length = value / np.maximum(steep, np.abs(value) / longest)
-        moved[asked] -= (length / steep)[:, np.newaxis] * slope
-        asked = asked[np.abs(length) > settled]
-        if not len(asked):
+        moved[active] -= (length / steep)[:, np.newaxis] * slope
+        active = active[np.abs(length) > tolerance]
+        if not len(active):
             break
     return require_finite(moved, "seeds moved onto the surface")

@@ -15,7 +15,7 @@ TOLERANCE = 1e-4
 """Length of Newton's last step, of the longest one allowed: what is left is about its square."""
 
 Masks = npt.NDArray[np.uint8]
-"""Which labels the triangles around a point have, one bit a label."""
+"""Labels of the triangles around a point, one bit a label."""
 
 
 class ProjectionTarget(Protocol):
