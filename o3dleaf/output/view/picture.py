@@ -28,7 +28,7 @@ SUFFIXES = PIXELS + VECTORS
 ENGINES = ("cpu", "open3d", "auto")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Inset:
     """A second mesh, drawn larger in a panel of its own: a window of the micro-structure.
 
@@ -54,6 +54,10 @@ class Inset:
     view: View = field(default_factory=lambda: View(tilt=48.0, turn=32.0))
     scalars: npt.ArrayLike | Scalars | None = None
     unit: str | None = None
+
+    def __repr__(self) -> str:
+        title = f"{self.title!r}, " if self.title else ""
+        return f"Inset({title}{type(self.mesh).__name__}, unit {self.unit})"
 
 
 def render(

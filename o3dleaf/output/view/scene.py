@@ -40,7 +40,7 @@ TONE = 0.68
 """Full light is brighter than white paper: toned down, the colors stay those of the bar."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scalars:
     """Numbers on a mesh or a point cloud that are shown as colors.
 
@@ -60,6 +60,11 @@ class Scalars:
     label: str = ""
     color_map: str = "viridis"
     limits: tuple[float, float] | None = None
+
+    def __repr__(self) -> str:
+        label = f"{self.label!r}, " if self.label else ""
+        limits = f", limits {self.limits[0]:g} to {self.limits[1]:g}" if self.limits else ""
+        return f"Scalars({label}{np.size(self.values):,} values, {self.color_map}{limits})"
 
 
 @dataclass(frozen=True)
