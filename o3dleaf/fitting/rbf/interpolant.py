@@ -61,8 +61,8 @@ class RBFInterpolant:
     exponents: IntArray
 
     def __repr__(self) -> str:
-        count = f"{self.points.shape[1]:,} points"
-        return f"RBFInterpolant({self.kernel.dimension}-D, {count}, {self.kernel}, unit {self.unit})"
+        unit = f", unit {self.unit}" if self.unit else ""
+        return f"RBFInterpolant({self.kernel.dimension}-D, {self.points.shape[1]:,} points, {self.kernel}{unit})"
 
     @classmethod
     def fit(
