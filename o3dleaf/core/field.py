@@ -19,7 +19,7 @@ class Field(Protocol):
     ----------
     bounds : (2, d) ndarray
         Lower, then upper corner of the domain, in `unit`. Outside, a field is its value at the
-        nearest point of the domain less the distance to it, so that far away is outside.
+        nearest point of the domain less the distance to it (`o3dleaf.core.outside_loops`).
     unit : str or None
         Unit of length of the points.
     """
@@ -58,28 +58,3 @@ def values_and_gradients(field: Field, points: FloatArray) -> tuple[FloatArray, 
         value, slope = field.jets(points, 1)
         return value, slope
     return np.asarray(field(points)), np.asarray(field.gradient(points))
-
-
-def clamp(points: FloatArray, bounds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the nearest points of a box, the distances to them and the outward directions.
-
-    What a bounded field does outside its domain: F(x) = F(nearest point) − distance, with the
-    gradient of F along the axes that did not move, less the outward direction.
-
-    Parameters
-    ----------
-    points : (n, d) ndarray
-    bounds : (2, d) ndarray
-
-    Returns
-    -------
-    nearest : (n, d) ndarray
-    distance : (n,) ndarray
-    outward : (n, d) ndarray
-        Unit vectors from the box; exactly 0 along the axes that did not move, and for points inside.
-    """
-    nearest = np.clip(points, bounds[0], bounds[1])
-    offset = points - nearest
-    distance = np.linalg.norm(offset, axis=1)
-    outward = offset / np.where(distance > 0, distance, 1.0)[:, np.newaxis]
-    return nearest, distance, outward
