@@ -13,6 +13,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.core.parallel import Progress
+from o3dleaf.core.progress import split
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import SUFFIX as MODEL
 from o3dleaf.leaf.meshing import extract_flat_tile
@@ -140,8 +141,8 @@ class ExportRun:
         """Export; return a line that says what was written."""
         self.check()
         journal = journal or Journal()
-        with journal.stage("mesh" if self.source.suffix.lower() == MODEL else "read") as progress:
-            mesh, model = self._mesh(progress)
+        with journal.stage("mesh" if self.source.suffix.lower() == MODEL else "read"):
+            mesh, model = self._mesh()
             mesh = mesh if self.part is None else part_of(mesh, self.part)
         scalars = {}
         if self.scalars:
@@ -150,7 +151,7 @@ class ExportRun:
         with journal.stage("write") as progress:
             return self._write(self._moved(mesh), scalars, progress)
 
-    def _mesh(self, progress: Progress) -> tuple[LabelledMesh, Any]:
+    def _mesh(self) -> tuple[LabelledMesh, Any]:
         """Return the mesh of the source, and the model where there is one."""
         if self.source.suffix.lower() != MODEL:
             found = read_labelled_mesh(self.source)
@@ -171,8 +172,11 @@ class ExportRun:
         elif self.tile:
             made = model.extract_tile(spacing)
         else:
-            surface = model.realise(spacing, self.region, closed=not self.sheets, progress=progress)
-            made = surface.extract(progress, remesh=self.edge)
+            planning, extracting = split(1, 2)
+            with planning:
+                plan = model.plan_mesh(spacing, self.region, closed=not self.sheets)
+            with extracting:
+                made = plan.extract(remesh=self.edge)
         return LabelledMesh(made.mesh, made.labels, unit=model.unit), model
 
     def _scalars(self, mesh: LabelledMesh, model: Any) -> dict[str, FloatArray]:

@@ -21,7 +21,7 @@ from o3dleaf.leaf.distance.grid import KINDS
 from o3dleaf.leaf.distance.grid import SUFFIXES as GRIDS
 from o3dleaf.leaf.instancing.stream import write_mesh
 from o3dleaf.leaf.macro.blade import Blade
-from o3dleaf.leaf.meshing import Realisation
+from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.models import load
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
@@ -187,31 +187,31 @@ class LeafRun:
             write_triangle_mesh(self.output, mesh)
         return mesh
 
-    def write_leaf(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, Realisation]:
+    def write_leaf(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, MeshPlan]:
         """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
         region = self.region if self.around is None else leaf.blade.window(self.around, self.window)
         parts: dict[str, Any] = {"region": region, "closed": self.closed, "method": self.method}
-        with journal.stage("polygonise one tile") as progress:
+        with journal.stage("polygonise one tile"):
             reduced = parts | {"simplify": self.simplify, "remesh_tile": self.remesh_tile}
-            surface = leaf.realise(self.spacing, progress=progress, **reduced)
+            surface = leaf.plan_mesh(self.spacing, **reduced)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
             f"about {surface.seconds:.1f} s and what the disk takes"
         )
         if self.remesh is not None:
-            with journal.stage("remesh") as progress:
-                found = surface.extract(progress, remesh=self.remesh)
+            with journal.stage("remesh"):
+                found = surface.extract(remesh=self.remesh)
             with journal.stage("write mesh"):
                 write_mesh(found, self.output)
             return found.mesh, surface
-        with journal.stage("write mesh") as progress:
-            surface.write(self.output, progress)
+        with journal.stage("write mesh"):
+            surface.write(self.output)
         with journal.stage("extract mesh"):
             if surface.triangles <= MOST_TO_CHECK:
                 return surface.extract().mesh, surface
             coarse = max(self.spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
-            return leaf.realise(coarse, **parts).extract().mesh, surface
+            return leaf.plan_mesh(coarse, **parts).extract().mesh, surface
 
     def write_windows(self, leaf: MultiscaleLeaf, journal: Journal) -> tuple[o3d.geometry.TriangleMesh, None]:
         """Write the surface of the leaf with finer windows in it, and return it."""
@@ -228,8 +228,8 @@ class LeafRun:
             with journal.stage("write tile"):
                 write_mesh(leaf.extract_tile(self.spacing), self.tile_solid)
         if self.grid is not None:
-            with journal.stage("write grid") as progress:
-                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed, progress=progress)
+            with journal.stage("write grid"):
+                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed)
 
 
 def read_patch(

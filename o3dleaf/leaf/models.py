@@ -1,5 +1,6 @@
 """Models that were saved, read again: interpolants, tiled fields and whole leaves."""
 
+from functools import partial
 from os import PathLike
 from typing import Any
 
@@ -47,6 +48,10 @@ CLASSES: dict[str, type[Any]] = {
 }
 
 
+FIELDS: dict[str, dict[str, str]] = {"RobustChoice": {"trust": "weights"}}
+"""Fields that files know by another name, by class: the names of format 3 stay, so that any version reads any file."""
+
+
 def load(path: str | PathLike[str]) -> Any:
     """Return the interpolant, tiled field or leaf of a model file that ``save`` wrote.
 
@@ -62,4 +67,9 @@ def load(path: str | PathLike[str]) -> Any:
     InputError
         If the file is no model, was damaged or cut off, or was written by a later version.
     """
-    return read_model(path, CLASSES)
+    return read_model(path, CLASSES | {name: partial(_make, name) for name in FIELDS})
+
+
+def _make(name: str, **state: Any) -> Any:
+    """Return an object of a class by its state in a file."""
+    return CLASSES[name](**{FIELDS[name].get(field, field): value for field, value in state.items()})

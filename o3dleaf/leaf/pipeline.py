@@ -118,8 +118,8 @@ def create_blade(
     with journal.stage("outline"):
         outline = AlphaShape(leaf_points[:, :2], options.alpha)
     # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
-    with journal.stage("fit height map") as progress:
-        height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit, progress=progress)
+    with journal.stage("fit height map"):
+        height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit)
     return Blade(frame, height_map, outline, options.offset)
 
 

@@ -1,108 +1,128 @@
-"""The leaf on a regular grid of the world, written slab by slab: VTK ImageData (.vti) and NRRD (.nrrd).
+"""A regular grid of the world, written slab by slab: VTK ImageData (.vti) and NRRD (.nrrd).
 
-Both keep one number a point, x fastest, behind a header in text. Nothing but one slab is ever held.
+Both keep one number a point, x fastest, behind a header in text. Nothing but one slab is ever in memory.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from os import PathLike
-from typing import IO, TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, as_bounds, as_step, require_choice
-from o3dleaf.core.parallel import Progress, blocks, run_blocks
-from o3dleaf.leaf.distance.around import Around
-from o3dleaf.leaf.distance.distance import signed_distance
-from o3dleaf.leaf.distance.solid import Solid
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.leaf.distance.around import BoundingBalls
+from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.textured_blade import TexturedBlade
 
 SUFFIXES = (".vti", ".nrrd")
 KINDS: dict[str, type[Any]] = {"field": np.float32, "distance": np.float32, "mask": np.uint8}
-"""What can be written, and the numbers that it is kept in."""
+"""The values that can be written, and the numbers that they are kept in."""
 SLAB = 1 << 18
 """Points asked for at once."""
 BLOCK = 1 << 13
-"""Points of a mask that a thread looks at together: empty air costs it nothing but telling that it is."""
+"""Points of a mask that a thread looks at together: empty air costs it nothing but the look."""
 VTK_TYPES = {"float32": "Float32", "uint8": "UInt8"}
 NRRD_TYPES = {"float32": "float", "uint8": "uint8"}
 
-Shape = tuple[int, int, int]
+Shape: TypeAlias = tuple[int, int, int]
+Sampler: TypeAlias = Callable[[FloatArray], npt.NDArray[Any]]
+"""The values (n,) at (n, 3) points."""
 
 
-def write_grid(
-    leaf: "MultiscaleLeaf",
-    path: str | PathLike[str],
-    spacing: float | npt.ArrayLike,
-    bounds: npt.ArrayLike | None = None,
-    *,
-    what: str = "field",
-    closed: bool = False,
-    progress: Progress | None = None,
-) -> None:
-    """Sample the leaf on a regular grid and write it as one file; see `MultiscaleLeaf.write_grid`."""
-    target = require_writable(path, SUFFIXES)
-    require_choice(what, KINDS, "what")
-    step = as_step(spacing)
-    box = leaf.bounds if bounds is None else as_bounds(bounds, 3)
-    first, last = np.floor(box[0] / step + 1e-9), np.ceil(box[1] / step - 1e-9)
-    counts = last - first + 1
-    kind = np.dtype(KINDS[what])
-    require_free(target, int(np.prod(counts, dtype=object)) * kind.itemsize)
-    shape, sampler = (int(counts[0]), int(counts[1]), int(counts[2])), _sampler(leaf, what, closed=closed)
-    header, footer = envelope(target.suffix.lower(), what, kind, shape, (first * step, step), leaf.unit)
-    with whole_file(target) as temporary, temporary.open("wb") as stream:
-        stream.write(header)
-        _write_values(stream, sampler, first, step, shape, kind, progress)
-        stream.write(footer)
+@dataclass(frozen=True)
+class GridFile:
+    """A grid that is to be written: checked, not yet sampled.
+
+    Attributes
+    ----------
+    path : Path
+    what : {"field", "distance", "mask"}
+    first, step : (3,) ndarrays
+        The first point, in steps, and the step.
+    shape : (3,) tuple of int
+        Number of points along each axis.
+    unit : str or None
+        Unit of length.
+    """
+
+    path: Path
+    what: str
+    first: FloatArray
+    step: FloatArray
+    shape: Shape
+    unit: str | None
+
+    @classmethod
+    def plan(
+        cls,
+        path: str | PathLike[str],
+        spacing: float | npt.ArrayLike,
+        bounds: npt.ArrayLike,
+        what: str,
+        unit: str | None,
+    ) -> "GridFile":
+        """Lay the whole multiples of `spacing` over a box (2, 3), or refuse what cannot be written.
+
+        Raises
+        ------
+        InputError
+            If the suffix is unknown, the folder cannot be written to, or an argument cannot be meant.
+        O3DLeafError
+            If the disk has no room for the grid.
+        """
+        target = require_writable(path, SUFFIXES)
+        require_choice(what, KINDS, "what")
+        step = as_step(spacing)
+        box = as_bounds(bounds, 3)
+        first, last = np.floor(box[0] / step + 1e-9), np.ceil(box[1] / step - 1e-9)
+        counts = last - first + 1
+        require_free(target, int(np.prod(counts, dtype=object)) * np.dtype(KINDS[what]).itemsize)
+        return cls(target, what, first, step, (int(counts[0]), int(counts[1]), int(counts[2])), unit)
+
+    def write(self, sampler: Sampler) -> None:
+        """Write what a sampler says at the points of the grid, slab by slab, the file whole or not at all."""
+        kind = np.dtype(KINDS[self.what])
+        place = self.first * self.step, self.step
+        header, footer = envelope(self.path.suffix.lower(), self.what, kind, self.shape, place, self.unit)
+        with whole_file(self.path) as temporary, temporary.open("wb") as stream:
+            stream.write(header)
+            for points in self._slabs():
+                values = sampler(points).astype(kind)
+                stream.write((values if sys.byteorder == "little" else values.byteswap()).tobytes())
+            stream.write(footer)
+
+    def _slabs(self) -> Iterator[FloatArray]:
+        """Yield the points (n, 3) of the grid, x fastest, and report those that are done."""
+        total = int(np.prod(self.shape, dtype=object))
+        for start, stop in blocks(total, SLAB):
+            plane, i = np.divmod(np.arange(start, stop), self.shape[0])
+            k, j = np.divmod(plane, self.shape[1])
+            yield (self.first + np.stack([i, j, k], axis=1)) * self.step
+            progress.report(stop, total)
 
 
-def _sampler(leaf: "MultiscaleLeaf", what: str, *, closed: bool) -> Callable[[FloatArray], npt.NDArray[Any]]:
-    if what == "field":
-        return leaf
-    if what == "distance":
-        leaf.index_of(closed=closed)  # refused here where it cannot be, not in the middle of a file
-        return lambda points: signed_distance(leaf, points, closed=closed)
-    solid = leaf.index_of(closed=True).solid if closed else Solid(leaf.blade.outline.polygon, None)
-    around = Around.of(leaf)
+def mask_sampler(leaf: TexturedBlade, solid: LeafSolid) -> Sampler:
+    """Return the function that says of (n, 3) points whether they lie in a solid."""
+    balls = BoundingBalls.of(leaf)
 
     def mask(points: FloatArray) -> npt.NDArray[np.bool_]:
-        held = np.zeros(len(points), dtype=bool)
+        inside = np.zeros(len(points), dtype=bool)
 
         def task(start: int, stop: int) -> None:
-            rows = start + around.rows(points[start:stop])
-            held[rows] = solid.holds(leaf, points[rows])
+            rows = start + balls.rows(points[start:stop])
+            inside[rows] = solid.contains_points(leaf, points[rows])
 
         run_blocks(task, len(points), BLOCK)
-        return held
+        return inside
 
     return mask
-
-
-def _write_values(  # noqa: PLR0917 - a grid is where it starts, its step and its shape
-    stream: IO[bytes],
-    sampler: Callable[[FloatArray], npt.NDArray[Any]],
-    first: FloatArray,
-    step: FloatArray,
-    shape: Shape,
-    kind: np.dtype[Any],
-    progress: Progress | None,
-) -> None:
-    """Write the values at the points first·step + (i, j, k)·step, i fastest."""
-    total = int(np.prod(shape, dtype=object))
-    for start, stop in blocks(total, SLAB):
-        number = np.arange(start, stop)
-        plane, i = np.divmod(number, shape[0])
-        k, j = np.divmod(plane, shape[1])
-        points = (first + np.stack([i, j, k], axis=1)) * step
-        values = sampler(points).astype(kind)
-        stream.write((values if sys.byteorder == "little" else values.byteswap()).tobytes())
-        if progress:
-            progress(stop, total)
 
 
 def envelope(

@@ -14,7 +14,7 @@ from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.fitting.pu.local import LocalSplines
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.robust import RobustChoice
-from o3dleaf.leaf.meshing import Realisation
+from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
@@ -28,7 +28,7 @@ def summarise(
     settings: dict[str, Any],
     *,
     leaf: MultiscaleLeaf | None = None,
-    surface: Realisation | None = None,
+    surface: MeshPlan | None = None,
     scan: CloudLike | None = None,
 ) -> dict[str, Any]:
     """Return the summary of a run as plain values.
@@ -42,7 +42,7 @@ def summarise(
     settings : dict
         What was asked for, as given.
     leaf, surface : optional
-        The multi-scale leaf and its realised surface, where there is a micro-structure.
+        The multi-scale leaf and the plan of its mesh, where there is a micro-structure.
     scan : (n, 3) array_like or Open3D point cloud, optional
         The scan, in the blade's unit, by which the frame is judged.
     """
@@ -65,7 +65,7 @@ def summarise(
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
     if scan is not None:
-        summary["frame"] = blade.appraise(scan).to_dict()
+        summary["frame"] = blade.frame_quality(scan).to_dict()
     if leaf is not None:
         texture = leaf.texture
         fits = [_fit_summary(patch.local) for patch in texture.patches]
@@ -82,7 +82,7 @@ def summarise(
             "triangles": surface.triangles,
             "voids_filled_in_a_tile": surface.voids,
             "specks_removed_from_a_tile": surface.specks,
-            "scraps_at_the_rim": asdict(surface.scraps),
+            "scraps_at_the_rim": asdict(surface.fragments),
         }
         if settings.get("remesh") is not None:
             summary["surface"]["note"] = "as polygonised; the mesh was remeshed then"
@@ -113,5 +113,5 @@ def _choice_summary(choice: RobustChoice | None) -> dict[str, Any]:
     """Return what a robust fit chose, where there was one: lengths in the blade's unit."""
     if choice is None:
         return {"robust": False}
-    trusted = float(np.mean(choice.trust >= 1.0))
+    trusted = float(np.mean(choice.weights >= 1.0))
     return {"robust": True, "bandwidth": choice.bandwidth, "scan_noise": choice.noise, "share_trusted": trusted}

@@ -92,7 +92,7 @@ def remesh(
     ground: Ground = (
         MeshGround(vertices, triangles)
         if field is None
-        else FieldGround(lambda points: field(points) - level, field.gradient, edge / 2)
+        else FieldGround(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(labels, len(triangles)))
     found = remesh_charted(charted, ground, edge, far, progress)
