@@ -3,6 +3,7 @@
 The names below are loaded when they are first used, so that `import o3dleaf` costs nothing; they
 stand in the order of the story in the stub beside this file, `__init__.pyi`.
 
+`__main__`    the program, under a guard against interrupts
 `core`        errors, checks, units, fields, threads, and the doors to Open3D and the disk
 `io`          point clouds, meshes and models from and to files
 `fitting`     scattered data to a function: radial basis functions and their partition of unity

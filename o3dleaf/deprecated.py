@@ -3,9 +3,26 @@
 import warnings
 
 RENAMED: dict[str, str] = {
+    "Verdict": "CheckResult",
+    "attach_support": "color_by_support",
+    "check_mesh": "check_report",
     "clean_labels": "clean_mesh",
+    "cloud_spacing": "point_spacing",
+    "constrain": "offset_constraints",
     "extract_band": "extract_isosurface",
+    "find_stray_points": "detect_outliers",
+    "local_spacing": "point_spacing",
+    "merge_noise": "adaptive_down_sample",
+    "merge_points": "voxel_down_sample",
+    "near_data": "distance_mask",
+    "off_surface_constraints": "offset_constraints",
+    "prepare_cloud": "preprocess_point_cloud",
+    "remove_stray_points": "preprocess_point_cloud",
     "simplify_labels": "simplify_mesh",
+    "support": "vertex_support",
+    "Support": "VertexSupport",
+    "trim_to_support": "trim_to_data",
+    "turned_over": "find_inverted_regions",
 }
 """Old public name to new public name."""
 

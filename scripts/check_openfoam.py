@@ -29,7 +29,7 @@ import open3d as o3d
 
 import o3dleaf as o3l
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.output.export.labelled_mesh import enclosed_volume
+from o3dleaf.output.export.consumers import enclosed_volume
 
 HERE = Path(__file__).resolve().parent
 SAMPLES = HERE.parent / "data_samples"
@@ -83,7 +83,7 @@ def check_surface(name, mesh, folder, suffix):
     verdict, folder = Verdict(f"surfaceCheck {name}"), folder / name
     folder.mkdir(parents=True)
     try:
-        o3l.export_mesh(folder / f"leaf{suffix}", mesh, consumer="openfoam")
+        o3l.export_mesh(mesh, folder / f"leaf{suffix}", consumer="openfoam")
     except o3l.InputError as error:
         verdict.note("exported", error, good=False)
         return verdict
@@ -149,8 +149,8 @@ def prepare(mesh, folder, cell, *, period=False):
     """Write a case around a mesh; return the mesh in metres, the finest cell and the box's volume."""
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "leaf.obj"
-        o3l.export_mesh(written, mesh, consumer="openfoam")
-        metres = o3l.read_labelled_mesh(written).mesh
+        o3l.export_mesh(mesh, written, consumer="openfoam")
+        metres = o3l.read_mesh(written).mesh
         cell, box = write_case(metres, folder, cell, period=period)
         surface = folder / "constant" / "triSurface" / "leaf.obj"
         surface.parent.mkdir(parents=True)
@@ -267,7 +267,7 @@ def own_meshes(options):
 
 def read(path, unit):
     """Return a mesh of a file, in the unit that it states or that was given."""
-    found = o3l.read_labelled_mesh(path)
+    found = o3l.read_mesh(path)
     return o3l.LabelledMesh(found.mesh, found.labels, found.names, found.unit or unit)
 
 

@@ -28,9 +28,10 @@ def main():
     if not scan.is_file():
         scan, midrib = SAMPLES / "wheat_scan.ply", SAMPLES / "wheat_midrib.ply"
     with tempfile.TemporaryDirectory() as name:
-        ct, journal = SAMPLES / "wheat_ct_24um.tif", Journal()
-        job = FiguresJob(Path(name), scan=scan, ct=ct, midrib=midrib, formats=("png",), only=SHOWN)
-        drawn = job.run(journal)
+        ct = SAMPLES / "wheat_ct_24um.tif"
+        job = FiguresJob(scan, Path(name), ct, midrib=midrib, formats="png", only=",".join(SHOWN))
+        with Journal() as journal:
+            drawn = job.run()
         for path in drawn.paths[:-1]:
             with Image.open(path) as page:
                 small = page.convert("RGB").resize((WIDTH, round(page.height * WIDTH / page.width)), Image.LANCZOS)

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 import o3dleaf as o3l
-from o3dleaf.leaf.instancing.parts import RIM
+from o3dleaf.io.labelled_mesh import RIM
 
 COLUMNS = (
     "mesh",

@@ -84,7 +84,9 @@ def test_no_two_classes_share_a_name():
     assert [name for name, count in names.items() if count > 1] == []
 
 
-@pytest.mark.parametrize("module", ["o3dleaf", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"])
+@pytest.mark.parametrize(
+    "module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"]
+)
 def test_import_loads_nothing_heavy(module):
     code = f"import {module}, sys; print(*set(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()

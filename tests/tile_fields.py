@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from o3dleaf.leaf.instancing.assembly import Assembly
+from o3dleaf.io.mesh_stream import Arrays
+from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, MAX_VERTICES, Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice
 
 PERIOD = 1.2
@@ -47,9 +47,9 @@ def area(sides):
     return abs(np.sum(sides[:, 0] * sides[:, 3] - sides[:, 2] * sides[:, 1])) / 2
 
 
-def assemble(tile, sides, region=None, *, closed=False):
+def assemble(tile, sides, region=None, *, closed=False, max_vertices=MAX_VERTICES, batch_size=BATCH_SIZE):
     plane = np.array(tile.lattice.origin[:2]), np.array(tile.lattice.spacing[:2])
-    assembly = Assembly(tile, footprint(sides, *plane, region), closed=closed)
+    assembly = Assembly(tile, footprint(sides, *plane, region), closed=closed, max_vertices=max_vertices)
     arrays = Arrays(assembly)
-    assembly.emit(arrays, lambda flat: flat)
+    assembly.emit(arrays, lambda flat: flat, batch_size)
     return assembly, arrays

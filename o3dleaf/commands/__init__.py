@@ -1,9 +1,18 @@
 """The command line: a command reads files, does one job of the package, and writes files.
 
 `terminal`     bars and lines while a command runs
+`sample`       `o3dleaf sample`
+`patch`        `o3dleaf patch`
 `leaf`         `o3dleaf leaf`
-`reconstruct`  `o3dleaf reconstruct`
-`export`       `o3dleaf export`
+`demo`         `o3dleaf demo`
 `figures`      `o3dleaf figures`
-`cli`          all commands with their options
+`reconstruct`  `o3dleaf reconstruct`
+`clean`        `o3dleaf clean`
+`export`       `o3dleaf export`
+`qa`           `o3dleaf qa`
+`info`         `o3dleaf info`
+`render`       `o3dleaf render`
+`view`         `o3dleaf view`
+`pick`         `o3dleaf pick`
+`cli`          all of them, made of the fields of their jobs
 """

@@ -1,109 +1,81 @@
-"""Figures from files: a scan and a CT volume, or a leaf that was saved, or the samples."""
+"""`o3dleaf figures`: figures of a scan and a CT volume, of a leaf that was saved, or of the samples."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.leaf import read_patch
+from o3dleaf.commands.leaf import ScanOptions
+from o3dleaf.commands.patch import CtOptions
+from o3dleaf.commands.sample import SampleOption
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.journal import Journal
-from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.blade import Blade
-from o3dleaf.leaf.models import load
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.pipeline import BladeOptions, PatchOptions, create_blade, create_texture
-from o3dleaf.leaf.texture.patches import PatchBlend
-from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.output.figures.draw import Drawn, check_request, draw_figures, make_folder
-from o3dleaf.samples.files import MIDRIB, PATCH, SCAN, write_samples
+from o3dleaf.core.job import LongJob, argument, option, words_of
+from o3dleaf.core.journal import stage
+
+if TYPE_CHECKING:
+    from o3dleaf.leaf.macro.blade import Blade
+    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+    from o3dleaf.output.figures.draw import Drawn
 
 
 @dataclass(frozen=True)
-class FiguresJob:
-    """What figures are asked for; the names are those of ``o3dleaf figures``.
+class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
+    """Draw figures like the paper's: scan, flattened scan, height map, histogram, tiles, cross-section, whole leaf."""
 
-    Attributes
-    ----------
-    output : Path
-        The folder.
-    scan, ct, model, midrib : Path, optional
-        A scan, and a volume or a model of the micro-structure, from which the leaf is built; or the
-        model of a leaf, which then needs the other files only for figures of what they hold. With neither
-        a scan nor a model, the samples are drawn, written into `output` where they are not in `samples`.
-    samples : Path
-    scan_unit, ct_unit : str
-    voxel_spacing : float, optional
-    level, rho, period
-        As in `PatchOptions`.
-    formats : sequence of str
-    only : sequence of str, optional
-    """
+    scan: Path | None = argument("Scan of one leaf; the samples, if there is no --model.", default=None, reads=True)
+    output: Path = option(Path("figures"), "Folder to write into.", "--output", "-o")
+    ct: Path | None = option(None, "Micro-CT volume, or a model that `patch` made.", reads=True)
+    model: Path | None = option(None, "A leaf that `leaf --model` wrote, instead of building it.", reads=True)
+    formats: str = option("png,pdf", "Of png, pdf, svg and jpg.")
+    only: str | None = option(None, "Names of figures, 'scan,tile'; all by default.")
+    # The paper's tiles are neither mirrored nor shifted, so these two are no options here.
+    flip: str | None = None
+    shift: float = 0.0
 
-    output: Path
-    scan: Path | None = None
-    ct: Path | None = None
-    model: Path | None = None
-    midrib: Path | None = None
-    samples: Path = Path("data_samples")
-    scan_unit: str = "mm"
-    ct_unit: str | None = None
-    voxel_spacing: float | None = None
-    level: float | str = "valley"
-    rho: Any = "gcv"
-    period: Any = None
-    formats: tuple[str, ...] = ("png", "pdf")
-    only: tuple[str, ...] | None = None
+    def check(self) -> None:
+        """Refuse figures that there are not, and files that do not go together."""
+        from o3dleaf.output.figures.draw import check_request
 
-    def __post_init__(self) -> None:
-        """Refuse what can be refused before any work."""
-        check_request(self.formats, self.only)
+        super().check()
+        check_request(*self.wanted)
         if self.model is not None and self.midrib is not None:
             raise InputError("midrib, model: a saved leaf has its midrib; give one of them")
         if self.scan is None and self.model is None and (self.ct is not None or self.midrib is not None):
             raise InputError("scan: is missing; give one to the CT or midrib, or a model, or none for the samples")
 
-    def run(self, journal: Journal) -> Drawn:
+    @property
+    def wanted(self) -> tuple[list[str], list[str] | None]:
+        """The formats and the figures that are asked for."""
+        return words_of(self.formats), None if self.only is None else words_of(self.only)
+
+    def work(self) -> "Drawn":
         """Read, build what was not saved, and draw."""
+        from o3dleaf.core.atomic_files import make_folder
+        from o3dleaf.io.point_cloud import read_point_cloud
+        from o3dleaf.leaf.ct.volume import Volume
+        from o3dleaf.leaf.models import load_leaf
+        from o3dleaf.output.figures.draw import draw_figures
+
         make_folder(self.output)
-        scan, ct, midrib = self.scan, self.ct, self.midrib
+        scan, midrib, ct = self.scan, self.midrib, self.ct
         if scan is None and self.model is None:
-            folder = find_samples(self.samples, self.output)
-            scan, ct, midrib = folder / SCAN, folder / PATCH, folder / MIDRIB
-        with journal.stage("read"):
+            scan, midrib, ct = self.find_samples(self.output)
+        with stage("read"):
             points = None if scan is None else read_point_cloud(scan)
-            patch = None if ct is None else read_patch(ct, self.voxel_spacing, self.ct_unit)
-            axis = None if midrib is None else read_point_cloud(midrib, least=2)
-        leaf = self.read_leaf(self.model) if self.model is not None else self.build(points, patch, axis, journal)
+            patch = None if ct is None else self.read_patch(ct)
+            control = None if midrib is None else read_point_cloud(midrib, least=2)
+        leaf = self.build(points, patch, control) if self.model is None else load_leaf(self.model)
         volume = patch if isinstance(patch, Volume) else None
-        wanted: dict[str, Any] = {"level": self.level, "formats": self.formats, "only": self.only}
-        with journal:
-            return draw_figures(leaf, self.output, scan=points, volume=volume, **wanted)
+        formats, only = self.wanted
+        return draw_figures(leaf, self.output, scan=points, volume=volume, level=self.level, formats=formats, only=only)
 
-    def build(
-        self, points: Any, patch: Volume | TiledField | PatchBlend | None, midrib: Any, journal: Journal
-    ) -> Blade | MultiscaleLeaf:
+    def build(self, points: Any, patch: Any, control: Any) -> "Blade | MultiscaleLeaf":
         """Build the leaf, or the blade alone where there is no micro-structure."""
-        blade = create_blade(points, midrib, unit=self.scan_unit, options=BladeOptions(), journal=journal)
+        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+
         if patch is None:
-            return blade
-        micro = PatchOptions(self.level, self.rho, self.period)
-        texture = create_texture(patch, options=micro, journal=journal) if isinstance(patch, Volume) else patch
-        return MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline)
+            return create_blade(points, control, unit=self.scan_unit)
+        return create_multiscale_leaf(points, patch, control, unit=self.scan_unit, texture=self)
 
-    @staticmethod
-    def read_leaf(path: Path) -> Blade | MultiscaleLeaf:
-        """Return the leaf or blade of a model file, or raise `InputError`."""
-        found = load(path)
-        if not isinstance(found, Blade | MultiscaleLeaf):
-            raise InputError(f"{path}: holds a {type(found).__name__}, no leaf; give a model that `leaf --model` wrote")
-        return found
-
-
-def find_samples(samples: Path, output: Path) -> Path:
-    """Return the folder of the samples, made in `output` where they are not in `samples`."""
-    if all((samples / name).is_file() for name in (SCAN, MIDRIB, PATCH)):
-        return samples
-    made = output / samples.name
-    write_samples(made)
-    return made
+    def line(self, summary: "Drawn") -> str:
+        """Return how many files there are."""
+        return f"{self.output}: {len(summary.paths) - 1} files and {summary.paths[-1].name}"

@@ -1,114 +1,107 @@
-"""One run of the reconstruction on files: read a cloud, make its surface, and write what was asked for."""
+"""`o3dleaf reconstruct`: read a cloud, make its surface, and write what was asked for."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import open3d as o3d
+from o3dleaf.core.job import LongJob, UnitOption, argument, number_or_word, option, output
+from o3dleaf.core.journal import stage
 
-from o3dleaf.core.atomic_files import require_apart, require_writable
-from o3dleaf.core.checks import require_choice
-from o3dleaf.core.journal import Journal
-from o3dleaf.core.units import check_unit
-from o3dleaf.fitting.rbf.smoothing import Amount
-from o3dleaf.io.model_file import SUFFIX as MODEL
-from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.io.triangle_mesh import SUFFIXES, write_triangle_mesh
-from o3dleaf.output.view.picture import PIXELS, VECTORS, render
-from o3dleaf.output.view.scene import Scalars
-from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
-from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
-from o3dleaf.surface.reconstruction.trim import trim_to_support
-from o3dleaf.surface.reconstruction.vertex_support import MEASURES
+if TYPE_CHECKING:
+    from o3dleaf.fitting.rbf.smoothing import SmoothingValue
+    from o3dleaf.surface.mesh.mesh_report import MeshReport
 
-WORDS = {
+LABELS = {
     "distance": "distance to the data",
-    "weight": "data that speak for it (1: all that a whole cloud would)",
-    "residual": "data off the surface",
+    "weight": "sampling density (1: that of a whole cloud)",
+    "residual": "distance of the data from the surface",
 }
+"""What the color bar says of each measure."""
 
 
 @dataclass(frozen=True)
-class CloudRun:
-    """What a run is asked for; the names are those of ``o3dleaf reconstruct``.
+class ReconstructJob(UnitOption, LongJob):
+    """Make a surface of any point cloud: open where the data are open, closed where they are closed."""
 
-    Attributes
-    ----------
-    cloud, output : Path
-    spacing : float, optional
-        Mesh step, in the cloud's unit.
-    rho : float or "gcv"
-    local, measure : str
-    trimmed : bool
-        Whether what no data support is cut off.
-    unit : str, optional
-    model, picture : Path, optional
-        Further files to write.
-    """
+    cloud: Path = argument("Any point cloud, with normals or without: PLY, PCD, XYZ, XYZN, ...", reads=True)
+    output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
+    spacing: float | None = option(None, "Mesh step (found from the points if not given)", unit="the cloud's unit")
+    rho: "SmoothingValue" = option(
+        "gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word
+    )
+    local: str = option("rbf", "What is fitted in each ball: rbf, hermite, curl-free, mls or auto.")
+    untrimmed: bool = option(False, "Keep what no data support, four spacings beyond the data.", "--untrimmed")
+    measure: str = option(
+        "distance",
+        "What colors the mesh: distance to the data, weight (sampling density) or residual.",
+        choices="o3dleaf.surface.reconstruction.vertex_support:MEASURES",
+    )
+    model: Path | None = option(None, "Write the field as a model too (.o3l).", writes=(".o3l",))
+    picture: Path | None = option(
+        None, "Write a picture of the colored mesh too.", writes="o3dleaf.output.view.picture:SUFFIXES"
+    )
 
-    cloud: Path
-    output: Path
-    spacing: float | None = None
-    rho: Amount = "gcv"
-    local: str = "rbf"
-    trimmed: bool = True
-    measure: str = "distance"
-    unit: str | None = None
-    model: Path | None = None
-    picture: Path | None = None
+    def check(self) -> None:
+        """Refuse an unknown unit."""
+        from o3dleaf.core.units import check_unit
 
-    def __post_init__(self) -> None:
-        """Refuse, before the work, what could not be written after it."""
-        require_apart([self.output, self.model, self.picture], [self.cloud])
-        require_choice(self.measure, MEASURES, "measure")
+        super().check()
         check_unit(self.unit)
-        for path, suffixes in ((self.output, SUFFIXES), (self.model, (MODEL,)), (self.picture, PIXELS + VECTORS)):
-            if path is not None:
-                require_writable(path, suffixes)
 
-    def run(self, journal: Journal) -> MeshReport:
+    def work(self) -> "MeshReport":
         """Make the surface, write it, and return what it is."""
-        with journal.stage("read cloud"):
-            held = read_point_cloud(self.cloud, finite=False)
+        import open3d as o3d
+
+        from o3dleaf.io.point_cloud import read_point_cloud
+        from o3dleaf.io.triangle_mesh import write_mesh
+        from o3dleaf.output.view.picture import render
+        from o3dleaf.output.view.scene import Scalars
+        from o3dleaf.surface.mesh.mesh_report import mesh_report
+        from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
+        from o3dleaf.surface.reconstruction.trim import trim_to_data
+
+        with stage("read cloud"):
+            cloud = read_point_cloud(self.cloud, finite=False)
         mesh, field = create_from_point_cloud_rbfpu(
-            o3d.t.geometry.PointCloud.from_legacy(held, o3d.core.float64),
+            o3d.t.geometry.PointCloud.from_legacy(cloud, o3d.core.float64),
             self.spacing,
             self.rho,
             local=self.local,
             unit=self.unit,
             measure=self.measure,
-            trim=trim_to_support if self.trimmed else None,
-            journal=journal,
+            trim=None if self.untrimmed else trim_to_data,
         )
-        with journal.stage("write mesh"):
-            write_triangle_mesh(self.output, mesh)
+        with stage("write mesh"):
+            write_mesh(mesh, self.output)
         if self.model is not None:
-            with journal.stage("write model"):
+            with stage("write model"):
                 field.save(self.model)
         if self.picture is not None:
-            with journal.stage("draw picture"):
-                shown = Scalars(mesh.vertex[self.measure].numpy().ravel(), WORDS[self.measure] + self._in_unit)
-                render(mesh, self.picture, scalars=shown, unit=self.unit)
-        with journal.stage("check mesh") as progress:
-            return mesh_report(mesh, unit=self.unit, progress=progress)
+            with stage("draw picture"):
+                values = mesh.vertex[self.measure].numpy().ravel()
+                render(mesh, self.picture, scalars=Scalars(values, self.label), unit=self.unit)
+        with stage("check mesh"):
+            return mesh_report(mesh, unit=self.unit)
 
     @property
-    def _in_unit(self) -> str:
-        return f" / {self.unit}" if self.unit and self.measure != "weight" else ""
+    def label(self) -> str:
+        """What the color bar says."""
+        return LABELS[self.measure] + (f" / {self.unit}" if self.unit and self.measure != "weight" else "")
 
-
-def in_a_line(found: MeshReport) -> str:
-    """Return what a surface is, in one line for a terminal."""
-    square = f" {found.unit}²" if found.unit else ""
-    parts = (
-        f"{found.triangles:,} triangles",
-        _counted(found.components, "piece"),
-        _counted(found.boundary_loops, "rim") if found.boundary_loops else "closed",
-        "genus unknown" if found.genus is None else f"genus {found.genus}",
-        "manifold" if found.manifold else "not manifold",
-        f"crosses itself {_counted(found.self_intersections, 'time')}" if found.self_intersections else "no crossings",
-        f"area {found.area:,.5g}{square}",
-    )
-    return ", ".join(parts)
+    def line(self, summary: "MeshReport") -> str:
+        """Return what the surface is."""
+        square = f" {summary.unit}²" if summary.unit else ""
+        crossings = summary.self_intersections
+        parts = (
+            f"{summary.triangles:,} triangles",
+            _counted(summary.components, "piece"),
+            _counted(summary.boundary_loops, "rim") if summary.boundary_loops else "closed",
+            "genus unknown" if summary.genus is None else f"genus {summary.genus}",
+            "manifold" if summary.manifold else "not manifold",
+            f"crosses itself {_counted(crossings, 'time')}" if crossings else "no crossings",
+            f"area {summary.area:,.5g}{square}",
+        )
+        return f"{self.output}: {', '.join(parts)}"
 
 
 def _counted(count: int, what: str) -> str:

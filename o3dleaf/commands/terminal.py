@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from o3dleaf.core.journal import Journal
-from o3dleaf.core.parallel import Progress
+from o3dleaf.core.progress import Listener
 
 
 class BarJournal(Journal):
@@ -20,22 +20,23 @@ class BarJournal(Journal):
         self.bars.console.print(text, highlight=False)
 
     @contextmanager
-    def show(self, name: str) -> Iterator[Progress]:
+    def show(self, name: str) -> Iterator[Listener]:
         """Show one bar, filled when the stage ends."""
         task = self.bars.add_task(name, total=None)
 
-        def progress(done: int, total: int) -> None:
+        def listener(done: int, total: int) -> None:
             self.bars.update(task, completed=done, total=total)
 
-        yield progress
+        yield listener
         self.bars.update(task, total=1, completed=1)
 
 
 @contextmanager
-def shown(*, quiet: bool) -> Iterator[Journal]:
-    """Yield a journal, shown on the terminal unless `quiet`."""
+def shown(*, quiet: bool) -> Iterator[None]:
+    """Open a journal for what is done inside, shown on the terminal unless `quiet`."""
     if quiet:
-        yield Journal()
+        with Journal():
+            yield
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -43,7 +44,8 @@ def shown(*, quiet: bool) -> Iterator[Journal]:
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bars:
         try:
-            yield BarJournal(bars)
+            with BarJournal(bars):
+                yield
         except BaseException:
             # Of a run that failed, the one line that says why is what should be left to read.
             bars.live.transient = True

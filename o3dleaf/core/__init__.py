@@ -1,4 +1,4 @@
-"""What every chapter stands on: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
+"""The ground of every chapter: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
 
 `errors`         the errors and warnings that reach a user
 `checks`         validation of input, all of it
@@ -10,6 +10,7 @@
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
 `journal`        the stages of a long job, timed
+`job`            a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays
 `mesh_arrays`    Open3D triangle meshes and arrays
 `atomic_files`   files written whole or not at all

@@ -1,35 +1,39 @@
-"""Files appear whole or not at all: written under another name and renamed, or refused where they were cut off."""
+"""Files appear whole or not at all: written under another name and renamed, refused before the work if they cannot."""
 
+import json
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from o3dleaf.core.errors import InputError, O3DLeafError
 
-PLY_HEADER = 65536
-"""Bytes in which the header of a PLY file must end."""
-
-PLY_BYTES = dict.fromkeys(("char", "uchar", "int8", "uint8", "list"), 1)
-PLY_BYTES |= dict.fromkeys(("short", "ushort", "int16", "uint16"), 2)
-PLY_BYTES |= dict.fromkeys(("int", "uint", "float", "int32", "uint32", "float32"), 4)
-PLY_BYTES |= dict.fromkeys(("double", "float64"), 8)
-"""Bytes of each type that a vertex can have in a PLY file."""
+KINDS = (
+    (stat.S_ISDIR, "folder"),
+    (stat.S_ISFIFO, "pipe"),
+    (stat.S_ISSOCK, "socket"),
+    (lambda _: True, "device"),
+)
+"""What a path may be but a file."""
 
 
 @contextmanager
 def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     """Yield a temporary name beside `path`, with its suffix; what was written there takes the name at the end.
 
-    A failure or an interruption leaves nothing behind, and an old file of the name survives it.
+    A failure or an interruption leaves nothing behind, and an old file of the name survives it. A symbolic link stays
+    one: what it leads to is replaced, or made, as by any program that opens the link and writes.
 
     Raises
     ------
     InputError
-        If the folder is not there or cannot be written to.
+        If the folder is not there or cannot be written to, or the name is taken by what is no regular file: a folder, a
+        device, a pipe or a socket would be replaced.
     O3DLeafError
         If writing fails, for example because the disk is full.
     """
@@ -37,7 +41,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     temporary = _beside(target)
     try:
         yield temporary
-        temporary.replace(target)
+        temporary.replace(target.resolve())
     except OSError as cause:
         raise O3DLeafError(
             f"{target}: could not be written ({cause.strerror}); free space or choose another"
@@ -46,18 +50,31 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...]) -> Path:
-    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it."""
+def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) -> Path:
+    """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it.
+
+    The suffix is one of `suffixes`, if there are any.
+    """
     target = Path(path)
-    if target.suffix.lower() not in suffixes:
+    if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
     return target
 
 
+def make_folder(folder: str | PathLike[str]) -> Path:
+    """Return the folder, made if it was not there, or raise `InputError`."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
+    return target
+
+
 def require_free(path: str | PathLike[str], size: int) -> None:
     """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
-    free = shutil.disk_usage(Path(path).absolute().parent).free
+    free = shutil.disk_usage(Path(path).resolve().parent).free
     if free < size:
         raise O3DLeafError(
             f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
@@ -73,54 +90,35 @@ def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
             raise InputError(f"{path}: is read, so it is not written over; choose another name for the output")
 
 
-def require_whole_ply(path: Path) -> None:
-    """Refuse a PLY file that is shorter than its header claims: a reader would allocate it all and leave the rest wild.
-
-    Raises
-    ------
-    InputError
-        If the file is no PLY, names no points, or was cut off.
-    """
-    with path.open("rb") as stream:
-        head = stream.read(PLY_HEADER)
-        end = head.find(b"end_header")
-        if not head.startswith(b"ply") or end < 0:
-            raise InputError(f"{path}: is no PLY file, it does not begin with 'ply' and a header; export it again")
-        header = [line.split() for line in head[:end].decode("ascii", "replace").splitlines()]
-        count = next((int(w[2]) for w in header if w[:2] == ["element", "vertex"] and w[-1].isdigit()), None)
-        if count is None:
-            raise InputError(f"{path}: its PLY header names no points; export it again")
-        start = head.find(b"\n", end) + 1
-        if ["format", "ascii", "1.0"] in header:
-            stream.seek(start)
-            held = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) + 1
-        else:
-            size = _vertex_bytes(header)
-            held = (path.stat().st_size - start) // size if size else count
-    if held < count:
-        raise InputError(f"{path}: claims {count} points but is too short for them; it was cut off")
+def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
+    """Write `content` as JSON, whole or not at all; arrays become lists, and what JSON does not know its text."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, default=_plain)
+    with whole_file(path) as temporary:
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
-def _vertex_bytes(header: list[list[str]]) -> int:
-    """Return the bytes of a vertex in a binary PLY."""
-    size, inside = 0, False
-    for words in header:
-        if words[:1] == ["element"]:
-            inside = words[1] == "vertex"
-        elif inside and words[:1] == ["property"]:
-            size += PLY_BYTES.get(words[1], 1)
-    return size
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _beside(target: Path) -> Path:
-    """Return a new empty file in the folder of `target`, or raise `InputError`."""
-    if target.is_dir():
-        raise InputError(f"{target}: is a folder; give the name of a file")
-    # A rename replaces read-only files too, and root may do anything: the mode says what the owner meant.
-    if target.exists() and not target.stat().st_mode & 0o222:
-        raise InputError(f"{target}: is there already and read-only; choose another name")
+    """Return a new empty file in the folder of what `target` is or leads to, or raise `InputError`."""
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=target.parent)
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG | 0o666
+    except OSError as cause:
+        raise InputError(f"{target}: cannot be written ({cause.strerror}); choose another name") from cause
+    # A rename replaces whatever has the name, /dev/null and read-only files too, and root may do anything: the mode
+    # says what the owner meant.
+    if not stat.S_ISREG(mode):
+        kind = next(word for test, word in KINDS if test(mode))
+        raise InputError(f"{target}: is a {kind}, and only a file can be written; give the name of a file")
+    if not mode & 0o222:
+        raise InputError(f"{target}: is there already and read-only; choose another name")
+    folder = target.resolve().parent
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=folder)
     except OSError as cause:
         raise InputError(f"{target}: the folder cannot be written to ({cause.strerror}); choose another") from cause
     os.close(handle)

@@ -82,7 +82,7 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
     return array
 
 
-def as_rows(rows: npt.ArrayLike, count: int, name: str = "owners") -> npt.NDArray[np.int64]:
+def as_rows(rows: npt.ArrayLike, count: int, name: str = "groups") -> npt.NDArray[np.int64]:
     """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
     array = np.asarray(rows)
     if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):
@@ -208,11 +208,17 @@ def require_choice(value: str, choices: Iterable[str], name: str) -> str:
     return value
 
 
+def require_object_first(thing: object, caller: str, word: str) -> None:
+    """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
+    if isinstance(thing, str | PathLike):
+        raise InputError(f"{caller}: takes the {word} first, then the path")
+
+
 def require_file(path: str | PathLike[str]) -> Path:
     """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
-    found = Path(path)
-    if not found.is_file():
-        raise InputError(f"{found}: no such file; check the path")
-    if found.stat().st_size == 0:
-        raise InputError(f"{found}: the file is empty; export it again")
-    return found
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; check the path")
+    if file.stat().st_size == 0:
+        raise InputError(f"{file}: the file is empty; export it again")
+    return file

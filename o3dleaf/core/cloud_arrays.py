@@ -1,6 +1,6 @@
 """The border to Open3D: what a user holds in, plain arrays out; nothing here imports Open3D."""
 
-from typing import TYPE_CHECKING, Any, Union, cast
+from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +10,17 @@ from o3dleaf.core.checks import FloatArray, as_points
 if TYPE_CHECKING:
     import open3d as o3d
 
-CloudLike = Union[npt.ArrayLike, "o3d.geometry.PointCloud", "o3d.t.geometry.PointCloud"]
-"""An (n, 3) array, or a legacy or tensor Open3D point cloud."""
+
+class HasPoints(Protocol):
+    """What has points (n, 3) as Open3D's legacy clouds have, and may have normals."""
+
+    @property
+    def points(self) -> Any:
+        """Coordinates (n, 3)."""
+
+
+CloudLike = Union[npt.ArrayLike, "o3d.geometry.PointCloud", "o3d.t.geometry.PointCloud", HasPoints]
+"""An (n, 3) array, a legacy or tensor Open3D point cloud, or what has points as these have."""
 
 
 def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> FloatArray:
@@ -40,6 +49,5 @@ def held_normals(cloud: CloudLike) -> npt.ArrayLike | None:
     held: Any = cloud
     if hasattr(held, "point"):
         return cast(npt.ArrayLike, held.point.normals.cpu().numpy()) if "normals" in held.point else None
-    if hasattr(held, "normals") and len(held.normals):
-        return np.asarray(held.normals)
-    return None
+    normals = getattr(held, "normals", None)
+    return None if normals is None or not len(normals) else np.asarray(normals)

@@ -1,4 +1,4 @@
-"""The Field protocol: the one seam between fitting a function and turning it into a surface."""
+"""The Field protocol: all that fitting a function and meshing it know of one another."""
 
 from typing import Protocol, runtime_checkable
 

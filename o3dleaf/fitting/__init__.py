@@ -1,6 +1,7 @@
 """Scattered data to a function: radial basis functions, and their partition of unity.
 
-`rbf`      one local interpolant
-`pu`       many balls: cover, local fits, blend
-`creases`  balls split at sharp creases
+`rbf`    one local interpolant
+`cover`  balls over a box, and which of them contain a point
+`local`  what is fitted in the balls, and its blend
+`pu`     many balls as one function
 """

@@ -1,7 +1,18 @@
-"""Point clouds, meshes and models from and to files.
+"""Point clouds, meshes, grids and models from and to files: one writer a format, whole or not at all.
 
 `point_cloud`    point clouds, through Open3D
 `labelled_mesh`  a triangle mesh with a label for each triangle
-`triangle_mesh`  triangle meshes, whole and with every digit
+`triangle_mesh`  `read_mesh` and `write_mesh`, by the suffix of the name
+`geometry`       the mesh of a file, or its point cloud
+`mesh_data`      what every writer is given: arrays of a mesh, block by block
+`mesh_stream`    a surface made block by block, in memory or in a file
+`ply`            binary PLY of meshes and points, written at known places
+`ply_reader`     headers of PLY files, whether a file was cut off, labelled faces
+`stl`            binary STL, and corners joined to vertices
+`stl_text`       STL as text, with named solids
+`obj`            OBJ, with groups
+`glb`            glTF 2.0 for the web
+`vtk`            VTP: surfaces and particles for ParaView
+`grid`           regular grids of numbers: VTI, NRRD and NPY
 `model_file`     saved models: one file, no pickle
 """

@@ -1,6 +1,6 @@
-"""A triangle mesh that knows which part each of its triangles belongs to."""
+"""A triangle mesh that knows which part each of its triangles belongs to, and how labels get their names."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, cast, overload
@@ -17,6 +17,11 @@ LabelArray = npt.NDArray[np.uint8]
 
 LABELS = ("adaxial", "abaxial", "rim")
 """Names of the labels 0, 1 and 2 of a leaf, which the labels of a file have if it names none."""
+MAX_LABELS = 256
+"""What labels of one byte tell apart."""
+
+ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
+"""Upper side, lower side and rim of the solid, as `o3dleaf.leaf.instancing.components` numbers them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,9 +47,9 @@ class LabelledMesh:
 
     def __repr__(self) -> str:
         parts = [f"{len(self.mesh.vertices):,} vertices", f"{len(self.mesh.triangles):,} triangles"]
-        parts += [] if self.labels is None else ["labels " + ", ".join(self.names)]
+        parts += [] if self.labels is None else [f"labels {'/'.join(self.names)}"]
         parts += [] if self.unit is None else [f"unit {self.unit}"]
-        return f"LabelledMesh({'; '.join(parts)})"
+        return f"LabelledMesh({', '.join(parts)})"
 
     def labels_of(self, triangles: int) -> npt.NDArray[Any] | None:
         """Return the labels, or None where there are none, and raise `InputError` if they are not one a triangle."""
@@ -54,6 +59,10 @@ class LabelledMesh:
         if labels.shape[:1] != (triangles,):
             raise InputError(f"labels: has shape {labels.shape}; give one a triangle, {triangles} in all")
         return labels
+
+
+AnyMesh = MeshLike | LabelledMesh
+"""What is written: a mesh, with labels or without."""
 
 
 class MeshFunction(Protocol[Options]):
@@ -78,3 +87,29 @@ def with_or_without_labels(
         return function(LabelledMesh(mesh), *args, **options).mesh
 
     return cast(MeshFunction[Options], either)
+
+
+def name_labels(labels: LabelArray, named: Mapping[int, str] | None = None) -> tuple[str, ...]:
+    """Return the names of the labels of a file, where it names some of them: the others have the leaf's, or numbers."""
+    given = named or {}
+    count = max(int(labels.max(initial=0)) + 1, len(given) or len(LABELS))
+    usual = (*LABELS, *map(str, range(len(LABELS), MAX_LABELS)))
+    return tuple(given.get(number, usual[number]) for number in range(count))
+
+
+def label_parts(parts: list[tuple[str, int]]) -> tuple[LabelArray, tuple[str, ...]]:
+    """Return the label of each triangle of consecutive parts (name, triangles), and the names.
+
+    The leaf's own names get its numbers, others the next ones as they come.
+
+    Raises
+    ------
+    InputError
+        If there are too many names.
+    """
+    names = [*LABELS] if any(name in LABELS for name, _ in parts) else []
+    names += [name for name in dict.fromkeys(name for name, _ in parts) if name not in names]
+    if len(names) > MAX_LABELS:
+        raise InputError(f"mesh: has {len(names)} solids or groups; at most {MAX_LABELS} are told apart")
+    numbers = np.array([names.index(name) for name, _ in parts], dtype=np.uint8)
+    return np.repeat(numbers, [count for _, count in parts]), tuple(names)

@@ -35,7 +35,8 @@ ALIGNMENT = 64
 def write_model(path: str | PathLike[str], model: object) -> None:
     """Write an object as one file, whole or not at all.
 
-    An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of.
+    An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of. A field that
+    was renamed after files had been written keeps its name there: ``field(metadata={"stored": "name in the file"})``.
     """
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
@@ -128,7 +129,7 @@ def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     if hasattr(value, "state"):
         state = value.state()
     elif is_dataclass(value):
-        state = {field.name: getattr(value, field.name) for field in fields(value)}
+        state = {name: getattr(value, field) for name, field in _stored_names(type(value)).items()}
     else:
         raise InputError(f"save: a {type(value).__name__} has no state to save")
     return {"class": type(value).__name__, "state": {name: _pack(part, arrays) for name, part in state.items()}}
@@ -146,5 +147,12 @@ def _unpack(
         return arrays[tree["array"]]
     if tree["class"] not in classes:
         raise InputError(f"{file}: holds a {tree['class']}, which this version does not know; update o3dleaf")
-    state = {name: _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}
-    return classes[tree["class"]](**state)
+    kind = classes[tree["class"]]
+    names = _stored_names(kind) if is_dataclass(kind) and not hasattr(kind, "state") else {}
+    state = {names.get(name, name): _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}
+    return kind(**state)
+
+
+def _stored_names(kind: type[Any]) -> dict[str, str]:
+    """Return the fields of a dataclass by the names that they have in files."""
+    return {field.metadata.get("stored", field.name): field.name for field in fields(kind)}

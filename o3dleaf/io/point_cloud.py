@@ -5,9 +5,9 @@ from os import PathLike
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.atomic_files import require_whole_ply
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.ply_reader import require_whole_ply
 
 SUFFIXES = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
 
@@ -21,7 +21,7 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool 
     least : int
         The fewest points that will do.
     finite : bool
-        Whether a point that is NaN or infinite is an error; `prepare_cloud` leaves such points out.
+        Whether a point that is NaN or infinite is an error; `preprocess_point_cloud` leaves such points out.
 
     Raises
     ------

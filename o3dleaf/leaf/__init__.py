@@ -12,8 +12,9 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `tile_lattice`    the lattices that divide its period
 `remeshing`       its surface as a projection target; its mesh remeshed
 `meshing`         `MeshPlan`: its surface as a mesh
-`windows`         a mesh with finer windows
+`fine_windows`    a mesh with finer windows
 `multiscale`      `MultiscaleLeaf`: all of it together
+`options`         options of building a leaf
 `pipeline`        scan and volume to a leaf
 `models`          saved models read again
 """

@@ -15,12 +15,13 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.io.mesh_data import unit_comment
+from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
-from o3dleaf.leaf.instancing.assembly import VERTICES, Assembly, Scraps
+from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays, file_bytes, mesh_file, unit_comment
 from o3dleaf.leaf.instancing.tile import Tile, extract_tile
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
@@ -47,9 +48,9 @@ class MeshPlan:
     closed : bool
     vertices, triangles : int
         Of the mesh.
-    voids, specks : int
+    voids, islands : int
         Pockets of air filled and islands removed, in every tile.
-    fragments : Scraps
+    fragments : Fragments
         Pieces that the outline cut off, and that are left out.
     """
 
@@ -114,14 +115,14 @@ class MeshPlan:
         return self.tile.runs.voids // self._copies
 
     @property
-    def specks(self) -> int:
+    def islands(self) -> int:
         """Islands removed beside every tile."""
-        return self.tile.runs.specks // self._copies
+        return self.tile.runs.islands // self._copies
 
     @property
-    def fragments(self) -> Scraps:
+    def fragments(self) -> Fragments:
         """Pieces that the outline cut off."""
-        return self.assembly.scraps
+        return self.assembly.fragments
 
     def bytes(self, path: str | PathLike[str]) -> int:
         """Return the size that a file of the path's suffix will have: exactly; of OBJ at most, nearly."""
@@ -144,7 +145,7 @@ class MeshPlan:
         places = lattice_positions(edges, fractions, self.tile.lattice.shape, (along, across, 0))
         flat = self.tile.lattice.positions(places)
         start = time.perf_counter()
-        run_blocks(lambda first, last: self.leaf.blade.lift(flat[first:last]), TRIAL, VERTICES // 4)
+        run_blocks(lambda first, last: self.leaf.blade.lift(flat[first:last]), TRIAL, BATCH_SIZE // 4)
         return self._counting + (time.perf_counter() - start) * self.vertices / TRIAL
 
     def extract(self, *, remesh: float | None = None) -> LabelledMesh:

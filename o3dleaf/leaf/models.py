@@ -1,15 +1,15 @@
 """Models that were saved, read again: interpolants, tiled fields and whole leaves."""
 
-from functools import partial
 from os import PathLike
 from typing import Any
 
-from o3dleaf.fitting.creases.creases import CreasedSplines
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.index import BallIndex
+from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.polynomials import LocalPolynomials
+from o3dleaf.fitting.local.potentials import LocalPotentials
+from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalSplines
-from o3dleaf.fitting.pu.oriented import LocalPolynomials, LocalPotentials
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
@@ -22,6 +22,7 @@ from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, type[Any]] = {
     each.__name__: each
@@ -30,9 +31,9 @@ CLASSES: dict[str, type[Any]] = {
         BallIndex,
         Blade,
         Cover,
-        CreasedSplines,
         HeightMap,
         LeafFrame,
+        LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,
         LocalSplines,
@@ -45,11 +46,8 @@ CLASSES: dict[str, type[Any]] = {
         Smoothing,
         TiledField,
     )
-}
-
-
-FIELDS: dict[str, dict[str, str]] = {"RobustChoice": {"trust": "weights"}}
-"""Fields that files know by another name, by class: the names of format 3 stay, so that any version reads any file."""
+} | {"CreasedSplines": LocalCreasedSplines}
+"""Of files, by name; the last name is that of version 0.1."""
 
 
 def load(path: str | PathLike[str]) -> Any:
@@ -67,9 +65,33 @@ def load(path: str | PathLike[str]) -> Any:
     InputError
         If the file is no model, was damaged or cut off, or was written by a later version.
     """
-    return read_model(path, CLASSES | {name: partial(_make, name) for name in FIELDS})
+    return read_model(path, CLASSES)
 
 
-def _make(name: str, **state: Any) -> Any:
-    """Return an object of a class by its state in a file."""
-    return CLASSES[name](**{FIELDS[name].get(field, field): value for field, value in state.items()})
+def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
+    """Return the texture of a model file: of a texture, or of a leaf that has it.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, or one without a texture.
+    """
+    model = load(path)
+    texture = model.texture if isinstance(model, MultiscaleLeaf) else model
+    if not isinstance(texture, TiledField | PatchBlend):
+        raise InputError(f"{path}: holds a {type(model).__name__}, no micro-structure; give one that `patch` made")
+    return texture
+
+
+def load_leaf(path: str | PathLike[str]) -> Blade | MultiscaleLeaf:
+    """Return the leaf, or the blade, of a model file.
+
+    Raises
+    ------
+    InputError
+        If the file is no model, or that of something else.
+    """
+    model = load(path)
+    if not isinstance(model, Blade | MultiscaleLeaf):
+        raise InputError(f"{path}: holds a {type(model).__name__}, no leaf; give a model that `leaf --model` wrote")
+    return model

@@ -11,16 +11,15 @@ from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import write_model
-from o3dleaf.io.triangle_mesh import SUFFIXES
+from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
 from o3dleaf.leaf.distance.measured_leaf import MeasuredLeaf
-from o3dleaf.leaf.instancing.stream import write_mesh
+from o3dleaf.leaf.fine_windows import extract_windows
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.meshing import MeshPlan, extract_flat_tile
 from o3dleaf.leaf.textured_blade import Texture
-from o3dleaf.leaf.windows import extract_windows
 
 
 class MultiscaleLeaf(MeasuredLeaf):

@@ -8,13 +8,13 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import MIN_SQUARE, Advance, Metric, project_to_level
 from o3dleaf.core.parallel import blocks, run_blocks
-from o3dleaf.leaf.instancing.parts import RIM
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.macro.outline import in_polygon, sides_of
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.remeshing.blocks import Charted
-from o3dleaf.surface.remeshing.projection_target import FieldGround, Masks
+from o3dleaf.surface.remeshing.projection_target import FieldTarget, Masks
 from o3dleaf.surface.remeshing.remesh import remesh_charted
 
 Labels = npt.NDArray[np.uint8]
@@ -47,7 +47,7 @@ class LeafTarget:
         self.inside = (tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
         self.tree = shapely.STRtree(shapely.linestrings(self.sides.reshape(-1, 2, 2)))
 
-    def settle(
+    def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return charts, places in the world, and which of them are on the surface; see `projection_target`."""
@@ -175,7 +175,7 @@ def remesh_flat(leaf: TexturedBlade, flat: FloatArray, triangles: IntArray, targ
         In the leaf's unit.
     """
     labels = np.zeros(len(triangles), dtype=np.uint8)
-    target = FieldGround(lambda points: (leaf.values(points), leaf.jets(points, 1)[1]), target_edge / 2)
+    target = FieldTarget(lambda points: (leaf.values(points), leaf.jets(points, 1)[1]), target_edge / 2)
     return remesh_charted(Charted.of(flat, flat, triangles, labels), target, target_edge)
 
 

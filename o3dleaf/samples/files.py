@@ -69,20 +69,19 @@ def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
     write_volume(volume, paths[2])
     sums = [f"| `{p.name}` | {p.stat().st_size:,} | `{hashlib.sha256(p.read_bytes()).hexdigest()}` |" for p in paths]
     page = folder / PAGE
-    page.write_text(
-        TEXT.format(
-            seed=seed,
-            scan=SCAN,
-            midrib=MIDRIB,
-            patch=PATCH,
-            points=len(scan.cloud.points),
-            controls=len(scan.midrib),
-            shape=" × ".join(str(n) for n in volume.shape),
-            voxels=volume.data.size,
-            sums="\n".join(sums),
-        ),
-        encoding="utf-8",
+    text = TEXT.format(
+        seed=seed,
+        scan=SCAN,
+        midrib=MIDRIB,
+        patch=PATCH,
+        points=len(scan.cloud.points),
+        controls=len(scan.midrib),
+        shape=" × ".join(str(n) for n in volume.shape),
+        voxels=volume.data.size,
+        sums="\n".join(sums),
     )
+    with whole_file(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return [*paths, page]
 
 

@@ -26,6 +26,10 @@ class ScanSample(NamedTuple):
     midrib: FloatArray
     truth: WheatBlade
 
+    def __repr__(self) -> str:
+        points = f"{len(self.cloud.points):,} points"
+        return f"ScanSample({points}, {len(self.midrib)} control points of the midrib, truth {self.truth!r})"
+
 
 def wheat_scan(
     *,

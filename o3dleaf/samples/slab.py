@@ -13,7 +13,7 @@ from o3dleaf.samples.solids import Feet
 SEEDS = (121, 81)
 """Points of the mid-surface that start the search for the closest one."""
 STEPS = 40
-SETTLED = 1e-12
+TOLERANCE = 1e-12
 ROUNDING = 1e-15
 """Of squared distances: without it the last of Newton's steps, the best ones, would not seem to descend."""
 
@@ -106,7 +106,7 @@ class WavySheet(Meshed):
             trial = np.clip(sites + self._newton(points, sites, damping), -half, half)
             left = self._miss(points, trial)
             better = left <= miss + ROUNDING
-            moving = np.abs(trial - sites).max(axis=1) > SETTLED
+            moving = np.abs(trial - sites).max(axis=1) > TOLERANCE
             sites, miss = np.where(better[:, np.newaxis], trial, sites), np.where(better, left, miss)
             damping = np.where(better, 0.1 * damping, np.maximum(10 * damping, 0.1))
             found[rows] = sites

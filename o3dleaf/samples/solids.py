@@ -28,6 +28,9 @@ class Feet(NamedTuple):
     normals: FloatArray
     distance: FloatArray
 
+    def __repr__(self) -> str:
+        return f"Feet({len(self.points):,} points)"
+
 
 class Solid(ABC):
     r"""A closed surface of known shape, as a Field: F(x) = −d(x), the signed distance turned larger inside.

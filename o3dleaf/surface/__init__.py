@@ -2,6 +2,7 @@
 
 `cloud`           a point cloud made ready
 `mesh`            what a mesh is: topology, defects, measures
+`creases`         a local fitter that keeps sharp creases
 `isosurface`      a field to triangles
 `repair`          meshes cleaned and simplified
 `remeshing`       triangles that a solver accepts

@@ -1,6 +1,7 @@
 """The commands as a user runs them: what they write, and the one line that bad input gets."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -17,7 +18,9 @@ from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
+ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
+MODULE = sys.executable, "-m", "o3dleaf"
 
 
 def process(*arguments):
@@ -172,8 +175,7 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
     assert summary["surface"]["closed"]
     assert summary["surface"]["triangles"] == len(o3d.io.read_triangle_mesh(tmp_path / "leaf.stl").triangles)
     assert not summary["frame"]["folded"]
-    # STL repeats every corner; equal ones make the block whole again.
-    assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl").remove_duplicated_vertices()).watertight
+    assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl")).watertight
 
 
 def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
@@ -282,7 +284,7 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
 
 def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
     words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.012", "-o", tmp_path / "leaf.ply"]
-    process = subprocess.Popen([str(PROGRAM), *map(str, words)], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*MODULE, *map(str, words)], stderr=subprocess.PIPE, text=True)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(timeout=8)
     process.send_signal(signal.SIGINT)
@@ -290,6 +292,47 @@ def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
     assert process.returncode == 130
     assert rest.strip().splitlines()[-1].startswith("o3dleaf: interrupted")
     assert list(tmp_path.iterdir()) == []
+
+
+INTERRUPT = """
+import os, signal, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            sys.meta_path.remove(self)
+            try:
+                os.kill(os.getpid(), signal.SIGINT)
+                for _ in range(10):
+                    pass  # where the interpreter looks for signals
+            except KeyboardInterrupt as cause:
+                if {wrapped}:
+                    raise ImportError("initialization failed") from cause
+                raise
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.meta_path.insert(0, Finder())
+"""
+
+
+@pytest.mark.parametrize("wrapped", [False, True], ids=["as it is", "as compiled modules wrap it"])
+@pytest.mark.parametrize(
+    "module", ["o3dleaf.commands.cli", "typer", "numpy", "open3d", "o3dleaf.surface.mesh.mesh_report"]
+)
+def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path, module, wrapped):
+    """At a start that takes seconds people press it most."""
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPT.format(module=module, wrapped=wrapped))
+    places = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    result = subprocess.run(
+        [*MODULE, "info", "missing.ply"],
+        capture_output=True, text=True, check=False, timeout=60, env=os.environ | {"PYTHONPATH": places},
+    )  # fmt: skip
+    assert result.returncode == 130
+    assert result.stderr == "o3dleaf: interrupted; a file that was not finished has left nothing behind\n"
+
+
+def test_the_program_is_the_guarded_one():
+    assert '\no3dleaf = "o3dleaf.__main__:main"\n' in (ROOT / "pyproject.toml").read_text()
 
 
 def test_what_is_read_is_never_written_over(run, files, tmp_path):

@@ -4,7 +4,6 @@ import pytest
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.surface.cloud.prepare import remove_stray_points
 
 
 def cloud_of(points):
@@ -47,28 +46,6 @@ def test_a_bad_file_is_refused_with_its_cause(tmp_path, name, content, message):
         read_point_cloud(file)
 
 
-def test_repeated_and_stray_points_go_and_are_counted():
-    rng = np.random.default_rng(1)
-    leaf = np.column_stack([rng.uniform(0, 100, 3000), rng.uniform(-5, 5, 3000), np.zeros(3000)])
-    far = np.array([[50.0, 0, 400], [-300, 0, 0]])
-    prepared = remove_stray_points(np.concatenate([leaf, leaf[:7], far]))
-    assert (prepared.repeated, prepared.stray) == (7, 2)
-    assert {tuple(p) for p in prepared.points} == {tuple(p) for p in leaf}
-
-
-def test_the_real_leaf_keeps_its_thin_parts(real_scan):
-    prepared = remove_stray_points(read_point_cloud(real_scan("wheat/wheat_leaf.ply")))
-    assert prepared.repeated == 0
-    assert prepared.stray <= 3
-
-
-def test_tensor_clouds_and_arrays_are_taken_alike():
-    points = np.random.default_rng(2).uniform(0, 1, (200, 3))
-    tensor = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
-    for held in (points, cloud_of(points), tensor):
-        assert np.array_equal(remove_stray_points(held).points, remove_stray_points(points).points)
-
-
 @pytest.mark.parametrize("ascii_text", [True, False])
 @pytest.mark.parametrize("colours", [True, False])
 def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
@@ -82,9 +59,3 @@ def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
         (tmp_path / "cut.ply").write_bytes(content[: int(share * len(content))])
         with pytest.raises(InputError, match="cut off"):
             read_point_cloud(tmp_path / "cut.ply")
-
-
-@pytest.mark.parametrize("points", [np.ones((200, 3)), np.random.default_rng(4).uniform(0, 1e300, (200, 3))])
-def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points):
-    with pytest.raises(InputError, match="is it damaged"):
-        remove_stray_points(points)

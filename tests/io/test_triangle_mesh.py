@@ -7,8 +7,9 @@ import pytest
 from mesh_fields import sphere
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.io import triangle_mesh
-from o3dleaf.io.triangle_mesh import write_triangle_mesh
+from o3dleaf.io import obj
+from o3dleaf.io.mesh_data import MeshData
+from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import STL_DIGITS
 
@@ -19,7 +20,7 @@ def ball():
 
 
 def test_ply_keeps_every_digit(ball, tmp_path):
-    write_triangle_mesh(tmp_path / "ball.ply", ball)
+    write_mesh(ball, tmp_path / "ball.ply")
     again = o3d.io.read_triangle_mesh(tmp_path / "ball.ply")
     assert np.array_equal(np.asarray(again.vertices), np.asarray(ball.vertices))
     assert np.array_equal(np.asarray(again.triangles), np.asarray(ball.triangles))
@@ -28,11 +29,11 @@ def test_ply_keeps_every_digit(ball, tmp_path):
 
 @pytest.mark.parametrize("normals", [False, True])
 def test_obj_keeps_every_digit(ball, tmp_path, monkeypatch, normals):
-    monkeypatch.setattr(triangle_mesh, "LINES", 100)
+    monkeypatch.setattr(obj, "BLOCK", 100)
     mesh = o3d.geometry.TriangleMesh(ball)
     if normals:
         mesh.compute_vertex_normals()
-    write_triangle_mesh(tmp_path / "ball.obj", mesh)
+    write_mesh(mesh, tmp_path / "ball.obj")
     rows = [line.split() for line in (tmp_path / "ball.obj").read_text(encoding="ascii").splitlines()]
     vertices = np.array([row[1:] for row in rows if row[0] == "v"], dtype=np.float64)
     faces = np.array([[corner.split("/")[0] for corner in row[1:]] for row in rows if row[0] == "f"], dtype=int) - 1
@@ -44,7 +45,7 @@ def test_obj_keeps_every_digit(ball, tmp_path, monkeypatch, normals):
 
 
 def test_stl_has_the_triangles_and_their_normals(ball, tmp_path):
-    write_triangle_mesh(tmp_path / "ball.STL", ball)
+    write_mesh(ball, tmp_path / "ball.STL")
     again = o3d.io.read_triangle_mesh(tmp_path / "ball.STL")
     vertices, triangles = mesh_arrays(again)
     expected = np.asarray(ball.vertices)[np.asarray(ball.triangles)]
@@ -58,7 +59,7 @@ def test_stl_has_the_triangles_and_their_normals(ball, tmp_path):
 
 def test_arrays_and_tensor_meshes_are_written_too(ball, tmp_path):
     for name, mesh in [("a.ply", mesh_arrays(ball)), ("b.ply", o3d.t.geometry.TriangleMesh.from_legacy(ball))]:
-        write_triangle_mesh(tmp_path / name, mesh)
+        write_mesh(mesh, tmp_path / name)
         assert len(o3d.io.read_triangle_mesh(tmp_path / name).triangles) == len(ball.triangles)
 
 
@@ -73,22 +74,22 @@ def test_arrays_and_tensor_meshes_are_written_too(ball, tmp_path):
 )
 def test_what_cannot_be_written_is_refused_and_leaves_nothing(ball, tmp_path, name, mesh, words):
     with pytest.raises(InputError, match=words):
-        write_triangle_mesh(tmp_path / name, ball if mesh is None else mesh)
+        write_mesh(ball if mesh is None else mesh, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("how", ["says no", "breaks off"])
-def test_a_failure_leaves_the_old_file_and_nothing_else(ball, tmp_path, monkeypatch, how):
-    (tmp_path / "ball.ply").write_text("old")
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl"])
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_failure_leaves_the_old_file_and_nothing_else(ball, tmp_path, monkeypatch, suffix, error):
+    """In the middle: vertices are written, triangles fail."""
+    path = tmp_path / f"ball{suffix}"
+    path.write_text("old")
 
-    def fail(path, *_, **__):
-        path.write_text("half of it")
-        if how == "breaks off":
-            raise OSError(28, "No space left on device")
-        return False
+    def fail(*_):
+        raise error
 
-    monkeypatch.setattr(o3d.io, "write_triangle_mesh", fail)
-    with pytest.raises(O3DLeafError):
-        write_triangle_mesh(tmp_path / "ball.ply", ball)
-    assert [path.name for path in tmp_path.iterdir()] == ["ball.ply"]
-    assert (tmp_path / "ball.ply").read_text() == "old"
+    monkeypatch.setattr(MeshData, "triangle_block", fail)
+    with pytest.raises(O3DLeafError if isinstance(error, OSError) else KeyboardInterrupt):
+        write_mesh(ball, path)
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "old"

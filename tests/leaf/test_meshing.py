@@ -13,9 +13,8 @@ from leaf_fields import texture as texture_of
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.leaf.instancing import assembly
-from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
-from o3dleaf.leaf.instancing.stream import write_mesh
+from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
@@ -229,7 +228,7 @@ def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
     write_mesh(made, tmp_path / f"again{suffix}", plan._comments)
     assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
     assert plan.seconds > 0
-    assert (plan.voids, plan.specks, plan.fragments.pieces) == (0, 0, 0)
+    assert (plan.voids, plan.islands, plan.fragments.pieces) == (0, 0, 0)
     assert len(o3d.io.read_triangle_mesh(path).triangles) == len(made.mesh.triangles)
 
 
@@ -322,9 +321,8 @@ def peak(work):
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
-def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, monkeypatch):
+def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix):
     """Twice as long, the same memory: counting and writing hold three rows of tiles."""
-    monkeypatch.setattr(assembly, "STRIPS", 1)
     threads, needed, made = get_num_threads(), [], []
     field = texture_of(ridged())
     set_num_threads(2)

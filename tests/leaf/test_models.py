@@ -178,7 +178,7 @@ def test_a_file_from_before_balls_chose_for_themselves_is_read(interpolant, file
     rewrite_header(file, older)
     found = load(file)
     assert np.array_equal(found(QUERIES), interpolant(QUERIES))
-    assert np.array_equal(found.appraise([0]).score, interpolant.appraise([0]).score)
+    assert np.array_equal(found.diagnostics([0]).score, interpolant.diagnostics([0]).score)
 
 
 def test_only_known_classes_come_out(file):

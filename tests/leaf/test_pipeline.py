@@ -8,7 +8,8 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.pipeline import BladeOptions, PatchOptions, create_blade, create_multiscale_leaf, create_texture
+from o3dleaf.leaf.options import BladeOptions, TextureOptions
+from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf, create_texture
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 from o3dleaf.surface.mesh.mesh_report import mesh_report
@@ -156,4 +157,4 @@ def test_options_reach_their_stage(wheat):
     assert blade.height_map.choice is None
     assert blade.frame.stations(np.array([50.0]))[3][0, 2] < 0
     with pytest.raises(InputError, match="smoothing"):
-        create_texture(wheat_ct()[0], options=PatchOptions(rho="best"))
+        create_texture(wheat_ct()[0], options=TextureOptions(rho="best"))

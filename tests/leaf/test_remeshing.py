@@ -10,7 +10,7 @@ from leaf_fields import texture as texture_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.remeshing import ON_RIM, LeafTarget, _without_chamfers
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.remeshing import blocks
@@ -120,7 +120,7 @@ def test_an_open_leaf_keeps_its_border_bit_for_bit(leaf, sheet):
 
 
 def test_a_leaf_does_not_depend_on_threads(leaf, monkeypatch):
-    monkeypatch.setattr(blocks, "MOST", 500)
+    monkeypatch.setattr(blocks, "MAX_TRIANGLES", 500)
     threads, found = get_num_threads(), []
     try:
         for count in (1, 4):
@@ -145,7 +145,7 @@ def ground(leaf):
 
 def settled(ground, flat, masks, shifts=None):
     shifts = np.zeros_like(flat) if shifts is None else shifts
-    return ground.settle(flat, shifts, np.full(len(flat), masks, dtype=np.uint8), np.zeros(len(flat), dtype=bool))
+    return ground.project(flat, shifts, np.full(len(flat), masks, dtype=np.uint8), np.zeros(len(flat), dtype=bool))
 
 
 def test_points_of_a_face_go_to_it_by_the_shortest_way(leaf, ground):

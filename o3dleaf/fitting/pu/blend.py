@@ -10,9 +10,9 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks, run_blocks
-from o3dleaf.fitting.pu.index import BallIndex
-from o3dleaf.fitting.pu.jet_loops import unpack
-from o3dleaf.fitting.pu.local import LocalFits
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.fitter import LocalFits
+from o3dleaf.fitting.local.jet_loops import unpack
 
 CHUNK = 1 << 20
 """Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
@@ -24,7 +24,7 @@ FOLD_BLOCK = 1 << 15
 
 
 class Blended:
-    """A partition of unity that can be evaluated: local fits, and the index that says which of them hold a point.
+    """A partition of unity that can be evaluated: local fits, and the index that says which of them contain a point.
 
     Outside its domain a blend falls with the distance to it (`o3dleaf.core.outside_loops`). Whatever the
     number of points, evaluation needs `WORKING_MEMORY` beside its arguments and its result.
@@ -115,7 +115,7 @@ class Blended:
         """
         kind = _as_kind(dtype)
         lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
-        return lattice, sample_lattice(lambda at: self(at, dtype=kind), lattice, dtype=kind)
+        return lattice, sample_lattice(lambda points: self(points, dtype=kind), lattice, dtype=kind)
 
     def _evaluate(self, points: npt.ArrayLike, level: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
         """Return the values, gradients or Hessians: the derivatives of order `level`."""

@@ -1,21 +1,21 @@
-"""What a fitted partition of unity says of each of its balls: freedom, score, condition, leave-one-out error."""
+"""Diagnostics of the balls of a fit: degrees of freedom, score, condition, leave-one-out error."""
 
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import Progress, single_threaded_blas
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.local import LocalSplines
-from o3dleaf.fitting.pu.smoothing_selection import each_ball
-from o3dleaf.fitting.rbf.spectrum_loops import appraise
+from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.local.smoothing_selection import each_ball
+from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.rbf.spectrum_loops import diagnose
 from o3dleaf.fitting.rbf.tail import IntArray
 
 
 @dataclass(frozen=True, eq=False)
-class Appraisal:
-    r"""The numbers by which the fit of each ball is judged; (M,) arrays, a row for each ball that was asked for.
+class BallDiagnostics:
+    r"""Diagnostics of the fit of each ball: (M,) arrays, a row for each ball that was asked for.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Appraisal:
         ρ = s θ/N in the data's unit; NaN where the kernel has no θ.
     score : float
         V, the GCV score of s, in the values' unit squared: about the mean square error at a point left out.
-    freedom : float
+    degrees_of_freedom : float
         tr A, the effective degrees of freedom, the rank of the tail included: N of an interpolant.
     condition : float
         (e_max + s)/(e_min + s) of the system on the null space of the tail's transpose.
@@ -48,24 +48,27 @@ class Appraisal:
     smoothing: FloatArray
     rho: FloatArray
     score: FloatArray
-    freedom: FloatArray
+    degrees_of_freedom: FloatArray
     condition: FloatArray
     rank: IntArray
     dropped: IntArray
     leave_one_out: FloatArray
 
+    def __repr__(self) -> str:
+        return f"BallDiagnostics({len(self.balls):,} balls)"
+
     def summary(self) -> dict[str, tuple[float, float, float]]:
         """Return (least, median, greatest) of each number over the balls that have it."""
-        found = {}
+        summary = {}
         for name in (field.name for field in fields(self) if field.name != "balls"):
             known = getattr(self, name)[~np.isnan(getattr(self, name))]
             if len(known):
-                found[name] = (float(known.min()), float(np.median(known)), float(known.max()))
-        return found
+                summary[name] = (float(known.min()), float(np.median(known)), float(known.max()))
+        return summary
 
 
-def appraise_balls(cover: Cover, local: LocalSplines, balls: IntArray, progress: Progress | None = None) -> Appraisal:
-    """Return the appraisal of some balls, each from one eigen-decomposition and the fit's own weights λ.
+def diagnose_balls(cover: Cover, local: LocalSplines, balls: IntArray) -> BallDiagnostics:
+    """Return the diagnostics of some balls, each from one eigen-decomposition and the fit's own weights λ.
 
     Parameters
     ----------
@@ -73,33 +76,31 @@ def appraise_balls(cover: Cover, local: LocalSplines, balls: IntArray, progress:
     local : LocalSplines
         The fit over the balls of the cover.
     balls : (M,) int64 ndarray
-    progress : callable, optional
-        ``progress(done, total)`` over balls.
     """
     diagonals, counts, theta = local.diagonals, cover.counts[balls], local.kernel.theta
 
-    def judge(ball: int) -> tuple[float, float, float, float]:
-        points, weights, trust = local.ball(ball)
+    def numbers_of(ball: int) -> tuple[float, float, float, float]:
+        points, coefficients, weights = local.ball(ball)
         smoothing = diagonals[ball] / cover.radii[ball] ** local.kernel.power
-        score, freedom, condition, errors = appraise(
-            points, weights, np.sqrt(trust), local.exponents, local.kernel.power, smoothing
+        score, degrees, condition, errors = diagnose(
+            points, coefficients, np.sqrt(weights), local.exponents, local.kernel.power, smoothing
         )
         known = ~np.isnan(errors)
         if not known.any():
-            return score, freedom, condition, np.nan
-        return score, freedom, condition, float(np.sqrt(np.average(errors[known] ** 2, weights=trust[known])))
+            return score, degrees, condition, np.nan
+        return score, degrees, condition, float(np.sqrt(np.average(errors[known] ** 2, weights=weights[known])))
 
     with single_threaded_blas():
-        found = np.array(each_ball(judge, balls, progress)).reshape(-1, 4)
-    return Appraisal(
+        numbers = np.array(each_ball(numbers_of, balls, reports=True)).reshape(-1, 4)
+    return BallDiagnostics(
         balls=balls,
         points=counts,
         smoothing=diagonals[balls],
         rho=np.full(len(balls), np.nan) if theta is None else diagonals[balls] * theta / counts,
-        score=found[:, 0],
-        freedom=found[:, 1],
-        condition=found[:, 2],
+        score=numbers[:, 0],
+        degrees_of_freedom=numbers[:, 1],
+        condition=numbers[:, 2],
         rank=local.ranks[balls],
         dropped=local.dropped[balls],
-        leave_one_out=found[:, 3],
+        leave_one_out=numbers[:, 3],
     )

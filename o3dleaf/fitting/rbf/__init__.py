@@ -6,9 +6,10 @@ the answer can be evaluated and differentiated.
 
 `kernels`             polyharmonic kernels: φ, φ′/r, order, θ
 `tail`                monomials of the tail
-`smoothing`           ρ, the diagonal and their choice by GCV
+`smoothing`           ρ, the diagonal and their choice by GCV; which splines are fitted
 `factor`              a local system factored once for many columns of values
 `interpolant`         `RBFInterpolant`
+`radial_loops`        φ and its derivatives over r
 `evaluation_loops`    values, gradients and Hessians of kernels and tails
 `reflector_loops`     Householder reflectors: onto the null space of Pᵀ
 `cholesky_loops`      Cholesky factors and triangular systems
@@ -16,6 +17,6 @@ the answer can be evaluated and differentiated.
 `column_loops`        the same for many columns of values
 `spectrum_loops`      one eigen-decomposition for every smoothing
 `held_out_loops`      errors at points left out
-`shared_error_loops`  the same where constraints share their point's error
+`shared_error_loops`  the same where groups of points share their error
 `potential_loops`     potentials of points and normals: Hermite and curl-free
 """

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot, put
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 
 SINGULAR = 3e-14
 """Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,

@@ -1,10 +1,10 @@
-"""The compiled loops that evaluate interpolants; those that solve for them are in `solve.py`.
+"""The compiled loops that evaluate interpolants; those that solve for them are in `solve_loops`.
 
 Everything works in a ball's unit coordinates z = (x − c)/R, in which the tail's monomials are well
-scaled and φ stays of order one. Points are stored (d, n), so that the loop over n vectorises.
+scaled and φ stays of order one. Points are stored (d, n), so that the loop over n vectorizes.
 Functions are serial and release the GIL; `o3dleaf.core.parallel` drives them.
 
-What is found at a point is its *jet*: the value, the d slopes, the d(d + 1)/2 second derivatives
+What is computed at a point is its *jet*: the value, the gradient of d components, the d(d + 1)/2 second derivatives
 ∂_a∂_b with a <= b, in this order, up to the `order` that is asked for (0, 1 or 2). Jets of many points are the
 columns of one array, one row a component.
 """
@@ -14,12 +14,15 @@ import math
 import numpy as np
 from numba import njit
 
-REASSOCIATE = {"reassoc", "contract", "nsz"}
-"""What the sums need to vectorise; NaN and infinity keep their meaning."""
-
-
-HALVED_EXPONENT = 0x5FE6EB50C7B537A9
-"""Less half of the bits of a double, the bits of its inverse root to 3.5 % (Lomont 2003)."""
+from o3dleaf.fitting.rbf.radial_loops import (
+    REASSOCIATE,
+    derivatives_over_r,
+    dot,
+    radial_values,
+    second_derivatives_over_r,
+    square_root,
+    squared_distances,
+)
 
 
 @njit(nogil=True, cache=True)
@@ -28,84 +31,6 @@ def jet_size(dimension, order):
     if order == 0:
         return 1
     return 1 + dimension + (dimension * (dimension + 1) // 2 if order == 2 else 0)
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def squared_distances(z, points, count, out):
-    """Write |z − z_j|² into out[:count]."""
-    for j in range(count):
-        difference = z[0] - points[0, j]
-        out[j] = difference * difference
-    for axis in range(1, points.shape[0]):
-        coordinate = z[axis]
-        for j in range(count):
-            difference = coordinate - points[axis, j]
-            out[j] += difference * difference
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def radial_values(power, squared, count, out):
-    """Write φ(r) of squared distances; `out` may be `squared`."""
-    if power == 1:
-        for j in range(count):
-            out[j] = -math.sqrt(squared[j])
-    elif power == 3:
-        for j in range(count):
-            out[j] = squared[j] * math.sqrt(squared[j])
-    else:
-        half = power // 2
-        sign = 1.0 if half % 2 else -1.0
-        for j in range(count):
-            r2 = squared[j]
-            value = sign
-            for _ in range(half):
-                value *= r2
-            if power % 2:
-                out[j] = value * math.sqrt(r2)
-            elif r2 > 0.0:
-                out[j] = 0.5 * value * math.log(r2)
-            else:
-                out[j] = 0.0
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def radial_slopes(power, squared, count, out):
-    """Write ψ = φ′(r)/r of squared distances; 0 at r = 0, where it multiplies the vector z − z_j = 0."""
-    half = power // 2
-    sign = 1.0 if half % 2 else -1.0
-    for j in range(count):
-        r2 = squared[j]
-        out[j] = 0.0
-        if r2 > 0.0:
-            value = sign
-            for _ in range(half - 1):
-                value *= r2
-            if power == 1:
-                out[j] = -1.0 / math.sqrt(r2)
-            elif power % 2:
-                out[j] = power * value * math.sqrt(r2)
-            else:
-                out[j] = value * (0.5 * power * math.log(r2) + 1.0)
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def radial_bends(power, squared, count, out):
-    """Write ψ′(r)/r, ψ = φ′/r, of squared distances, for a power of 3 or more; 0 at r = 0, as `radial_slopes`."""
-    half = power // 2
-    sign = 1.0 if half % 2 else -1.0
-    for j in range(count):
-        r2 = squared[j]
-        out[j] = 0.0
-        if r2 > 0.0:
-            value = sign
-            for _ in range(half - 2):
-                value *= r2
-            if power == 3:
-                out[j] = 3.0 / math.sqrt(r2)
-            elif power % 2:
-                out[j] = power * (power - 2) * value * math.sqrt(r2)
-            else:
-                out[j] = value * (0.5 * power * (power - 2) * math.log(r2) + 2 * power - 2)
 
 
 @njit(nogil=True, cache=True)
@@ -181,36 +106,6 @@ def tail_jets(z, count, coefficients, lowered, terms, jets):
                     jet[i] += coefficient * term[i]
 
 
-@njit(nogil=True, cache=True)
-def put(source, target):
-    """Copy `source` (n,) into `target`.
-
-    Numba compiles a message about shapes into every function that assigns to a slice, and into all that call it.
-    """
-    for i in range(len(source)):
-        target[i] = source[i]
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def dot(a, b, count):
-    """Return Σ a_j b_j over the first `count` entries."""
-    total = 0.0
-    for j in range(count):
-        total += a[j] * b[j]
-    return total
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def square_root(square):
-    """Return √s to a rounding by multiplications alone: 1/√s from the bits of s, refined twice by its Taylor series."""
-    inverse = np.int64(HALVED_EXPONENT - (np.float64(square).view(np.int64) >> 1)).view(np.float64)
-    rest = 1.0 - square * inverse * inverse
-    inverse += inverse * rest * (0.5 + rest * (0.375 + rest * 0.3125))
-    root = square * inverse
-    rest = 1.0 - root * inverse
-    return root + root * rest * (0.5 + rest * 0.375)
-
-
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
 def cubic_value(x, y, z, xs, ys, zs, weights):
     """Return Σ λ_j r_j³ in one pass: the sum that nearly all of the time goes into.
@@ -247,43 +142,43 @@ def cubic_value_single(x, y, z, xs, ys, zs, weights):
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def cubic_slopes(x, y, z, xs, ys, zs, weights):
-    """Return Σ λ_j r_j³ and Σ λ_j r_j (z − z_j), a third of its slopes, in one pass."""
+def cubic_gradient(x, y, z, xs, ys, zs, weights):
+    """Return Σ λ_j r_j³ and Σ λ_j r_j (z − z_j), a third of its gradient, in one pass."""
     total = along_x = along_y = along_z = weights.dtype.type(0)
     for j in range(weights.size):
         a, b, c = x - xs[j], y - ys[j], z - zs[j]
         square = a * a + b * b + c * c
-        slope = weights[j] * np.sqrt(square)
-        total += slope * square
-        along_x += slope * a
-        along_y += slope * b
-        along_z += slope * c
+        scaled = weights[j] * np.sqrt(square)
+        total += scaled * square
+        along_x += scaled * a
+        along_y += scaled * b
+        along_z += scaled * c
     return total, (along_x, along_y, along_z)
 
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
-def cubic_bends(x, y, z, xs, ys, zs, weights):
+def cubic_hessian(x, y, z, xs, ys, zs, weights):
     """Return Σ λ_j r_j and Σ λ_j d dᵀ/r_j, d = z − z_j (xx, xy, xz, yy, yz, zz): a third of the second derivatives."""
     total = xx = xy = xz = yy = yz = zz = weights.dtype.type(0)
-    tiny = weights.dtype.type(1e-18)  # float32 must hold λ_j/tiny
+    tiny = weights.dtype.type(1e-18)  # λ_j/tiny must be a float32
     for j in range(weights.size):
         a, b, c = x - xs[j], y - ys[j], z - zs[j]
         root = np.sqrt(a * a + b * b + c * c)
         total += weights[j] * root
         # At a data site d is zero, and so is d dᵀ/r.
-        slope = weights[j] / (root + tiny)
-        xx += slope * a * a
-        xy += slope * a * b
-        xz += slope * a * c
-        yy += slope * b * b
-        yz += slope * b * c
-        zz += slope * c * c
+        scaled = weights[j] / (root + tiny)
+        xx += scaled * a * a
+        xy += scaled * a * b
+        xz += scaled * a * c
+        yy += scaled * b * b
+        yz += scaled * b * c
+        zz += scaled * c * c
     return total, (xx, xy, xz, yy, yz, zz)
 
 
 @njit(nogil=True, cache=True)
 def add_cubic_jets(z, count, points, weights, order, nought, jets):
-    """Add the jets of Σ λ_j r_j³, in up to three dimensions, to those of the columns of z; `nought` holds n zeros."""
+    """Add the jets of Σ λ_j r_j³, in up to three dimensions, to those of the columns of z; `nought` are n zeros."""
     dimension = len(points)
     kind = weights.dtype.type
     xs, ys, zs = points[0], nought, nought
@@ -301,17 +196,17 @@ def add_cubic_jets(z, count, points, weights, order, nought, jets):
             else:
                 jets[0, i] += cubic_value(x, y, w, xs, ys, zs, weights)
             continue
-        total, slopes = cubic_slopes(x, y, w, xs, ys, zs, weights)
+        total, gradient = cubic_gradient(x, y, w, xs, ys, zs, weights)
         jets[0, i] += total
         for a in range(dimension):
-            jets[1 + a, i] += 3.0 * slopes[a]
+            jets[1 + a, i] += 3.0 * gradient[a]
         if order == 2:
-            trace, bends = cubic_bends(x, y, w, xs, ys, zs, weights)
+            trace, hessian = cubic_hessian(x, y, w, xs, ys, zs, weights)
             row = 1 + dimension
             for a in range(dimension):
                 jets[row, i] += 3.0 * trace
                 for b in range(a, dimension):
-                    jets[row, i] += 3.0 * bends[a * (5 - a) // 2 + b]
+                    jets[row, i] += 3.0 * hessian[a * (5 - a) // 2 + b]
                     row += 1
 
 
@@ -321,28 +216,28 @@ def add_radial_jets(z, count, points, weights, power, order, scratch, jets):
     dimension, sites = points.shape
     squared, radial = scratch[0], scratch[1]
     for i in range(count):
-        at = z[:, i]
-        squared_distances(at, points, sites, squared)
+        place = z[:, i]
+        squared_distances(place, points, sites, squared)
         radial_values(power, squared, sites, radial)
         jets[0, i] += dot(weights, radial, sites)
         if order == 0:
             continue
-        radial_slopes(power, squared, sites, radial)
+        derivatives_over_r(power, squared, sites, radial)
         trace = dot(weights, radial, sites)
         for a in range(dimension):
             total = 0.0
             for j in range(sites):
-                total += weights[j] * radial[j] * (at[a] - points[a, j])
+                total += weights[j] * radial[j] * (place[a] - points[a, j])
             jets[1 + a, i] += total
         if order == 2:
-            radial_bends(power, squared, sites, radial)
+            second_derivatives_over_r(power, squared, sites, radial)
             row = 1 + dimension
             for a in range(dimension):
                 jets[row, i] += trace
                 for b in range(a, dimension):
                     total = 0.0
                     for j in range(sites):
-                        total += weights[j] * radial[j] * (at[a] - points[a, j]) * (at[b] - points[b, j])
+                        total += weights[j] * radial[j] * (place[a] - points[a, j]) * (place[b] - points[b, j])
                     jets[row, i] += total
                     row += 1
 
@@ -358,7 +253,7 @@ def local_jets(z, count, points, weights, coefficients, lowered, power, order, t
     coefficients : (jet, q)
         See `tail_derivatives`.
     terms, scratch : (q, ·), (3, n or more)
-        Working space; scratch[2] holds zeros.
+        Working space; scratch[2] is zero.
     jets : (jet, ·)
     """
     tail_jets(z, count, coefficients, lowered, terms, jets)

@@ -1,4 +1,4 @@
-"""One local system factored once for many right-hand sides: columns of values, or balls that hold alike points."""
+"""One local system factored once for many right-hand sides: columns of values, or balls that contain alike points."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 """The single interpolant: one polyharmonic spline through all the data, the paper's equation (2)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
@@ -13,7 +13,7 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.rbf import evaluation_loops, solve_loops
 from o3dleaf.fitting.rbf.factor import LocalFactor
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
-from o3dleaf.fitting.rbf.smoothing import Amount, Smoothing, Spectrum, as_smoothing
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, Spectrum, as_smoothing
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 from o3dleaf.io.model_file import write_model
@@ -40,9 +40,9 @@ class RBFInterpolant:
         Unit of length of the points.
     kernel : Polyharmonic
     smoothing : Smoothing
-        The rule for s with its amount, chosen where it was "gcv".
-    centre, radius : (d,) ndarray, float
-        The ball around the data in whose unit coordinates (x − centre)/radius everything is stored.
+        With its value, chosen where it was "gcv".
+    center, radius : (d,) ndarray, float
+        The ball around the data in whose unit coordinates (x − center)/radius everything is stored.
     points, weights : (d, n), (n,) or (m, n) ndarrays
         Data sites in unit coordinates, and λ, for m columns of values a row each.
     tail, exponents : (q,) or (m, q), (q, d) ndarrays
@@ -53,12 +53,16 @@ class RBFInterpolant:
     smoothing: Smoothing
     bounds: FloatArray
     unit: str | None
-    centre: FloatArray
+    center: FloatArray = field(metadata={"stored": "centre"})
     radius: float
     points: FloatArray
     weights: FloatArray
     tail: FloatArray
     exponents: IntArray
+
+    def __repr__(self) -> str:
+        unit = f", unit {self.unit}" if self.unit else ""
+        return f"RBFInterpolant({self.kernel.dimension}-D, {self.points.shape[1]:,} points, {self.kernel}{unit})"
 
     @classmethod
     def fit(
@@ -68,8 +72,8 @@ class RBFInterpolant:
         *,
         kernel: str | Polyharmonic = "cubic",
         degree: int | None = None,
-        smoothing: Amount | None = None,
-        rho: Amount | None = None,
+        smoothing: SmoothingValue | None = None,
+        rho: SmoothingValue | None = None,
         weights: npt.ArrayLike | None = None,
         unit: str | None = None,
     ) -> "RBFInterpolant":
@@ -80,7 +84,7 @@ class RBFInterpolant:
         points : (n, d) array_like
             Data sites, in `unit`; distinct where nothing is smoothed.
         values : (n,) or (n, m) array_like
-            One number a point, or m of them: one fit for each column, with one factorisation.
+            One number a point, or m of them: one fit for each column, with one factorization.
         kernel : str or Polyharmonic
             A kernel object, or one of SciPy's names.
         degree : int, optional
@@ -90,7 +94,7 @@ class RBFInterpolant:
         rho : float or "gcv", optional
             The paper's ρ instead: s = ρ n/θ.
         weights : (n,) array_like, optional
-            How far each value is to be trusted, above 0: point j gets s divided by its weight.
+            Above 0: point j gets s divided by its weight.
         unit : str, optional
             Unit of length of the points.
 
@@ -104,28 +108,28 @@ class RBFInterpolant:
         """
         sites = as_points(points, least=1)
         data = as_values(values, len(sites), columns=True)
-        trust = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
+        point_weights = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
         phi = as_kernel(kernel, sites.shape[1])
         asked = as_degree(degree, phi)
         exponents = tail_exponents(sites.shape[1], asked)
         bounds = np.array([sites.min(axis=0), sites.max(axis=0)])
-        centre, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2 or 1.0
-        local = np.ascontiguousarray(((sites - centre) / radius).T)
-        rule = as_smoothing(phi, smoothing, rho)
+        center, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2 or 1.0
+        local = np.ascontiguousarray(((sites - center) / radius).T)
+        chosen = as_smoothing(phi, smoothing, rho)
         unit_scale = 1 / radius**phi.power
         with single_threaded_blas():
-            if isinstance(rule.amount, str):
-                found, coefficients = spectra(local, _columns(data), np.sqrt(trust), exponents, phi.power)
-                found /= rule.scale(len(sites)) * unit_scale
-                rule = rule.chosen(Spectrum.pooled(Spectrum(found, each, len(sites)) for each in coefficients))
-            diagonal = rule.diagonal(len(sites)) * unit_scale / trust
-            strengths, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
+            if isinstance(chosen.value, str):
+                eigenvalues, rows = spectra(local, _columns(data), np.sqrt(point_weights), exponents, phi.power)
+                eigenvalues /= chosen.scale(len(sites)) * unit_scale
+                chosen = chosen.chosen(Spectrum.pooled(Spectrum(eigenvalues, each, len(sites)) for each in rows))
+            diagonal = chosen.diagonal(len(sites)) * unit_scale / point_weights
+            coefficients, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
         if rank < len(exponents) and degree is not None:
             raise IllPosedError(
                 f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "
                 f"{asked}; lower the degree or add points off their common plane or curve"
             )
-        return cls(phi, rule, bounds, check_unit(unit), centre, radius, local, strengths, tail, exponents)
+        return cls(phi, chosen, bounds, check_unit(unit), center, radius, local, coefficients, tail, exponents)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
@@ -150,22 +154,22 @@ class RBFInterpolant:
         require_twice_differentiable(self.kernel)
         dimension = self.kernel.dimension
         jets = self._jets(points, 2)
-        bends = np.empty((*jets.shape[:-1], dimension, dimension))
+        hessians = np.empty((*jets.shape[:-1], dimension, dimension))
         a, b = np.triu_indices(dimension)
-        bends[..., a, b] = bends[..., b, a] = jets[..., 1 + dimension :] / self.radius**2
-        return bends
+        hessians[..., a, b] = hessians[..., b, a] = jets[..., 1 + dimension :] / self.radius**2
+        return hessians
 
     def _jets(self, points: npt.ArrayLike, level: int) -> FloatArray:
         """Return the jets, in unit coordinates, at (n, d) points, (n, ·) or (n, m, ·); see `evaluation_loops`."""
         dimension = self.kernel.dimension
-        queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.centre) / self.radius).T)
-        strengths, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
-        jets = np.empty((len(strengths), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
+        queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.center) / self.radius).T)
+        weights, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
+        jets = np.empty((len(weights), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
 
         def task(start: int, stop: int) -> None:
-            for column, found in enumerate(jets):
-                model = (self.points, strengths[column], tails[column], self.exponents, self.kernel.power)
-                evaluation_loops.evaluate(start, stop, queries, *model, level, found)
+            for column, part in enumerate(jets):
+                model = (self.points, weights[column], tails[column], self.exponents, self.kernel.power)
+                evaluation_loops.evaluate(start, stop, queries, *model, level, part)
 
         run_blocks(task, queries.shape[1], BLOCK)
         return jets[0].T if self.weights.ndim == 1 else np.moveaxis(jets, 2, 0)

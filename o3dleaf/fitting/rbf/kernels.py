@@ -1,4 +1,4 @@
-"""Polyharmonic kernels: each one carries its mathematics (sign, order, slope, least degree, θ)."""
+"""Polyharmonic kernels: each one carries its mathematics (sign, order, least degree, θ)."""
 
 import math
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class Polyharmonic:
 
     @property
     def m(self) -> int | None:
-        """Order m of the thin-plate energy that φ minimises, 2m − d = k, or None where there is none."""
+        """Order m of the thin-plate energy that φ minimizes, 2m − d = k, or None where there is none."""
         twice = self.power + self.dimension
         return None if twice % 2 else twice // 2
 
@@ -103,20 +103,7 @@ class Polyharmonic:
         """Return φ(r) for distances `r` >= 0 of any shape; 0 at r = 0."""
         radius = np.asarray(r, dtype=np.float64)
         value = self.sign * radius**self.power
-        return value * _safe_log(radius) if self.logarithmic else value
-
-    def slope_over_r(self, r: npt.ArrayLike) -> FloatArray:
-        """Return φ′(r)/r, shape of `r`; 0 at r = 0, where it only ever multiplies the vector x − x_j = 0."""
-        radius = np.asarray(r, dtype=np.float64)
-        safe = np.where(radius > 0, radius, 1.0)
-        slope = self.sign * self.power * safe ** (self.power - 2)
-        if self.logarithmic:
-            slope = slope * np.log(safe) + self.sign * safe ** (self.power - 2)
-        return np.where(radius > 0, slope, 0.0)
-
-
-def _safe_log(radius: FloatArray) -> FloatArray:
-    return np.log(np.where(radius > 0, radius, 1.0))
+        return value * np.log(np.where(radius > 0, radius, 1.0)) if self.logarithmic else value
 
 
 def polyharmonic(m: int, d: int) -> Polyharmonic:

@@ -4,8 +4,8 @@ r"""Potentials of one ball: splines of values and gradients at points, and the s
 
 The part of c is the potential of a curl-free field, Σ −∇∇ᵀφ(x − x_j) c_j. Its matrix is positive where that of φ is:
 a functional Σ c_j · ∇δ_{x_j} annihilates constants, so a tail of gradients takes the place of the tail (Narcowich and
-Ward 1994; Fuselier 2008). Unit coordinates as in `loops.py`, φ = ±rᵏ with k odd and 3 or more. Vectors of all points
-are stored axis after axis: (d, n), flat d n.
+Ward 1994; Fuselier 2008). Unit coordinates as in `evaluation_loops`, φ = ±rᵏ with k odd and 3 or more. Vectors of all
+points are stored axis after axis: (d, n), flat d n.
 """
 
 import math
@@ -13,22 +13,21 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.fitting.rbf.evaluation_loops import (
+from o3dleaf.fitting.rbf.evaluation_loops import lower_exponents, tail_jets
+from o3dleaf.fitting.rbf.radial_loops import (
     REASSOCIATE,
+    derivatives_over_r,
     dot,
-    lower_exponents,
     put,
-    radial_bends,
-    radial_slopes,
     radial_values,
+    second_derivatives_over_r,
     squared_distances,
-    tail_jets,
 )
 from o3dleaf.fitting.rbf.solve_loops import least_squares, natural_monomials, radial_matrix, solve_system, tail_matrix
 from o3dleaf.fitting.rbf.spectrum_loops import coefficients_of, decompose_system
 
 TINY = 1e-18
-"""Beside distances: at a data site rᵏ⁻⁴ multiplies zeros, and float32 must hold its inverse."""
+"""Beside distances: at a data site rᵏ⁻⁴ multiplies zeros, and its inverse must be a float32."""
 
 
 @njit(nogil=True, cache=True)
@@ -36,34 +35,34 @@ def oriented_matrix(points, power):
     """Return the (1 + d)n symmetric matrix of the functionals δ_{x_i}, then ∂_a δ_{x_i} axis by axis, of φ."""
     dimension, count = points.shape
     matrix = np.zeros(((1 + dimension) * count, (1 + dimension) * count))
-    squared, value, slope, bend = (np.empty(count), np.empty(count), np.empty(count), np.empty(count))
+    squared, value, first, second = (np.empty(count), np.empty(count), np.empty(count), np.empty(count))
     z = np.empty(dimension)
     for i in range(count):
         for axis in range(dimension):
             z[axis] = points[axis, i]
         squared_distances(z, points, count, squared)
         radial_values(power, squared, count, value)
-        radial_slopes(power, squared, count, slope)
-        radial_bends(power, squared, count, bend)
+        derivatives_over_r(power, squared, count, first)
+        second_derivatives_over_r(power, squared, count, second)
         put(value, matrix[i, :count])
         for a in range(dimension):
             start = (1 + a) * count
             row, below = matrix[i, start : start + count], matrix[start + i]
             for j in range(count):
-                row[j] = -slope[j] * (z[a] - points[a, j])
+                row[j] = -first[j] * (z[a] - points[a, j])
                 below[j] = -row[j]
             for b in range(dimension):
                 block = below[(1 + b) * count : (2 + b) * count]
                 for j in range(count):
-                    block[j] = -bend[j] * (z[a] - points[a, j]) * (z[b] - points[b, j])
+                    block[j] = -second[j] * (z[a] - points[a, j]) * (z[b] - points[b, j])
                     if a == b:
-                        block[j] -= slope[j]
+                        block[j] -= first[j]
     return matrix
 
 
 @njit(nogil=True, cache=True)
 def oriented_tail(points, exponents):
-    """Return the ((1 + d)n, q) values, then slopes axis by axis, of the monomials at the points."""
+    """Return the ((1 + d)n, q) values, then derivatives axis by axis, of the monomials at the points."""
     dimension, count = points.shape
     columns, lowered = len(exponents), lower_exponents(exponents)
     terms, jets = np.empty((columns, count)), np.empty((1 + dimension, count))
@@ -96,8 +95,8 @@ def hermite(points, gradients, exponents, power, ridge):
         matrix[i, i] += ridge[0] if i < count else ridge[1]
     right = np.zeros(len(matrix))
     put(gradients.ravel(), right[count:])
-    found, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
-    return found[:count].copy(), found[count:].copy().reshape(gradients.shape), coefficients, dropped
+    weights, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
+    return weights[:count].copy(), weights[count:].copy().reshape(gradients.shape), coefficients, dropped
 
 
 @njit(nogil=True, cache=True)
@@ -105,7 +104,7 @@ def curl_free(points, gradients, exponents, power, ridge, exact):
     """Fit the gradients (d, n) alone, with the number `ridge` on the diagonal, and put the potential's mean onto zero.
 
     Where `exact`, a spline of values takes off what is left of its heights at the points. It has the least tail that
-    its kernel needs: a quadric that vanishes on the points could take any slope. Results as of `hermite`.
+    its kernel needs: a quadric that vanishes on the points could take any gradient. Results as of `hermite`.
     """
     moments, tail, heights, dropped = potential(points, gradients, exponents, power, ridge)
     if not exact:
@@ -127,9 +126,9 @@ def potential(points, gradients, exponents, power, ridge):
     for i in range(len(inner)):
         inner[i, i] += ridge
     frame = natural_monomials(points, exponents)[1:, 1:].copy()
-    moments, slopes, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
+    moments, tail_weights, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
     heights, coefficients = np.empty(count), np.zeros(len(exponents))
-    put(slopes, coefficients[1:])
+    put(tail_weights, coefficients[1:])
     for i in range(count):
         heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i], coefficients, len(coefficients))
     coefficients[0] = -np.mean(heights)
@@ -186,31 +185,31 @@ def add_potential_jets(z, count, points, weights, moments, power, order, scratch
     first, second = sign * kind(power), sign * kind(power * (power - 2))
     third = second * kind(power - 4)
     squared, base, along = scratch[0], scratch[1], scratch[2]
-    at = np.empty(dimension, dtype=weights.dtype)
+    place = np.empty(dimension, dtype=weights.dtype)
     for i in range(count):
         for a in range(dimension):
-            at[a] = z[a, i]
-        squared_distances(at, points, sites, squared)
+            place[a] = z[a, i]
+        squared_distances(place, points, sites, squared)
         odd_powers(power, squared, sites, base)
         along[:sites] = kind(0)
         for a in range(dimension):
-            c, x, w = moments[a], points[a], at[a]
+            c, x, w = moments[a], points[a], place[a]
             for j in range(sites):
                 along[j] += c[j] * (w - x[j])
         value = trace = kind(0)
         for j in range(sites):
-            slope = squared[j] * base[j]
-            value += sign * weights[j] * squared[j] * slope - first * slope * along[j]
-            trace += first * weights[j] * slope - second * base[j] * along[j]
+            lower = squared[j] * base[j]
+            value += sign * weights[j] * squared[j] * lower - first * lower * along[j]
+            trace += first * weights[j] * lower - second * base[j] * along[j]
         jets[0, i] += value
         if order == 0:
             continue
         for a in range(dimension):
-            c, x, w = moments[a], points[a], at[a]
+            c, x, w = moments[a], points[a], place[a]
             total = kind(0)
             for j in range(sites):
-                slope = squared[j] * base[j]
-                total += (first * weights[j] * slope - second * base[j] * along[j]) * (w - x[j]) - first * slope * c[j]
+                lower = squared[j] * base[j]
+                total += (first * weights[j] * lower - second * base[j] * along[j]) * (w - x[j]) - first * lower * c[j]
             jets[1 + a, i] += total
         if order < 2:
             continue
@@ -221,7 +220,7 @@ def add_potential_jets(z, count, points, weights, moments, power, order, scratch
             for b in range(a, dimension):
                 total = kind(0)
                 for j in range(sites):
-                    ya, yb = at[a] - points[a, j], at[b] - points[b, j]
+                    ya, yb = place[a] - points[a, j], place[b] - points[b, j]
                     outer = second * weights[j] - third * along[j] / (squared[j] + tiny)
                     total += base[j] * (outer * ya * yb - second * (moments[a, j] * yb + ya * moments[b, j]))
                 jets[row, i] += total
@@ -236,10 +235,10 @@ def potential_jets(z, count, points, weights, moments, coefficients, lowered, po
 
 
 @njit(nogil=True, cache=True)
-def moving_polynomial(points, gradients, trust, step, exponents):
+def moving_polynomial(points, gradients, weights, step, exponents):
     """Fit a polynomial with value 0 and gradients (d, n) at the points (d, n) by weighted least squares.
 
-    It minimises Σ w_j (p(z_j)² + h² |∇p(z_j) − g_j|²). Where the points do not determine it, it is the least such in
+    It minimizes Σ w_j (p(z_j)² + h² |∇p(z_j) − g_j|²). Where the points do not determine it, it is the least such in
     the norm of `natural_monomials`.
 
     Returns
@@ -249,12 +248,12 @@ def moving_polynomial(points, gradients, trust, step, exponents):
     dimension, count = points.shape
     rows, right = oriented_tail(points, exponents), np.zeros((1 + dimension) * count)
     for j in range(count):
-        root = math.sqrt(trust[j])
+        root = math.sqrt(weights[j])
         row = rows[j]
         row *= root
         for a in range(dimension):
-            at = (1 + a) * count + j
-            row = rows[at]
+            k = (1 + a) * count + j
+            row = rows[k]
             row *= root * step
-            right[at] = root * step * gradients[a, j]
+            right[k] = root * step * gradients[a, j]
     return least_squares(rows, natural_monomials(points, exponents), right)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 
 RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
@@ -68,8 +68,8 @@ def restrict_tail(tail, frame):
     `basis` (q, r) turns coefficients of the reduced tail into coefficients of the monomials. It is
     the identity for a tail of full rank; else it is spanned by the right singular vectors of P in
     the `natural_monomials` (the columns of `frame`) with singular values above `RANK_TOLERANCE`.
-    Then the fit does not depend on how the plane that holds the points is turned, and what they do
-    not tell is zero: across the plane the tail is constant.
+    Then the fit does not depend on how the plane of the points is turned, and what they do
+    not determine is zero: across the plane the tail is constant.
     """
     columns = tail.shape[1]
     factored = tail.copy()
@@ -92,11 +92,11 @@ def restrict_tail(tail, frame):
 @njit(nogil=True, cache=True)
 def upper(matrix):
     """Return `np.triu` of a matrix, which Numba compiles for seconds."""
-    found = np.zeros(matrix.shape)
+    triangle = np.zeros(matrix.shape)
     for i in range(matrix.shape[0]):
         for j in range(i, matrix.shape[1]):
-            found[i, j] = matrix[i, j]
-    return found
+            triangle[i, j] = matrix[i, j]
+    return triangle
 
 
 @njit(nogil=True, cache=True)
@@ -109,14 +109,14 @@ def norm(triangle):
 def inverse_norm(triangle):
     """Return the Frobenius norm of R⁻¹, the square upper triangle R at the top of an array; infinite or NaN for none.
 
-    |R| |R⁻¹| is no less than the quotient of the extreme singular values: a full rank is told without them.
+    |R| |R⁻¹| is no less than the quotient of the extreme singular values: a full rank is known without them.
     """
     size = triangle.shape[1]
     column, total = np.empty(size), 0.0
-    for at in range(size):
-        for k in range(at, -1, -1):
-            column[k] = 1.0 if k == at else 0.0
-            for j in range(k + 1, at + 1):
+    for last in range(size):
+        for k in range(last, -1, -1):
+            column[k] = 1.0 if k == last else 0.0
+            for j in range(k + 1, last + 1):
                 column[k] -= triangle[k, j] * column[j]
             column[k] /= triangle[k, k]
             total += column[k] * column[k]

@@ -1,8 +1,8 @@
-"""Constraints that share their point's error, left out together: of every smoothing at once, without eigenvectors.
+"""Groups of points that share their error, left out together: of every smoothing at once, without eigenvectors.
 
 On the null space of the tail (B f)_I = B_II e_I holds for a group I of rows, e its errors when it is left out; see
-`spectrum_loops`. One Krylov space holds B f for all amounts of smoothing, at the cost of about one Cholesky
-factorisation; and for B_II stands its mean over groups of as many rows in some other balls, as in generalised
+`spectrum_loops`. One Krylov space contains B f for all values of the smoothing, at the cost of about one Cholesky
+factorization; and for B_II stands its mean over groups of as many rows in some other balls, as in generalized
 cross-validation 1 − tr A/N stands for 1 − A_jj.
 """
 
@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.fitting.rbf.evaluation_loops import REASSOCIATE, dot, put
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
@@ -28,10 +28,10 @@ def shifted_solutions(matrix, right, shifts):
     converges last, and ends it.
     """
     size, count = right.size, shifts.size
-    found, directions = np.zeros((count, size)), np.zeros((count, size))
+    solutions, directions = np.zeros((count, size)), np.zeros((count, size))
     pivots, heights = np.ones(count), np.full(count, -math.sqrt(dot(right, right, size)))
     if size == 0 or heights[0] == 0.0:
-        return found
+        return solutions
     vector, before, link = right / -heights[0], np.zeros(size), 0.0
     for step in range(2 * size):
         image = matrix @ vector
@@ -40,30 +40,30 @@ def shifted_solutions(matrix, right, shifts):
             share = link / pivots[i] if step > 0 else 1.0
             pivots[i] = middle + shifts[i] - (share * link if step > 0 else 0.0)
             heights[i] *= -share
-            direction, solution = directions[i], found[i]
+            direction, solution = directions[i], solutions[i]
             for j in range(size):
                 direction[j] = (vector[j] - link * direction[j]) / pivots[i]
                 solution[j] += heights[i] * direction[j]
         for j in range(size):
             image[j] -= middle * vector[j] + link * before[j]
         link = math.sqrt(dot(image, image, size))
-        reached = RESIDUAL * shifts[0] * math.sqrt(dot(found[0], found[0], size))
+        reached = RESIDUAL * shifts[0] * math.sqrt(dot(solutions[0], solutions[0], size))
         if link * abs(heights[0] / pivots[0]) <= reached:
             break
         before, vector = vector, image / link
-    return found
+    return solutions
 
 
 @njit(nogil=True, cache=True)
-def shared_squares(points, values, roots, exponents, power, owners, amounts, inverses):
-    """Return, for each amount, Σ e² over the points left out with all their constraints, and Σ w of those rows.
+def shared_squares(points, values, roots, exponents, power, groups, trials, inverses):
+    """Return, for each trial value, Σ e² over groups of points left out together, and Σ w of those rows.
 
     Parameters
     ----------
-    points, values, roots, exponents, power, owners, amounts
-        As in `o3dleaf.fitting.rbf.spectrum_loops.held_out_squares`, the amounts rising.
+    points, values, roots, exponents, power, groups, trials
+        As in `o3dleaf.fitting.rbf.spectrum_loops.held_out_squares`, the trials rising.
     inverses : (g, m, g, g)
-        Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more are not judged.
+        Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more do not count.
     """
     matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
     for i in range(len(roots)):
@@ -75,26 +75,26 @@ def shared_squares(points, values, roots, exponents, power, owners, amounts, inv
     count, rank = len(values), len(triangle)
     rotated = values * roots
     reflect(rotated, vectors, betas, True)
-    pulled = np.zeros((amounts.size, count))
-    free = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], amounts)
-    for at in range(amounts.size):
-        put(free[at], pulled[at, rank:])
-        reflect(pulled[at], vectors, betas, False)
-    order = np.argsort(owners, kind="mergesort")
-    squares, judged, first = np.zeros(amounts.size), 0.0, 0
+    pulled = np.zeros((trials.size, count))
+    free = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], trials)
+    for k in range(trials.size):
+        put(free[k], pulled[k, rank:])
+        reflect(pulled[k], vectors, betas, False)
+    order = np.argsort(groups, kind="mergesort")
+    squares, weight, first = np.zeros(trials.size), 0.0, 0
     while first < count:
-        last, owner = first + 1, owners[order[first]]
-        while last < count and owners[order[last]] == owner:
+        last, name = first + 1, groups[order[first]]
+        while last < count and groups[order[last]] == name:
             last += 1
         rows, first = order[first:last], last
-        if owner < 0 or owners[owner] != owner or rows.size > len(inverses) or count - rows.size < 2 * rank:
+        if name < 0 or groups[name] != name or rows.size > len(inverses) or count - rows.size < 2 * rank:
             continue
         for row in rows:
-            judged += roots[row] ** 2
-        for at in range(amounts.size):
+            weight += roots[row] ** 2
+        for k in range(trials.size):
             for i in range(rows.size):
                 missed = 0.0
                 for j in range(rows.size):
-                    missed += inverses[rows.size - 1, at, i, j] * pulled[at, rows[j]]
-                squares[at] += (amounts[at] * missed) ** 2
-    return squares, judged
+                    missed += inverses[rows.size - 1, k, i, j] * pulled[k, rows[j]]
+                squares[k] += (trials[k] * missed) ** 2
+    return squares, weight

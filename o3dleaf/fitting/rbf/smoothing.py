@@ -1,90 +1,91 @@
 """How much to smooth: the number on the diagonal, given, from the paper's ρ, or chosen by GCV."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq, minimize_scalar
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 
-Amount = float | Literal["gcv", "gcv-per-ball"]
-"""A number >= 0, or "gcv" to have it chosen by generalised cross-validation, for all balls or for each of its own."""
+SmoothingValue = float | Literal["gcv", "gcv-per-ball"]
+"""A number >= 0, or "gcv" to have it chosen by generalized cross-validation, for all balls or for each of its own."""
 
 CHOICES = ("gcv", "gcv-per-ball")
 
 GRID = 49
-"""Trial values of the smoothing, log-spaced over the spectrum; the best is refined between its neighbours."""
+"""Trial values of the smoothing, log-spaced over the spectrum; the best is refined between its neighbors."""
 
 
 @dataclass(frozen=True)
 class Smoothing:
-    r"""The rule that gives every local system its diagonal: s = amount, or s = ρ N/θ (equation (2)).
+    r"""What gives every local system its diagonal: s = value, or s = ρ N/θ (equation (2)).
 
     Attributes
     ----------
-    amount : float, "gcv" or "gcv-per-ball"
+    value : float, "gcv" or "gcv-per-ball"
         The number, in the unit length^k of the data (k the power of φ), or for ρ in length^(2m−d).
     per_point : float
-        1/θ where the amount is the paper's ρ, else 0.
+        1/θ where the value is the paper's ρ, else 0.
     score : float or None
-        The GCV score of the amount where it was chosen, in the values' unit squared; see `gcv_score`.
+        The GCV score of the value where it was chosen, in the values' unit squared; see `gcv_score`.
     """
 
-    amount: Amount
+    value: SmoothingValue = field(metadata={"stored": "amount"})
     per_point: float = 0.0
     score: float | None = None
 
     def scale(self, count: int) -> float:
-        """Return what the amount is multiplied with for a system of `count` points."""
+        """Return what the value is multiplied with for a system of `count` points."""
         return self.per_point * count if self.per_point else 1.0
 
     def diagonal(self, count: int) -> float:
-        """Return s for a system of `count` points; the amount must be a number by now."""
-        if isinstance(self.amount, str):
-            raise InputError(f"smoothing: is still {self.amount!r}; choose it first")
-        return self.amount * self.scale(count)
+        """Return s for a system of `count` points; the value must be a number by now."""
+        if isinstance(self.value, str):
+            raise InputError(f"smoothing: is still {self.value!r}; choose it first")
+        return self.value * self.scale(count)
 
-    def diagonals(self, counts: npt.NDArray[np.int64], amounts: FloatArray | None = None) -> FloatArray:
-        """Return s for each of many systems, of `counts` points, from the rule's amount or from each one's own."""
-        if amounts is None:
+    def diagonals(self, counts: IntArray, per_ball: FloatArray | None = None) -> FloatArray:
+        """Return s for each of many systems, of `counts` points, from the one value or from each one's own."""
+        if per_ball is None:
             return np.array([self.diagonal(int(count)) for count in counts])
-        return np.array([amount * self.scale(int(count)) for amount, count in zip(amounts, counts, strict=True)])
+        return np.array([value * self.scale(int(count)) for value, count in zip(per_ball, counts, strict=True)])
 
     def chosen(self, spectrum: "Spectrum") -> "Smoothing":
-        """Return the rule with the amount that `choose_by_gcv` takes, and its score."""
-        amount = choose_by_gcv(spectrum)
-        return replace(self, amount=amount, score=gcv_score(amount, spectrum))
+        """Return the smoothing with the value that `choose_by_gcv` takes, and its score."""
+        value = choose_by_gcv(spectrum)
+        return replace(self, value=value, score=gcv_score(value, spectrum))
 
-    def chosen_from(self, amounts: FloatArray, squares: FloatArray, judged: int) -> "Smoothing":
-        """Return the rule with the amount of least held-out error, and the mean square of that error.
+    def chosen_from(self, trials: FloatArray, squares: FloatArray, weight: float) -> "Smoothing":
+        """Return the smoothing with the trial value of least held-out error, and the mean square of that error.
 
-        Of amounts that two points in `judged` could tell apart, the largest: see `choose_by_gcv`.
+        Of values that two points in `weight` could not tell apart, the largest: see `choose_by_gcv`.
 
         Parameters
         ----------
-        amounts, squares : (n,) ndarrays
-            Trial amounts, rising, and the sums of squared errors at points left out.
-        judged : int
-            Number of those points.
+        trials, squares : (n,) ndarrays
+            Trial values, rising, and the sums of squared errors at points left out.
+        weight : float
+            Number of those points, or the sum of their weights.
 
         Raises
         ------
         InputError
             If no point could be left out.
         """
-        if not judged:
+        if not weight:
             raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
-        best = np.flatnonzero(squares <= squares.min() * (1 + 2 / judged))[-1]
-        return replace(self, amount=float(amounts[best]), score=float(squares[best] / judged))
+        best = np.flatnonzero(squares <= squares.min() * (1 + 2 / weight))[-1]
+        return replace(self, value=float(trials[best]), score=float(squares[best] / weight))
 
 
-def as_smoothing(kernel: Polyharmonic, smoothing: Amount | None, rho: Amount | None) -> Smoothing:
-    """Return the rule for `smoothing` (on the diagonal as it is) or `rho` (times N/θ), or none for neither.
+def as_smoothing(kernel: Polyharmonic, smoothing: SmoothingValue | None, rho: SmoothingValue | None) -> Smoothing:
+    """Return `smoothing` (on the diagonal as it is) or `rho` (times N/θ), or none for neither.
 
     Raises
     ------
@@ -93,29 +94,43 @@ def as_smoothing(kernel: Polyharmonic, smoothing: Amount | None, rho: Amount | N
     """
     if smoothing is not None and rho is not None:
         raise InputError("smoothing, rho: both are given; give one of them")
-    amount = rho if rho is not None else (0.0 if smoothing is None else smoothing)
-    if isinstance(amount, str):
-        if amount not in CHOICES:
-            raise InputError(f"smoothing: unknown {amount!r}; give a number, 'gcv' or 'gcv-per-ball'")
-    elif not (np.isfinite(amount) and amount >= 0):
-        raise InputError(f"smoothing: is {amount}; give a number >= 0 or 'gcv'")
+    value = rho if rho is not None else (0.0 if smoothing is None else smoothing)
+    if isinstance(value, str):
+        if value not in CHOICES:
+            raise InputError(f"smoothing: unknown {value!r}; give a number, 'gcv' or 'gcv-per-ball'")
+    elif not (np.isfinite(value) and value >= 0):
+        raise InputError(f"smoothing: is {value}; give a number >= 0 or 'gcv'")
     if rho is None:
-        return Smoothing(amount)
+        return Smoothing(value)
     if kernel.theta is None:
         raise InputError(
-            f"rho: {kernel} in {kernel.dimension}-D minimises no thin-plate energy, so it has no theta; give smoothing"
+            f"rho: {kernel} in {kernel.dimension}-D minimizes no thin-plate energy, so it has no theta; give smoothing"
         )
-    return Smoothing(amount, 1 / kernel.theta)
+    return Smoothing(value, 1 / kernel.theta)
+
+
+@dataclass(frozen=True)
+class SplineModel:
+    """Which splines are fitted: kernel, degree of the tail, smoothing."""
+
+    kernel: Polyharmonic
+    degree: int
+    smoothing: Smoothing
+
+    @cached_property
+    def exponents(self) -> IntArray:
+        """(q, d) exponents of the tail's monomials."""
+        return tail_exponents(self.kernel.dimension, self.degree)
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    r"""What the score of every amount of smoothing follows from, of one local system or of many.
+    r"""What the score of every value of the smoothing follows from, of one local system or of many.
 
     Attributes
     ----------
     eigenvalues, coefficients : (n,) ndarrays
-        e over what the amount is multiplied with, and c, on the null space of the tail's transpose.
+        e over what the value is multiplied with, and c, on the null space of the tail's transpose.
     count : int
         N, the number of points: n and the ranks of the tails.
     """
@@ -126,7 +141,7 @@ class Spectrum:
 
     @classmethod
     def pooled(cls, parts: Iterable["Spectrum"]) -> "Spectrum":
-        """Return the spectrum of many systems that share one amount."""
+        """Return the spectrum of many systems that share one value."""
         spectra = list(parts)
         return cls(
             np.concatenate([part.eigenvalues for part in spectra]),
@@ -135,8 +150,8 @@ class Spectrum:
         )
 
 
-def gcv_score(amount: float, spectrum: Spectrum) -> float:
-    r"""Return the score of an amount of smoothing, above 0, in the values' unit squared (Wahba 1990, chapter 4).
+def gcv_score(value: float, spectrum: Spectrum) -> float:
+    r"""Return the score of a smoothing above 0, in the values' unit squared (Wahba 1990, chapter 4).
 
     .. math:: V = \frac{\frac{1}{N} |r|^2}{\bigl(\frac{1}{N} \mathrm{tr}(I - A)\bigr)^2}, \qquad
               |r|^2 = \sum_k \Bigl(\frac{s\,c_k}{e_k+s}\Bigr)^2, \quad \mathrm{tr}(I - A) = \sum_k \frac{s}{e_k+s}
@@ -145,21 +160,21 @@ def gcv_score(amount: float, spectrum: Spectrum) -> float:
 
     Parameters
     ----------
-    amount : float
+    value : float
     spectrum : Spectrum
     """
-    residual, freedom = _residual(amount, spectrum)
-    return spectrum.count * residual / freedom**2
+    residual, trace = _residual(value, spectrum)
+    return spectrum.count * residual / trace**2
 
 
-def _residual(amount: float, spectrum: Spectrum) -> tuple[float, float]:
+def _residual(value: float, spectrum: Spectrum) -> tuple[float, float]:
     """Return |r|² and tr(I − A)."""
-    shrink = 1 / (1 + spectrum.eigenvalues / amount)
+    shrink = 1 / (1 + spectrum.eigenvalues / value)
     return float(np.sum((shrink * spectrum.coefficients) ** 2)), float(np.sum(shrink))
 
 
-def trial_amounts(spectrum: Spectrum) -> FloatArray:
-    """Return amounts of smoothing, log-spaced, from next to none to all that matters.
+def trial_values(spectrum: Spectrum) -> FloatArray:
+    """Return values of the smoothing, log-spaced, from next to none to all that matters.
 
     Raises
     ------
@@ -173,17 +188,17 @@ def trial_amounts(spectrum: Spectrum) -> FloatArray:
 
 
 def choose_by_gcv(spectrum: Spectrum) -> float:
-    r"""Return the largest amount of smoothing that the data do not speak against.
+    r"""Return the largest smoothing that the data do not speak against.
 
     The least score marks the smoothing of least error only to within what the noise of the data makes
     of it, and where the curve is flat (few points, or nothing but noise) its minimum may lie decades
-    too low. So it is the largest amount with
+    too low. So it is the largest value with
 
     .. math:: V \le V_{min} + 2 \hat σ^2/N, \qquad \hat σ^2 = |r_{min}|^2/N,
 
     the cost of one degree of freedom in Mallows' Cp, at the noise that the residual of the minimum
     shows. Where that fit goes through the data nothing is given away: they may all be signal. Data
-    that the tail alone reproduces have no noise and no curve; they get the largest amount tried, a
+    that the tail alone reproduces have no noise and no curve; they get the largest value tried, a
     hundred times the largest eigenvalue, and come back as they are.
 
     Parameters
@@ -195,12 +210,12 @@ def choose_by_gcv(spectrum: Spectrum) -> float:
     InputError
         If the systems leave no degree of freedom to judge by.
     """
-    grid = np.log(trial_amounts(spectrum))
+    grid = np.log(trial_values(spectrum))
     scores = np.array([gcv_score(np.exp(x), spectrum) for x in grid])
     best = int(np.argmin(scores))
     bracket = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-    found = minimize_scalar(lambda x: gcv_score(np.exp(x), spectrum), bounds=bracket, method="bounded")
-    least, lowest = min((scores[best], grid[best]), (float(found.fun), float(found.x)))
+    refined = minimize_scalar(lambda x: gcv_score(np.exp(x), spectrum), bounds=bracket, method="bounded")
+    least, lowest = min((scores[best], grid[best]), (float(refined.fun), float(refined.x)))
     limit = least + 2 * _residual(np.exp(lowest), spectrum)[0] / spectrum.count**2
     within = float(max([lowest, *grid[scores <= limit]]))
     beyond = grid[grid > within]

@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.fitting.rbf.cholesky_loops import solve_positive, solve_triangle
-from o3dleaf.fitting.rbf.evaluation_loops import dot, monomial, put, radial_values, squared_distances
+from o3dleaf.fitting.rbf.evaluation_loops import monomial
+from o3dleaf.fitting.rbf.radial_loops import dot, put, radial_values, squared_distances
 from o3dleaf.fitting.rbf.reflector_loops import householder, mirror, reflect, reflect_both_sides, restrict_tail
 
 ROWS = 64
@@ -52,7 +53,7 @@ def natural_monomials(points, exponents):
     """Return the (q, q) coefficients of √(|α|!/α!) (z − z̄)^α in the monomials z^α, one column each, z̄ the points' mean.
 
     Turning the points about their mean turns these monomials of a degree orthogonally among
-    themselves, and where the centre of the ball lies has no part in them.
+    themselves, and where the center of the ball lies has no part in them.
     """
     count, dimension = exponents.shape
     frame = np.empty((count, count))

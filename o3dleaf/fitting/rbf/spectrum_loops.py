@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
-from o3dleaf.fitting.rbf.evaluation_loops import dot, put
+from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect, reflect_both_sides, restrict_tail
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, tail_matrix
 
@@ -68,26 +68,27 @@ def coefficients_of(values, roots, decomposed):
         rotated = values[row] * roots
         least = ROUNDING * np.sqrt(np.sum(rotated * rotated))
         reflect(rotated, vectors, betas, True)
-        found = transposed @ rotated[rank:]
-        for k in range(found.size):
-            coefficients[row, k] = found[k] if abs(found[k]) > least else 0.0
+        projected = transposed @ rotated[rank:]
+        for k in range(projected.size):
+            coefficients[row, k] = projected[k] if abs(projected[k]) > least else 0.0
     return eigenvalues, coefficients
 
 
 @njit(nogil=True, cache=True)
-def held_out_squares(points, values, roots, exponents, power, owners, amounts, blocks, groups):
-    r"""Return Σ w_j e_j² over points left out with all their constraints, for each amount of smoothing, and Σ w_j.
+def held_out_squares(points, values, roots, exponents, power, groups, trials, blocks, counts):
+    r"""Return Σ w_j e_j² over groups of points left out together, for each trial value of the smoothing, and Σ w_j.
 
-    Row j belongs to row owners[j] of the ball (−1: to a point that is not in it) and only rows that own
-    themselves are judged. With B as in `appraise`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for a group I of rows.
+    Row j is of the group that is named by row groups[j] of the ball (−1: by one that is not in it), and only groups
+    whose naming row is in the ball count. With B as in `diagnose`, e_I = W_I^{−½} (B_II)⁻¹ (B W^½ f)_I for the rows I
+    of a group.
 
     Parameters
     ----------
     points, values, roots, exponents, power
         As in `spectra`; `values` (n,).
-    owners : (n,) int64
-    amounts : (m,) smoothing in unit coordinates, above 0
-    blocks, groups : (g, m, g, g), (g,)
+    groups : (n,) int64
+    trials : (m,) smoothing in unit coordinates, above 0
+    blocks, counts : (g, m, g, g), (g,)
         The s B_II of groups of 1, ..., g rows are added here, and their number.
     """
     eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
@@ -99,24 +100,24 @@ def held_out_squares(points, values, roots, exponents, power, owners, amounts, b
         reflect(basis[k], vectors, betas, False)
     coefficients = basis @ (values * roots)
     basis = np.ascontiguousarray(basis.T)
-    inverses = 1.0 / (eigenvalues.reshape(-1, 1) + amounts)
+    inverses = 1.0 / (eigenvalues.reshape(-1, 1) + trials)
     pulled = (basis * coefficients) @ inverses
-    squares, judged = np.zeros(amounts.size), 0.0
-    for owner in range(count):
-        rows = np.flatnonzero(owners == owner)
-        if owners[owner] != owner or count - rows.size < 2 * rank:
+    squares, weight = np.zeros(trials.size), 0.0
+    for name in range(count):
+        rows = np.flatnonzero(groups == name)
+        if groups[name] != name or count - rows.size < 2 * rank:
             continue
-        judged += np.sum(roots[rows] ** 2)
+        weight += np.sum(roots[rows] ** 2)
         block = group_blocks(basis[rows], inverses)
-        if rows.size <= groups.size:
-            groups[rows.size - 1] += 1
-            for at in range(amounts.size):
-                blocks[rows.size - 1, at, : rows.size, : rows.size] += amounts[at] * block[at]
-        for at in range(amounts.size):
-            right = pulled[rows, at]
-            solve_few(block[at], right)
-            squares[at] += np.sum(right * right)
-    return squares, judged
+        if rows.size <= counts.size:
+            counts[rows.size - 1] += 1
+            for k in range(trials.size):
+                blocks[rows.size - 1, k, : rows.size, : rows.size] += trials[k] * block[k]
+        for k in range(trials.size):
+            right = pulled[rows, k]
+            solve_few(block[k], right)
+            squares[k] += np.sum(right * right)
+    return squares, weight
 
 
 @njit(nogil=True, cache=True)
@@ -129,29 +130,29 @@ def group_blocks(basis, inverses):
             for k in range(free):
                 products[row, k] = basis[i, k] * basis[j, k]
             row += 1
-    found, row = products @ inverses, 0
+    entries, row = products @ inverses, 0
     block = np.empty((inverses.shape[1], size, size))
     for i in range(size):
         for j in range(i + 1):
-            block[:, i, j] = block[:, j, i] = found[row]
+            block[:, i, j] = block[:, j, i] = entries[row]
             row += 1
     return block
 
 
 @njit(nogil=True, cache=True)
-def appraise(points, weights, roots, exponents, power, smoothing):
-    r"""Judge the fit with the weights λ and s = `smoothing`, unit coordinates, from its own numbers alone.
+def diagnose(points, weights, roots, exponents, power, smoothing):
+    r"""Diagnose the fit with the weights λ and s = `smoothing`, unit coordinates, from its own numbers alone.
 
     With B = Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ the point j is missed by e_j = μ_j/(√w_j B_jj) when it is left out.
 
     Returns
     -------
     score : N |μ|²/(Σ 1/(e + s))², the score of `gcv_score` also where s = 0
-    freedom : tr A_s, the rank of the tail included
+    degrees of freedom : tr A_s, the rank of the tail included
     condition : (e_max + s)/(e_min + s)
     errors : (n,) the e_j; NaN at points that the tail cannot do without
 
-    Where the solution left out directions, its numbers do not tell what they held: score and errors are NaN.
+    Where the solution left out directions, its numbers do not say what they contained: score and errors are NaN.
     """
     eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
     count, free = len(weights), len(eigenvalues)
@@ -163,10 +164,10 @@ def appraise(points, weights, roots, exponents, power, smoothing):
     kept = np.flatnonzero(shifted > SINGULAR * np.sum(shifted))
     if kept.size == 0:
         return np.nan, float(rank), np.nan, errors
-    freedom = rank + np.sum(eigenvalues[kept] / shifted[kept])
+    degrees = rank + np.sum(eigenvalues[kept] / shifted[kept])
     condition = shifted[kept[-1]] / shifted[kept[0]]
     if kept.size < free:
-        return np.nan, freedom, condition, errors
+        return np.nan, degrees, condition, errors
     diagonal, apart = np.zeros(count), np.zeros(count)
     column = np.empty(count)
     for k in range(free):
@@ -179,4 +180,4 @@ def appraise(points, weights, roots, exponents, power, smoothing):
     for j in range(count):
         if apart[j] > LEVERAGE:
             errors[j] = mu[j] / (roots[j] * diagonal[j])
-    return count * dot(mu, mu, count) / np.sum(1 / shifted) ** 2, freedom, condition, errors
+    return count * dot(mu, mu, count) / np.sum(1 / shifted) ** 2, degrees, condition, errors

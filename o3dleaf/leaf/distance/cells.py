@@ -11,13 +11,13 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.boxes import grow_tree
 from o3dleaf.leaf.distance.rim_strips import rim_pieces
-from o3dleaf.leaf.distance.search_loops import Cells
+from o3dleaf.leaf.distance.search_loops import BladeCells
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.tile_samples import TileSamples
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 10
-"""Cells that a thread looks at together: 1 MB."""
+"""BladeCells that a thread looks at together: 1 MB."""
 RIM_BLOCK = 16
 """The same at the rim."""
 MIN_VOLUME = 1e-3
@@ -32,7 +32,7 @@ class CellTree:
     ----------
     corners : (n, 2) int64 ndarray
         Each cell's place in the plane, in cells from the tile's corner.
-    cells : Cells
+    cells : BladeCells
     mask : (m,) uint8 ndarray
         Which samples of the cells at the rim are in the outline, a bit each.
     boxes : (2k, 15) float32 ndarray
@@ -40,7 +40,7 @@ class CellTree:
     """
 
     corners: IntArray
-    cells: Cells
+    cells: BladeCells
     mask: npt.NDArray[np.uint8]
     boxes: npt.NDArray[np.float32]
 
@@ -62,7 +62,7 @@ class CellTree:
         def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
             return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
 
-        cells = Cells(block[kept], bits[kept], centers[kept], columns[kept])
+        cells = BladeCells(block[kept], bits[kept], centers[kept], columns[kept])
         return cls(corners, cells, mask, grow_tree(len(corners), hulls))
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.distance.distance import SurfaceIndex
-from o3dleaf.leaf.distance.grid import GridFile, Sampler, mask_sampler
+from o3dleaf.leaf.distance.grid import SLAB, Sampler, mask_sampler, plan_grid
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.textured_blade import TexturedBlade
@@ -133,8 +133,9 @@ class MeasuredLeaf(TexturedBlade):
         O3DLeafError
             If the disk has no room for the grid.
         """
-        grid = GridFile.plan(path, spacing, self.bounds if bounds is None else bounds, what, self.unit)
-        grid.write(self._sampler(what, closed=closed))
+        grid = plan_grid(path, spacing, self.bounds if bounds is None else bounds, what, self.unit)
+        sampler = self._sampler(what, closed=closed)
+        grid.write(sampler(points) for points in grid.points(SLAB))
 
     def _sampler(self, what: str, *, closed: bool) -> Sampler:
         if what == "field":

@@ -44,7 +44,7 @@ class TileArrays(NamedTuple):
     extents: npt.NDArray[np.float32]
 
 
-class Cells(NamedTuple):
+class BladeCells(NamedTuple):
     """The cells of the blade, each of which shows a block of the tile.
 
     Attributes

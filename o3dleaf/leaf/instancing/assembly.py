@@ -1,9 +1,9 @@
-"""The whole surface: counted tile by tile first, then made block by block, each vertex and triangle in its place."""
+"""The whole surface: counted tile by tile first, then made row by row, each vertex and triangle in its place."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -12,30 +12,23 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.parallel import blocks
+from o3dleaf.leaf.instancing.components import UPPER, PlacedTile, label_sides, select_faces
 from o3dleaf.leaf.instancing.footprint import Footprint
-from o3dleaf.leaf.instancing.parts import ADAXIAL, Part, label_part, sides_of, stand_in
-from o3dleaf.leaf.instancing.placement import Numbers, place_sheets, place_solid
-from o3dleaf.leaf.instancing.reduced import Reduced
+from o3dleaf.leaf.instancing.placement import VertexNumbers
+from o3dleaf.leaf.instancing.reduced import ReducedTile
 from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.windows import Place, TilePlacer, Window, map_in_threads
 from o3dleaf.surface.mesh.topology import label_nodes
 
-STRIPS = 1
-"""Rows of tiles that are worked on at once; they are held with the row after them, which is the memory needed."""
-VERTICES = 1 << 15
+BATCH_SIZE = 1 << 15
 """Vertices that one thread takes to the world at once."""
-MOST = 2**31 - 1
-"""Vertices that the numbers of a mesh file can tell apart."""
-SHARE = 0.25
-"""A piece with this share of the largest one's size is a face of the blade; scraps at the rim are smaller."""
-
-At = tuple[int, int]
-T = TypeVar("T")
-R = TypeVar("R")
+MAX_VERTICES = 2**31 - 1
+"""What the numbers of a mesh file can tell apart."""
 
 
 class Sink(Protocol):
-    """Where the parts of a mesh go, in any order, from any thread."""
+    """What the parts of a mesh are given to, in any order, from any thread."""
 
     def put_vertices(self, start: int, vertices: FloatArray) -> None:
         """Take the (n, 3) vertices number start, start + 1, ..."""
@@ -45,28 +38,33 @@ class Sink(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
-    """What one tile has of the whole: its pieces, and the numbers that its vertices and triangles begin with.
+class TileCounts:
+    """Sizes of the components of the tile in one place.
 
     Attributes
     ----------
-    first_label : int
-        Number of its first piece.
+    first_component : int
+        Number in the whole of its first component.
     vertices, triangles : (l,) ndarrays of int64
-        Of each piece.
-    above : (l,) ndarray of bool
-        Which pieces look at the air above.
+        Of each component.
+    faces_up : (l,) ndarray of bool
+        Which components face the air above.
     """
 
-    first_label: int
+    first_component: int
     vertices: IntArray
     triangles: IntArray
-    above: BoolArray
+    faces_up: BoolArray
+
+    @property
+    def components(self) -> slice:
+        """Numbers in the whole of its components."""
+        return slice(self.first_component, self.first_component + len(self.vertices))
 
 
 @dataclass(frozen=True)
-class Scraps:
-    """Pieces that the outline cut off and that were left out.
+class Fragments:
+    """Components that the outline cut off and that were left out.
 
     Attributes
     ----------
@@ -87,7 +85,7 @@ class Assembly:
         Whether it is a solid with a rim, or two sheets.
     vertices, triangles : int
         Of the whole.
-    scraps : Scraps
+    fragments : Fragments
     """
 
     def __init__(
@@ -96,8 +94,9 @@ class Assembly:
         footprint: Footprint,
         *,
         closed: bool,
-        reduced: Reduced | None = None,
-        keep_scraps: bool = False,
+        reduced: ReducedTile | None = None,
+        keep_fragments: bool = False,
+        max_vertices: int = MAX_VERTICES,
     ) -> None:
         """Count what there will be; `reduced` stands for the tiles that the outline does not cut.
 
@@ -105,28 +104,37 @@ class Assembly:
         ------
         ReconstructionError
             If it is not two sheets, or not one solid.
+        MemoryBudgetError
+            If there are more than `max_vertices`.
         """
         self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
-        shape = np.array(tile.lattice.shape[:2])
-        # Vertices in the last column belong to the tile that begins there.
-        self._low, self._high = footprint.box[0] // shape, footprint.box[1] // shape + 1
-        self._whole: Part | None = None
+        self._placer = TilePlacer(tile, footprint, closed=closed, reduced=reduced)
         self._whole_rank: npt.NDArray[np.int32] | None = None
-        self._shares: dict[At, Share] = {}
+        self._counts: dict[Place, TileCounts] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
-        for parts, rows in self._windows():
-            for at in rows:
-                here, there = self._links(parts, at)
-                first.append(here)
-                second.append(there)
-        self._keep(np.concatenate(first), np.concatenate(second), keep_scraps=keep_scraps)
+        for window in self._placer.windows():
+            for place, placed in window.placed.items():
+                if place not in self._counts:
+                    self._counts[place] = self._count(placed)
+            for place in window.row:
+                one, other = self._links(window, place)
+                first.append(one)
+                second.append(other)
+        self._select(np.concatenate(first), np.concatenate(second), keep_fragments=keep_fragments)
+        self._number()
+        if self.vertices > max_vertices:
+            raise MemoryBudgetError(f"spacing: {self.vertices:,} vertices are more than a mesh can number; coarsen it")
+
+    def __repr__(self) -> str:
+        kind = "solid" if self.closed else "two sheets"
+        return f"Assembly({kind} of {len(self._counts):,} tiles, {self.triangles:,} triangles)"
 
     @property
     def middle(self) -> IntArray:
         """(2,) the column in the middle of the outline's box."""
         return np.asarray(self.footprint.box.sum(axis=0) // 2)
 
-    def emit(self, sink: Sink, to_world: Callable[[FloatArray], FloatArray]) -> None:
+    def emit(self, sink: Sink, to_world: Callable[[FloatArray], FloatArray], batch_size: int = BATCH_SIZE) -> None:
         """Make every vertex and triangle and hand them to a sink.
 
         Parameters
@@ -134,14 +142,16 @@ class Assembly:
         sink : Sink
         to_world : callable
             Takes (n, 3) flat positions to the world; called from several threads.
+        batch_size : int
+            Vertices that one thread takes there at once.
         """
         done = 0
-        for parts, rows in self._windows():
-            numbers = {at: self._numbers(parts[at], at) for at in parts}
-            pieces = [(at, start) for at in rows for start in range(0, len(numbers[at]), VERTICES)]
-            _side_by_side(partial(self._emit_vertices, sink, to_world, parts, numbers), pieces)
-            _side_by_side(partial(self._emit_triangles, sink, parts, numbers), rows)
-            done += sum(int(self._kept_counts(at)[0]) for at in rows)
+        for window in self._placer.windows():
+            numbers = {place: self._numbers(placed, place) for place, placed in window.placed.items()}
+            batches = [(place, start) for place in window.row for start in range(0, len(numbers[place]), batch_size)]
+            map_in_threads(partial(self._emit_vertices, sink, to_world, window, numbers, batch_size), batches)
+            map_in_threads(partial(self._emit_triangles, sink, window, numbers, 2 * batch_size), window.row)
+            done += sum(self._kept_counts(place)[0] for place in window.row)
             progress.report(done, self.vertices)
 
     def names(self) -> IntArray:
@@ -150,189 +160,131 @@ class Assembly:
         Those on the rim and inside reduced tiles have none: −1.
         """
         nx, ny, nz = self.tile.lattice.shape
-        found = np.full((self.vertices, 4), -1)
-        for parts, rows in self._windows():
-            for at in rows:
-                numbers = self._numbers(parts[at], at)[: len(self.tile.edges)]
-                point, direction = self.tile.edges >> 3, self.tile.edges & 7
-                i, j = at[0] * nx + point // (ny * nz), at[1] * ny + point // nz % ny
-                names = np.stack([i, j, point % nz, direction], axis=1)
-                found[numbers[numbers >= 0]] = names[numbers >= 0]
-        return found
+        point, direction = self.tile.edges >> 3, self.tile.edges & 7
+        names = np.full((self.vertices, 4), -1)
+        for window in self._placer.windows():
+            for place in window.row:
+                numbers = self._numbers(window.placed[place], place)[: len(self.tile.edges)]
+                i, j = place[0] * nx + point // (ny * nz), place[1] * ny + point // nz % ny
+                edges = np.stack([i, j, point % nz, direction], axis=1)
+                names[numbers[numbers >= 0]] = edges[numbers >= 0]
+        return names
 
-    def _windows(self) -> Iterator[tuple[dict[At, Part], list[At]]]:
-        """Yield the parts of a few rows of tiles and of the row after them, and which of them are to be done."""
-        parts: dict[At, Part] = {}
-        low, high = self._low, self._high
-        for start, stop in blocks(int(high[0] - low[0]), STRIPS):
-            rows = range(int(low[0]) + start, int(low[0]) + stop + 1)
-            wanted = [(p, q) for p in rows for q in range(int(low[1]), int(high[1])) if (p, q) not in parts]
-            found = _side_by_side(self._part, wanted)
-            parts = {at: part for at, part in parts.items() if at[0] in rows}
-            parts |= {at: part for at, part in zip(wanted, found, strict=True) if part is not None}
-            for at in sorted(parts):
-                if at not in self._shares:
-                    self._shares[at] = self._share(parts[at])
-            yield parts, [at for at in sorted(parts) if at[0] < rows[-1]]
-
-    def _part(self, at: At) -> Part | None:
-        """Return what of the tile is in one place, and its pieces; the whole tile's are found once."""
-        placement = (place_solid if self.closed else place_sheets)(self.tile, self.footprint, at)
-        if placement is None:
-            return None
-        if not placement.is_whole:
-            return label_part(placement)
-        if self.reduced is not None:
-            placement = stand_in(placement, self.reduced)
-        if self._whole is None:
-            self._whole = label_part(placement)
-        return Part(placement, self._whole.labels, self._whole.count)
-
-    def _share(self, part: Part) -> Share:
-        """Return the counts of a part, its labels following on those given before."""
-        last = next(reversed(self._shares.values()), None)
-        placement, own = part.placement, part.own
+    def _count(self, placed: PlacedTile) -> TileCounts:
+        """Return the counts of a placed tile, its components numbered on from those counted before."""
+        last = next(reversed(self._counts.values()), None)
+        placement, of_vertex = placed.placement, placed.vertex_components
         nodes = placement.nodes
-        corner = part.labels[nodes[:, 0]]
-        above = np.zeros(part.count, dtype=bool)
-        above[corner] = sides_of(placement, nodes) == ADAXIAL
-        return Share(
-            0 if last is None else last.first_label + len(last.vertices),
-            np.bincount(own[own >= 0], minlength=part.count),
-            np.bincount(corner, minlength=part.count),
-            above,
+        of_triangle = placed.components[nodes[:, 0]]
+        faces_up = np.zeros(placed.count, dtype=bool)
+        faces_up[of_triangle] = label_sides(placement, nodes) == UPPER
+        return TileCounts(
+            0 if last is None else last.components.stop,
+            np.bincount(of_vertex[of_vertex >= 0], minlength=placed.count),
+            np.bincount(of_triangle, minlength=placed.count),
+            faces_up,
         )
 
-    def _links(self, parts: dict[At, Part], at: At) -> tuple[IntArray, IntArray]:
-        """Return the pieces of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
-        part, base = parts[at], self._shares[at].first_label
-        around = {
-            shift: (parts[there].placement, Numbers(parts[there].own, self._shares[there].first_label))
-            for shift, there in self._around(parts, at).items()
+    def _links(self, window: Window, place: Place) -> tuple[IntArray, IntArray]:
+        """Return the components of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
+        placed, first = window.placed[place], self._counts[place].first_component
+        neighbors = {
+            shift: (
+                window.placed[neighbor].placement,
+                VertexNumbers(window.placed[neighbor].vertex_components, self._counts[neighbor].first_component),
+            )
+            for shift, neighbor in window.neighbors(place).items()
         }
-        there = part.placement.node_numbers(None, around)
-        linked = (there >= 0) & (part.labels >= 0)
-        pairs = np.unique(np.stack([part.labels[linked] + base, there[linked]]), axis=1)
+        beyond = placed.placement.node_numbers(None, neighbors)
+        linked = (beyond >= 0) & (placed.components >= 0)
+        pairs = np.unique(np.stack([placed.components[linked] + first, beyond[linked]]), axis=1)
         return pairs[0], pairs[1]
 
-    @staticmethod
-    def _around(parts: dict[At, Part], at: At) -> dict[int, At]:
-        """Return the neighbors that a tile's triangles lean on, by shift."""
-        places = {shift: (at[0] + (shift & 1), at[1] + (shift >> 1)) for shift in (1, 2, 3)}
-        return {shift: there for shift, there in places.items() if there in parts}
-
-    def _keep(self, first: IntArray, second: IntArray, *, keep_scraps: bool) -> None:
-        """Decide which pieces of the whole are kept, and give every tile its numbers."""
-        shares = list(self._shares.values())
-        if not shares:
+    def _select(self, first: IntArray, second: IntArray, *, keep_fragments: bool) -> None:
+        """Decide which components of the whole are kept, those of tiles being linked in pairs."""
+        counts = list(self._counts.values())
+        if not counts:
             raise ReconstructionError("no cell of this spacing fits the outline; use a finer spacing or another region")
-        triangles = np.concatenate([share.triangles for share in shares])
-        above = np.concatenate([share.above for share in shares])
-        piece = label_nodes(first, second, len(triangles))
-        size = np.bincount(piece, triangles)
-        kept = np.full(len(size), keep_scraps)
-        if not keep_scraps:
-            kept[faces_among(size, None if self.closed else np.bincount(piece, triangles * above) > size / 2)] = True
-        self._kept = kept[piece]
-        gone = ~kept & (size > 0)
-        self.scraps = Scraps(int(gone.sum()), int(size[gone].sum()))
-        counts = np.array([self._kept_counts(at) for at in self._shares])
+        triangles = np.concatenate([each.triangles for each in counts])
+        faces_up = np.concatenate([each.faces_up for each in counts])
+        component = label_nodes(first, second, len(triangles))
+        size = np.bincount(component, triangles)
+        kept = np.full(len(size), keep_fragments)
+        if not keep_fragments:
+            up = None if self.closed else np.bincount(component, triangles * faces_up) > size / 2
+            kept[select_faces(size, up)] = True
+        self._kept = kept[component]
+        left_out = ~kept & (size > 0)
+        self.fragments = Fragments(int(left_out.sum()), int(size[left_out].sum()))
+
+    def _number(self) -> None:
+        """Give every tile the numbers that its vertices and triangles begin with."""
+        counts = np.array([self._kept_counts(place) for place in self._counts])
         starts = np.concatenate([[[0, 0]], np.cumsum(counts, axis=0)])
-        self._starts = {at: (int(row[0]), int(row[1])) for at, row in zip(self._shares, starts[:-1], strict=True)}
+        self._starts = {place: (int(row[0]), int(row[1])) for place, row in zip(self._counts, starts[:-1], strict=True)}
         self.vertices, self.triangles = (int(count) for count in starts[-1])
-        if self.vertices > MOST:
-            raise MemoryBudgetError(f"spacing: {self.vertices:,} vertices are more than a mesh can number; coarsen it")
 
-    def _kept_counts(self, at: At) -> tuple[int, int]:
+    def _kept_counts(self, place: Place) -> tuple[int, int]:
         """Return the number of vertices and triangles of a tile that are kept."""
-        share = self._shares[at]
-        kept = self._kept[share.first_label : share.first_label + len(share.vertices)]
-        return int(share.vertices[kept].sum()), int(share.triangles[kept].sum())
+        counts = self._counts[place]
+        kept = self._kept[counts.components]
+        return int(counts.vertices[kept].sum()), int(counts.triangles[kept].sum())
 
-    def _keeps_all(self, at: At) -> bool:
-        share = self._shares[at]
-        return bool(self._kept[share.first_label : share.first_label + len(share.vertices)].all())
+    def _keeps_all(self, place: Place) -> bool:
+        return bool(self._kept[self._counts[place].components].all())
 
-    def _numbers(self, part: Part, at: At) -> Numbers:
+    def _numbers(self, placed: PlacedTile, place: Place) -> VertexNumbers:
         """Return the numbers of a tile's own vertices; whole tiles share what they can."""
-        keeps_all = self._keeps_all(at)
-        if part.placement.is_whole and keeps_all:
+        keeps_all = self._keeps_all(place)
+        start = self._starts[place][0]
+        if placed.placement.is_whole and keeps_all:
             if self._whole_rank is None:
-                self._whole_rank = _rank(part.own >= 0)
-            return Numbers(self._whole_rank, self._starts[at][0])
-        own = part.own
-        there = own >= 0
+                self._whole_rank = _rank(placed.vertex_components >= 0)
+            return VertexNumbers(self._whole_rank, start)
+        of_vertex = placed.vertex_components
+        present = of_vertex >= 0
         if not keeps_all:
-            there[there] = self._kept[own[there] + self._shares[at].first_label]
-        return Numbers(_rank(there), self._starts[at][0])
+            present[present] = self._kept[of_vertex[present] + self._counts[place].first_component]
+        return VertexNumbers(_rank(present), start)
 
     def _emit_vertices(
         self,
         sink: Sink,
         to_world: Callable[[FloatArray], FloatArray],
-        parts: dict[At, Part],
-        numbers: dict[At, Numbers],
-        piece: tuple[At, int],
+        window: Window,
+        numbers: dict[Place, VertexNumbers],
+        batch_size: int,
+        batch: tuple[Place, int],
     ) -> None:
-        """Put a tile's own vertices from one row on."""
-        at, start = piece
-        rows = start + np.flatnonzero(numbers[at][start : start + VERTICES] >= 0)
+        """Put a batch of a tile's own vertices, from one row on."""
+        place, start = batch
+        rows = start + np.flatnonzero(numbers[place][start : start + batch_size] >= 0)
         if len(rows):
-            sink.put_vertices(int(numbers[at][rows[:1]][0]), to_world(parts[at].placement.positions(rows)))
+            positions = window.placed[place].placement.positions(rows)
+            sink.put_vertices(int(numbers[place][rows[:1]][0]), to_world(positions))
 
-    def _emit_triangles(self, sink: Sink, parts: dict[At, Part], numbers: dict[At, Numbers], at: At) -> None:
+    def _emit_triangles(
+        self, sink: Sink, window: Window, numbers: dict[Place, VertexNumbers], batch_size: int, place: Place
+    ) -> None:
         """Put the triangles of one tile."""
-        part = parts[at]
-        around = {shift: (parts[there].placement, numbers[there]) for shift, there in self._around(parts, at).items()}
-        name = part.placement.node_numbers(numbers[at], around)
-        nodes = part.placement.nodes
-        labels = sides_of(part.placement, nodes)
-        if not self._keeps_all(at):
-            kept = self._kept[part.labels[nodes[:, 0]] + self._shares[at].first_label]
+        placed = window.placed[place]
+        neighbors = {
+            shift: (window.placed[neighbor].placement, numbers[neighbor])
+            for shift, neighbor in window.neighbors(place).items()
+        }
+        number = placed.placement.node_numbers(numbers[place], neighbors)
+        nodes = placed.placement.nodes
+        labels = label_sides(placed.placement, nodes)
+        if not self._keeps_all(place):
+            kept = self._kept[placed.components[nodes[:, 0]] + self._counts[place].first_component]
             nodes, labels = nodes[kept], labels[kept]
-        first = self._starts[at][1]
-        for start, stop in blocks(len(nodes), 2 * VERTICES):
-            sink.put_triangles(first + start, name[nodes[start:stop]], labels[start:stop])
+        first = self._starts[place][1]
+        for start, stop in blocks(len(nodes), batch_size):
+            sink.put_triangles(first + start, number[nodes[start:stop]], labels[start:stop])
 
 
-def faces_among(size: npt.NDArray[Any], looks_up: BoolArray | None) -> list[int]:
-    """Return which pieces are the two sheets, or the one solid; the others are scraps.
-
-    Parameters
-    ----------
-    size : (l,) ndarray
-        Of each piece.
-    looks_up : (l,) ndarray of bool, optional
-        Which pieces look at the air above; None: a solid.
-
-    Raises
-    ------
-    ReconstructionError
-        If more than one piece of a kind, or none, is as large as a face.
-    """
-    groups = [np.arange(len(size))] if looks_up is None else [np.flatnonzero(looks_up), np.flatnonzero(~looks_up)]
-    large = [int(np.sum(size[group] > SHARE * size[group].max(initial=0.0))) for group in groups]
-    if large != [1] * len(groups):
-        what = "pieces, not one solid" if looks_up is None else "sheets, not two (adaxial, abaxial)"
-        raise ReconstructionError(
-            f"the surface at this spacing is in {sum(large)} {what}; use a finer spacing or another threshold"
-        )
-    return [int(group[np.argmax(size[group])]) for group in groups]
-
-
-def _rank(there: BoolArray) -> npt.NDArray[np.int32]:
-    """Return the place of each vertex among those that are there, −1 for the others."""
-    rank = np.cumsum(there, dtype=np.int32) - 1
-    rank[~there] = -1
+def _rank(present: BoolArray) -> npt.NDArray[np.int32]:
+    """Return the place of each vertex among those that are present, −1 for the others."""
+    rank = np.cumsum(present, dtype=np.int32) - 1
+    rank[~present] = -1
     return rank
-
-
-def _side_by_side(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Return what a function makes of each item, on all threads."""
-    found: list[R | None] = [None] * len(items)
-
-    def work(first: int, _: int) -> None:
-        found[first] = function(items[first])
-
-    run_blocks(work, len(items), 1)
-    return cast("list[R]", found)

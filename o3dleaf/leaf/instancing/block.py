@@ -10,7 +10,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
+from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, INSIDE
@@ -34,7 +34,7 @@ def _square(code: int) -> list[tuple[int, int, int]]:
 
 
 def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint8]]:
-    """Return vertices (n, 3), flat, triangles (m, 3) and their labels (m,): adaxial, abaxial, or rim for the walls.
+    """Return vertices (n, 3), flat, triangles (m, 3) and their labels (m,): upper, lower, or rim for the walls.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], tile.lattice.shape)[0])]
     places = lattice_positions(names, fractions, (nx + 1, ny + 1, nz))
     sides = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]]])[tile.nodes[:, 0]]
-    labels = np.where(sides == ABOVE, ADAXIAL, ABAXIAL)
+    labels = np.where(sides == ABOVE, UPPER, LOWER)
     labels = np.concatenate([labels, np.full(sum(map(len, walls)), RIM)]).astype(np.uint8)
     return tile.lattice.positions(places), triangles.reshape(-1, 3), labels
 
@@ -69,10 +69,10 @@ def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one w
     u, v = np.meshgrid(np.arange(length), np.arange(nz - 1), indexing="ij")
     corners = [(u + a, v + b) for a, b in CORNERS]
     code = sum(inside[corner].astype(np.int64) << k for k, corner in enumerate(corners))
-    at = (nx, ny)[axis] if far else 0
+    wall = (nx, ny)[axis] if far else 0
 
     def name(u: IntArray, v: IntArray, direction: int) -> IntArray:
-        i, j = (at, u) if axis == 0 else (u, at)
+        i, j = (wall, u) if axis == 0 else (u, wall)
         return ((i * (ny + 1) + j) * nz + v) * 8 + direction
 
     sideways = 2 if axis == 0 else 1
@@ -81,11 +81,11 @@ def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one w
         + [name(u, v, sideways), name(u + 1, v, 4), name(u, v + 1, sideways), name(u, v, 4)],
         axis=-1,
     )
-    found = []
+    parts = []
     for kind in range(1, 16):
         squares = vertices[code == kind]
-        found += [squares[:, list(triangle)] for triangle in _square(kind)]
-    triangles = np.concatenate(found)
+        parts += [squares[:, list(triangle)] for triangle in _square(kind)]
+    triangles = np.concatenate(parts)
     # (across, up) and (along, up) turn about along and minus across.
     outward = far if axis == 0 else not far
     return triangles if outward else triangles[:, ::-1]

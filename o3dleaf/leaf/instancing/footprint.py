@@ -1,4 +1,4 @@
-"""Which part of the plane is meshed: the cells of a lattice inside an outline, and the distance of its columns."""
+"""The part of the plane that is meshed: lattice cells inside an outline, and distances of columns to it."""
 
 from dataclasses import dataclass, replace
 
@@ -40,17 +40,17 @@ class Footprint:
         """Return the footprint less the cells of a box of columns (2, 2)."""
         return replace(self, holes=(*self.holes, hole))
 
-    def holds(self, box: IntArray) -> bool:
+    def contains(self, box: IntArray) -> bool:
         """Return whether all cells of a box of columns lie in it, whole."""
         return bool(self.cells(*box).all())
 
     def in_holes(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
         """Return which cells low <= (i, j) < high lie in a hole."""
         i, j = (np.arange(a, b) for a, b in zip(np.asarray(low), np.asarray(high), strict=True))
-        found = np.zeros((len(i), len(j)), dtype=bool)
+        inside = np.zeros((len(i), len(j)), dtype=bool)
         for first, last in self.holes:
-            found |= ((i >= first[0]) & (i < last[0]))[:, np.newaxis] & ((j >= first[1]) & (j < last[1]))
-        return found
+            inside |= ((i >= first[0]) & (i < last[0]))[:, np.newaxis] & ((j >= first[1]) & (j < last[1]))
+        return inside
 
     def cells(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
         """Return which cells low <= (i, j) < high lie in the outline, whole, and touch one another along sides only.
@@ -77,9 +77,9 @@ class Footprint:
             lonely = _corners(kept)
             if not lonely.any():
                 break
-            at = np.argwhere(lonely)
+            corners = np.argwhere(lonely)
             for step in ((0, 0), (0, 1), (1, 0), (1, 1)):
-                kept[tuple((at + step).T)] = False
+                kept[tuple((corners + step).T)] = False
         inner = kept[HALO:-HALO, HALO:-HALO]
         if _corners(inner).any():
             raise ReconstructionError(
@@ -107,7 +107,7 @@ class Footprint:
 
 
 def _corners(kept: BoolArray) -> BoolArray:
-    """Return at which inner corners two cells meet that have no side in common."""
+    """Return the inner corners in which two cells meet that have no side in common."""
     a, b, c, d = kept[:-1, :-1], kept[:-1, 1:], kept[1:, :-1], kept[1:, 1:]
     return np.asarray((a == d) & (b == c) & (a != b))
 

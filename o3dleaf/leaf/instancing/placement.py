@@ -1,4 +1,4 @@
-"""What of a tile is used in one place: all of it, the cells that an outline holds, or a solid that it cuts."""
+"""The part of a tile that one place uses: all of it, the cells inside an outline, or a solid that it cuts."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,9 +11,12 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.rim_loops import (
+    CutColumns,
+    RimVertices,
+    TileVertices,
     cut_cells,
+    find_component_roots,
     gather_cells,
-    label_nodes,
     rim_edges,
     use_by_cells,
     use_by_distance,
@@ -26,13 +29,13 @@ NO_NODES = np.empty((0, 3), dtype=np.int32)
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class VertexNumbers:
     """Numbers of a placement's own vertices (n + e,), read as an array; whole tiles share all but the first one.
 
     Attributes
     ----------
     rank : (n + e,) ndarray of int32
-        What is added to `start`; −1: not there.
+        Added to `start`; −1: not there.
     start : int
     """
 
@@ -57,7 +60,7 @@ class Placement:
     Attributes
     ----------
     tile : Tile
-    at : (2,) tuple of int
+    place : (2,) tuple of int
         Number of the tile along and across.
     used : (n,) ndarray of bool or None
         Which of the tile's vertices are there; None: all.
@@ -78,7 +81,7 @@ class Placement:
     """
 
     tile: Tile
-    at: tuple[int, int]
+    place: tuple[int, int]
     used: BoolArray | None
     cells: BoolArray | None
     cut: Nodes
@@ -106,7 +109,7 @@ class Placement:
         return np.concatenate([np.zeros(plain, dtype=bool), self.cut_on_rim])
 
     @property
-    def own(self) -> BoolArray:
+    def present(self) -> BoolArray:
         """(n + e,) which of the tile's vertices and the rim's own ones are there."""
         used = np.ones(len(self.tile.edges), dtype=bool) if self.used is None else self.used
         return np.concatenate([used, np.ones(self.rim_own, dtype=bool)])
@@ -115,27 +118,27 @@ class Placement:
         """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
         tile, count = self.tile, len(self.tile.edges)
         nx, ny, nz = tile.lattice.shape
-        start = self.at[0] * nx, self.at[1] * ny, 0
-        places, own = np.zeros((len(rows), 3)), rows < count
-        inner, rim = rows[own], rows[~own] - count
-        places[own] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
+        start = self.place[0] * nx, self.place[1] * ny, 0
+        places, of_tile = np.zeros((len(rows), 3)), rows < count
+        inner, rim = rows[of_tile], rows[~of_tile] - count
+        places[of_tile] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
         if self.inner is not None:
-            shift = np.array(self.at) * tile.lattice.period
+            shift = np.array(self.place) * tile.lattice.period
             positions = tile.lattice.positions(places)
-            positions[~own] = self.inner[rim] + [shift[0], shift[1], 0.0]
+            positions[~of_tile] = self.inner[rim] + [shift[0], shift[1], 0.0]
             return positions
         window = (nx + 1, ny + 1, nz)
-        places[~own] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
+        places[~of_tile] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
         return tile.lattice.positions(places)
 
     def node_numbers(
-        self, own: Numbers | None, neighbors: dict[int, tuple["Placement", Numbers]]
+        self, own: VertexNumbers | None, neighbors: dict[int, tuple["Placement", VertexNumbers]]
     ) -> npt.NDArray[np.int32]:
         """Return a number for every node from those of own vertices (n + e,), here and in the neighbors.
 
         Parameters
         ----------
-        own : Numbers, optional
+        own : VertexNumbers, optional
         neighbors : dict
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
@@ -150,8 +153,8 @@ class Placement:
             numbers[vertices + rows] = given[beyond[rows, 0]]
             rows = np.flatnonzero(shifts == shift)
             if len(rows):
-                there = np.searchsorted(other.own_rim, names[rows])
-                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + there]
+                on_rim = np.searchsorted(other.own_rim, names[rows])
+                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + on_rim]
         return numbers
 
     @cached_property
@@ -163,66 +166,67 @@ class Placement:
     def _rim_beyond(self) -> tuple[IntArray, IntArray]:
         return in_tile(self.rim_names[self.rim_own :], self.tile.lattice.shape)
 
-    def pieces(self) -> IntArray:
-        """Return for every node the first node of the piece that it hangs together with in this tile."""
+    def component_roots(self) -> IntArray:
+        """Return for every node the first node of its component in this tile."""
         count = len(self.tile.edges) + len(self.tile.beyond) + len(self.rim_names)
-        return np.asarray(label_nodes(self.nodes, count))
+        return np.asarray(find_component_roots(self.nodes, count))
 
 
-def place_sheets(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+def place_sheets(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Placement | None:
     """Return the tile over the whole cells inside the outline, open at their edge; None where there are none."""
     shape = np.array(tile.lattice.shape[:2])
-    low = np.array(at) * shape
-    return sheets_over(tile, footprint.cells(low - 1, low + shape), at)
+    low = np.array(place) * shape
+    return sheets_over(tile, footprint.cells(low - 1, low + shape), place)
 
 
-def sheets_over(tile: Tile, kept: BoolArray, at: tuple[int, int]) -> Placement | None:
+def sheets_over(tile: Tile, kept: BoolArray, place: tuple[int, int]) -> Placement | None:
     """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
     none = np.empty(0, dtype=np.int64), np.empty(0)
     if kept.all():
-        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
+        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_cells(tile.edges, tile.lattice.shape, kept, used)
     if not used.any():
         return None
-    return Placement(tile, at, used, np.ascontiguousarray(kept[1:, 1:]), NO_NODES, *none)
+    return Placement(tile, place, used, np.ascontiguousarray(kept[1:, 1:]), NO_NODES, *none)
 
 
-def place_solid(tile: Tile, footprint: Footprint, at: tuple[int, int]) -> Placement | None:
+def place_solid(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Placement | None:
     """Return the solid of a tile cut by the outline, with its part of the rim; None where there is none."""
     shape = np.array(tile.lattice.shape[:2])
-    low = np.array(at) * shape
+    low = np.array(place) * shape
     distance = footprint.distances(low - 1, low + shape + 1)
-    gone = footprint.in_holes(low - 1, low + shape)
-    if not gone.any():
-        return solid_within(tile, distance[1:, 1:], at)
+    in_hole = footprint.in_holes(low - 1, low + shape)
+    if not in_hole.any():
+        return solid_within(tile, distance[1:, 1:], place)
     if (distance > 0).all():
-        return sheets_over(tile, ~gone, at)
+        return sheets_over(tile, ~in_hole, place)
     raise InputError("levels: a window lies in a tile that the rim cuts; move it inward, by a tile, or leave it open")
 
 
-def solid_within(tile: Tile, distance: FloatArray, at: tuple[int, int]) -> Placement | None:
+def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Placement | None:
     """Return the solid of a tile where the `distance` of columns (nx + 1, ny + 1) is positive, and its rim."""
     none = np.empty(0, dtype=np.int64), np.empty(0)
     inside = distance > 0
     if inside.all():
-        return Placement(tile, at, None, None, NO_NODES, *none, is_whole=True)
+        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
     if not inside.any():
         return None
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_distance(tile.edges, tile.fractions, tile.upward, tile.lattice.shape, distance, used)
-    row_of, labels = _cut_columns(tile, inside)
-    names, fractions = _rim(tile, distance, row_of, labels)
     beyond = tile.beyond[:, 0] * 4 + tile.beyond[:, 1]
-    outline = (tile.lattice.shape, tile.edges, tile.fractions, beyond), (names, fractions), distance, row_of, labels
-    count = cut_cells(tile.method, *outline, NO_NODES, np.empty(0, dtype=bool))
+    vertices = TileVertices(tile.lattice.shape, tile.edges, tile.fractions, beyond)
+    columns = CutColumns(distance, *_cut_columns(tile, inside))
+    names, fractions = _rim(tile.method, vertices, columns)
+    parts = vertices, RimVertices(names, fractions), columns
+    count = cut_cells(tile.method, *parts, NO_NODES, np.empty(0, dtype=bool))
     cut, on_rim = np.empty((count, 3), dtype=np.int32), np.empty(count, dtype=bool)
-    cut_cells(tile.method, *outline, cut, on_rim)
+    cut_cells(tile.method, *parts, cut, on_rim)
     kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
     own = in_tile(names, tile.lattice.shape)[1] == 0
     order = np.concatenate([np.flatnonzero(own), np.flatnonzero(~own)])
     _renumber(cut, order, len(tile.edges) + len(tile.beyond))
-    return Placement(tile, at, used, kept, cut, names[order], fractions[order], int(own.sum()), on_rim)
+    return Placement(tile, place, used, kept, cut, names[order], fractions[order], int(own.sum()), on_rim)
 
 
 def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:
@@ -236,9 +240,9 @@ def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:
 def _kept_triangles(tile: Tile, kept: BoolArray) -> Nodes:
     """Return the triangles over the kept cells (nx, ny)."""
     count = int(np.diff(tile.cells)[kept.ravel()].sum())
-    found = np.empty((count, 3), dtype=np.int32)
-    gather_cells(kept, tile.cells, tile.nodes, found)
-    return found
+    triangles = np.empty((count, 3), dtype=np.int32)
+    gather_cells(kept, tile.cells, tile.nodes, triangles)
+    return triangles
 
 
 def _cut_columns(tile: Tile, inside: BoolArray) -> tuple[IntArray, npt.NDArray[np.uint8]]:
@@ -251,18 +255,15 @@ def _cut_columns(tile: Tile, inside: BoolArray) -> tuple[IntArray, npt.NDArray[n
         near[i : nx + i, j : ny + j] |= cut
     row_of = np.full(inside.shape, -1)
     row_of[near] = np.arange(near.sum())
-    at = np.argwhere(near)
-    return row_of, tile.runs.expand(at[:, 0] % nx * ny + at[:, 1] % ny)
+    columns = np.argwhere(near)
+    return row_of, tile.runs.expand(columns[:, 0] % nx * ny + columns[:, 1] % ny)
 
 
-def _rim(
-    tile: Tile, distance: FloatArray, row_of: IntArray, labels: npt.NDArray[np.uint8]
-) -> tuple[IntArray, FloatArray]:
+def _rim(method: int, tile: TileVertices, columns: CutColumns) -> tuple[IntArray, FloatArray]:
     """Return the names in the window, rising, and the fractions of the rim's vertices."""
-    parts = (tile.lattice.shape, tile.edges, tile.fractions), distance, row_of, labels
-    count = rim_edges(tile.method, *parts, np.empty(0, dtype=np.int64), np.empty(0))
+    count = rim_edges(method, tile, columns, np.empty(0, dtype=np.int64), np.empty(0))
     names, fractions = np.empty(count, dtype=np.int64), np.empty(count)
-    rim_edges(tile.method, *parts, names, fractions)
+    rim_edges(method, tile, columns, names, fractions)
     return names, fractions
 
 

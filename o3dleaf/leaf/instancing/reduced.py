@@ -8,7 +8,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.leaf.instancing.placement import Nodes
+from o3dleaf.leaf.instancing.placement import Nodes, Placement
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.surface.isosurface.polygonize import lattice_positions
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -18,8 +18,8 @@ Reduce = Callable[[FloatArray, IntArray], tuple[FloatArray, IntArray]]
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
-    """What stands for a whole tile.
+class ReducedTile:
+    """A simplified or remeshed surface that stands for a whole tile.
 
     Attributes
     ----------
@@ -36,8 +36,8 @@ class Reduced:
     nodes: Nodes
 
 
-def reduce_tile(tile: Tile, reduce: Reduce) -> Reduced:
-    """Return what `reduce` makes of the whole tile.
+def reduce_tile(tile: Tile, reduce: Reduce) -> ReducedTile:
+    """Return the whole tile as `reduce` simplifies or remeshes it.
 
     Raises
     ------
@@ -48,15 +48,24 @@ def reduce_tile(tile: Tile, reduce: Reduce) -> Reduced:
     edges = EdgeTable.of(tile.nodes.astype(np.int64))
     border = np.unique(edges.ends[edges.count == 1])
     vertices, triangles = reduce(positions, tile.nodes.astype(np.int64))
-    node_at = {row.tobytes(): int(node) for node, row in zip(border, positions[border], strict=True)}
-    found = np.array([node_at.get(row.tobytes(), -1) for row in np.ascontiguousarray(vertices)])
-    if np.unique(found[found >= 0]).size != len(border) or (found >= 0).sum() != len(border):
+    border_nodes = {row.tobytes(): int(node) for node, row in zip(border, positions[border], strict=True)}
+    node = np.array([border_nodes.get(row.tobytes(), -1) for row in np.ascontiguousarray(vertices)])
+    if np.unique(node[node >= 0]).size != len(border) or (node >= 0).sum() != len(border):
         raise ReconstructionError("the tile's border did not stay as it was; simplify it less")
-    inside = found < 0
-    found[inside] = len(positions) + np.arange(inside.sum())
+    inside = node < 0
+    node[inside] = len(positions) + np.arange(inside.sum())
     used = np.zeros(len(tile.edges), dtype=bool)
     used[border[border < len(tile.edges)]] = True
-    return Reduced(used, vertices[inside], found[triangles].astype(np.int32))
+    return ReducedTile(used, vertices[inside], node[triangles].astype(np.int32))
+
+
+def place_reduced(placement: Placement, reduced: ReducedTile) -> Placement:
+    """Return the placement of a whole tile with its reduced form in its stead."""
+    count = len(reduced.inner)
+    names = np.zeros(count, dtype=np.int64), np.zeros(count)
+    tile, place = placement.tile, placement.place
+    cells = np.zeros(tile.lattice.shape[:2], dtype=bool)
+    return Placement(tile, place, reduced.used, cells, reduced.nodes, *names, count, inner=reduced.inner, is_whole=True)
 
 
 def _positions(tile: Tile) -> FloatArray:

@@ -6,6 +6,8 @@ between samples inside and outside, the first zero of F or of D is the vertex. T
 tile's own; those of D are the rim's, named in the window, whose columns have ny + 1 to a row.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -19,6 +21,37 @@ from o3dleaf.surface.isosurface.cell_loops import (
     cell_triangles,
 )
 from o3dleaf.surface.mesh.adjacency_loops import find_root, join
+
+
+class TileVertices(NamedTuple):
+    """Vertices of a tile: steps of its lattice (nx, ny, nz), edges (n,), fractions (n,), keys (h,) of those beyond.
+
+    A key is 4 · (vertex of the tile) + the neighbor that it belongs to (bits: along, across).
+    """
+
+    shape: tuple[int, int, int]
+    edges: Any
+    fractions: Any
+    beyond: Any
+
+
+class RimVertices(NamedTuple):
+    """Vertices of a rim: names (e,) of their edges in the window, rising, and fractions (e,) along them."""
+
+    names: Any
+    fractions: Any
+
+
+class CutColumns(NamedTuple):
+    """Columns of a window (nx + 1, ny + 1).
+
+    Their signed distances to the outline; the row of each column of a cut cell among those whose samples are
+    labeled, −1 for others; and these labels (m, nz).
+    """
+
+    distance: Any
+    row_of: Any
+    labels: Any
 
 
 @njit(nogil=True, cache=True)
@@ -56,22 +89,21 @@ def use_by_distance(edges, fractions, upward, shape, distance, used):
     for n in range(len(edges)):
         column, direction = (edges[n] >> 3) // nz, edges[n] & 7
         i, j = column // ny, column % ny
-        here, there = distance[i, j], distance[i + (direction & 1), j + (direction >> 1 & 1)]
+        inner, outer = distance[i, j], distance[i + (direction & 1), j + (direction >> 1 & 1)]
         fraction = fractions[n]
         if not upward[n]:
-            here, there, fraction = there, here, 1.0 - fraction
-        used[n] = here > 0.0 and (there > 0.0 or fraction <= here / (here - there))
+            inner, outer, fraction = outer, inner, 1.0 - fraction
+        used[n] = inner > 0.0 and (outer > 0.0 or fraction <= inner / (inner - outer))
 
 
 @njit(nogil=True, cache=True)
-def rim_edges(method, tile, distance, row_of, labels, names, fractions):
+def rim_edges(method, tile, columns, names, fractions):
     """Write the names in the window and the fractions of the rim's vertices, and return how many there are.
 
-    Called with empty arrays it counts. `tile` is (shape, edges, fractions); `labels` (m, nz) are those of
-    the columns with a `row_of` (nx + 1, ny + 1) of 0 or more.
+    Called with empty arrays it counts. `tile` are `TileVertices`, `columns` are `CutColumns`.
     """
-    shape, tile_edges, tile_fractions = tile
-    nx, ny, nz = shape
+    nx, ny, nz = tile.shape
+    distance, row_of, labels = columns.distance, columns.row_of, columns.labels
     count = 0
     for i in range(nx + 1):
         for j in range(ny + 1):
@@ -82,17 +114,17 @@ def rim_edges(method, tile, distance, row_of, labels, names, fractions):
                     u, v, w = i + (direction & 1), j + (direction >> 1 & 1), k + (direction >> 2)
                     if direction & 3 == 0 or u > nx or v > ny or w >= nz:
                         continue
-                    here, there = distance[i, j], distance[u, v]
-                    if (here > 0.0) == (there > 0.0):
+                    low, high = distance[i, j], distance[u, v]
+                    if (low > 0.0) == (high > 0.0):
                         continue
-                    upward = here > 0.0
+                    upward = low > 0.0
                     solid = labels[row_of[i, j], k] == INSIDE, labels[row_of[u, v], w] == INSIDE
                     if not solid[0 if upward else 1]:
                         continue
-                    share = here / (here - there) if upward else there / (there - here)
+                    share = low / (low - high) if upward else high / (high - low)
                     if not solid[1 if upward else 0]:
                         name = (((i % nx) * ny + j % ny) * nz + k) * 8 + direction
-                        fraction = tile_fractions[find(tile_edges, name)]
+                        fraction = tile.fractions[find(tile.edges, name)]
                         if (fraction if upward else 1.0 - fraction) <= share:
                             continue
                     if len(names):
@@ -104,15 +136,15 @@ def rim_edges(method, tile, distance, row_of, labels, names, fractions):
 
 
 @njit(nogil=True, cache=True)
-def cut_cells(method, tile, rim, distance, row_of, labels, nodes, is_rim):
+def cut_cells(method, tile, rim, columns, nodes, is_rim):
     """Write the triangles of the cells that the outline cuts and which of them are rim; return how many there are.
 
-    Called with empty arrays it counts. `tile` is (shape, edges, fractions, beyond's keys); `rim` is
-    (names, fractions). Nodes are those of `o3dleaf.leaf.instancing.placement`.
+    Called with empty arrays it counts. `tile` are `TileVertices`, `rim` are `RimVertices`, `columns` are
+    `CutColumns`. Nodes are those of `o3dleaf.leaf.instancing.placement`.
     """
-    shape, tile_edges, tile_fractions, beyond = tile
-    nx, ny, nz = shape
-    vertices = len(tile_edges) + len(beyond)
+    nx, ny, nz = tile.shape
+    distance, row_of, labels = columns.distance, columns.row_of, columns.labels
+    vertices = len(tile.edges) + len(tile.beyond)
     along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     count = 0
     for i in range(nx):
@@ -134,13 +166,12 @@ def cut_cells(method, tile, rim, distance, row_of, labels, nodes, is_rim):
                 for n in range(12):
                     low, direction = CUBE_EDGES[n] >> 3, CUBE_EDGES[n] & 7
                     if (code >> low & 1) != (code >> (low | direction) & 1):
-                        node = node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim[0])
-                        along[n] = vertex_fraction(node, tile_edges, tile_fractions, beyond, rim[1])
+                        along[n] = vertex_fraction(node_at(i, j, k, low, direction, tile, rim), tile, rim)
                 for n in range(cell_triangles(method, code, along, places, drawn)):
                     is_rim[count] = False
                     for corner in range(3):
                         low, direction = drawn[n, corner] >> 3, drawn[n, corner] & 7
-                        node = node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim[0])
+                        node = node_at(i, j, k, low, direction, tile, rim)
                         nodes[count, corner] = node
                         is_rim[count] = is_rim[count] or node >= vertices
                     count += 1
@@ -148,47 +179,48 @@ def cut_cells(method, tile, rim, distance, row_of, labels, nodes, is_rim):
 
 
 @njit(nogil=True, cache=True)
-def node_at(i, j, k, low, direction, shape, tile_edges, beyond, rim_names):
-    """Return the node of the vertex on an edge of cell (i, j, k): one of the rim if it is there, else the tile's."""
-    nx, ny, nz = shape
+def node_at(i, j, k, low, direction, tile, rim):
+    """Return the node of the vertex on an edge of cell (i, j, k): one of the rim if it has one, else the tile's."""
+    nx, ny, nz = tile.shape
     u, v, w = i + (low & 1), j + (low >> 1 & 1), k + (low >> 2)
     if direction & 3:
-        rim = find(rim_names, ((u * (ny + 1) + v) * nz + w) * 8 + direction)
-        if rim >= 0:
-            return len(tile_edges) + len(beyond) + rim
-    vertex = find(tile_edges, (((u % nx) * ny + v % ny) * nz + w) * 8 + direction)
+        row = find(rim.names, ((u * (ny + 1) + v) * nz + w) * 8 + direction)
+        if row >= 0:
+            return len(tile.edges) + len(tile.beyond) + row
+    vertex = find(tile.edges, (((u % nx) * ny + v % ny) * nz + w) * 8 + direction)
     shift = (u >= nx) + 2 * (v >= ny)
     if shift == 0:
         return vertex
-    return len(tile_edges) + find(beyond, vertex * 4 + shift)
+    return len(tile.edges) + find(tile.beyond, vertex * 4 + shift)
 
 
 @njit(nogil=True, cache=True)
-def vertex_fraction(node, tile_edges, tile_fractions, beyond, rim_fractions):
+def vertex_fraction(node, tile, rim):
     """Return how far along its edge the vertex of a node lies."""
-    if node < len(tile_edges):
-        return tile_fractions[node]
-    if node < len(tile_edges) + len(beyond):
-        return tile_fractions[beyond[node - len(tile_edges)] >> 2]
-    return rim_fractions[node - len(tile_edges) - len(beyond)]
+    inner, beyond = len(tile.edges), len(tile.beyond)
+    if node < inner:
+        return tile.fractions[node]
+    if node < inner + beyond:
+        return tile.fractions[tile.beyond[node - inner] >> 2]
+    return rim.fractions[node - inner - beyond]
 
 
 @njit(nogil=True, cache=True)
-def gather_cells(kept, cells, nodes, found):
-    """Write the triangles over the kept cells (nx, ny), in their order, into `found`."""
+def gather_cells(kept, cells, nodes, gathered):
+    """Write the triangles over the kept cells (nx, ny), in their order, into `gathered`."""
     row = 0
     nx, ny = kept.shape
     for i in range(nx):
         for j in range(ny):
             if kept[i, j]:
                 for t in range(cells[i * ny + j], cells[i * ny + j + 1]):
-                    found[row] = nodes[t]
+                    gathered[row] = nodes[t]
                     row += 1
 
 
 @njit(nogil=True, cache=True)
-def label_nodes(nodes, count):
-    """Return the (count,) first node of the piece that each node belongs to, by the triangles `nodes` (m, 3)."""
+def find_component_roots(nodes, count):
+    """Return the (count,) first node of the component of each node, by the triangles `nodes` (m, 3)."""
     parent = np.arange(count, dtype=np.int32)
     for t in range(len(nodes)):
         join(parent, nodes[t, 0], nodes[t, 1])

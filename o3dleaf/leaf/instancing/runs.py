@@ -1,7 +1,7 @@
-"""What counts as inside of a periodic layer: the blade, its voids filled, without the specks beside it.
+"""The inside of a periodic layer: its largest component, voids filled, without the islands beside it.
 
 Samples hang together along the axes, across the sides of the period too, as they do in the surface
-that `o3dleaf.mesh` draws around them. They are held as runs along the columns of the lattice: some
+that `o3dleaf.surface.isosurface` draws around them. They are held as runs along the columns of the lattice: some
 five numbers a column, where the samples themselves would grow with the cube of the resolution.
 """
 
@@ -29,8 +29,8 @@ class Runs:
         Sample at which each run begins.
     label : (r,) ndarray of uint8
         `INSIDE`, `ABOVE` or `BELOW`.
-    voids, specks : int
-        Pieces of air that were filled, and of solid that were removed.
+    voids, islands : int
+        Components of air that were filled, and of solid that were removed.
     """
 
     shape: tuple[int, int, int]
@@ -38,7 +38,7 @@ class Runs:
     begin: IntArray
     label: npt.NDArray[np.uint8]
     voids: int
-    specks: int
+    islands: int
 
     def expand(self, columns: IntArray) -> npt.NDArray[np.uint8]:
         """Return the labels (m, nz) of all samples of some columns (m,)."""
@@ -64,7 +64,7 @@ def find_runs(inside: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> Runs:
-    """Return the labels of a period: the largest piece of solid, voids in it filled, the air above and below.
+    """Return the labels of a period: the largest component of solid, voids in it filled, the air above and below.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> 
     above, below = np.unique(around[first[1:] - 1]), np.unique(around[first[:-1]])
     if np.intersect1d(above, below).size:
         raise ReconstructionError(
-            "the surface is one sheet, not two (adaxial, abaxial): air reaches through the blade; "
+            "the surface is one sheet, not two (upper and lower side): air reaches through the layer; "
             "use a finer spacing or another threshold"
         )
     label[np.isin(around, above)], label[np.isin(around, below)] = ABOVE, BELOW
     label[piece == main] = INSIDE
     voids = np.unique(piece[(solid == 0) & (label == INSIDE)]).size
-    specks = np.unique(piece[(solid == 1) & (label != INSIDE)]).size
-    return Runs(shape, first, begin, label, int(voids), int(specks))
+    islands = np.unique(piece[(solid == 1) & (label != INSIDE)]).size
+    return Runs(shape, first, begin, label, int(voids), int(islands))

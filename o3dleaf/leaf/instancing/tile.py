@@ -1,4 +1,4 @@
-"""One period of a periodic surface, polygonized once: what is set down everywhere."""
+"""One period of a periodic surface, polygonized once to be set down everywhere."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import lattice_positions, march
 
-SLAB = 1 << 18
+SLAB_SIZE = 1 << 18
 """Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
 
-MOST_STEPS = 12
+MAX_STEPS = 12
 """Steps towards a field's zero along an edge: a smooth field takes three."""
-SETTLED = 1e-4
+TOLERANCE = 1e-4
 """Share of an edge by which the last of them moves a vertex."""
 TINY = 1e-300
 """Size of a sample that is zero: its sign is what says where it belongs."""
@@ -104,8 +104,9 @@ def extract_tile(
     method: int = 0,
     *,
     sharpen: tuple[int, int] | None = None,
+    slab_size: int = SLAB_SIZE,
 ) -> Tile:
-    """Sample one period of a field, fill its voids, and polygonise it.
+    """Sample one period of a field, fill its voids, and polygonize it.
 
     Memory grows with the surface, not with the samples: a first pass over slabs notes what is inside, a
     second one asks again for the samples beside the surface, and marches.
@@ -120,6 +121,8 @@ def extract_tile(
     sharpen : (2,) tuple of int, optional
         Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
         and across after which the field repeats: copies get the same bits.
+    slab_size : int
+        Samples held at once, if a plane has no more.
 
     Raises
     ------
@@ -127,20 +130,20 @@ def extract_tile(
         If the surface is not two sheets, one above the other.
     """
     nx, ny, nz = lattice.shape
-    slab = max(1, min(nx, SLAB // (ny * nz)))
-    found, flooded = [], np.zeros(2, dtype=np.int64)
+    slab = max(1, min(nx, slab_size // (ny * nz)))
+    slabs, flooded = [], np.zeros(2, dtype=np.int64)
     for start, stop in blocks(nx, slab):
         inside = _sample(field, lattice, start, stop) > 0
         flooded += inside[:, [0, -1]].sum(axis=0)
-        found.append(find_runs(inside))
+        slabs.append(find_runs(inside))
         progress.report(stop, nx)
     # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
     if flooded.max() > nx * ny / 2:
         raise ReconstructionError(
-            "the surface is not two sheets (adaxial, abaxial): the texture has no air above or below; "
+            "the surface is not two sheets (upper and lower side): the texture has no air above or below; "
             "use another threshold or a taller patch"
         )
-    counts, begin = (np.concatenate(part) for part in zip(*found, strict=True))
+    counts, begin = (np.concatenate(part) for part in zip(*slabs, strict=True))
     runs = solidify(lattice.shape, counts, begin)
     vertices: list[Any] = []
     named: list[Any] = []
@@ -185,7 +188,7 @@ def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, sta
 def _march_slab(
     field: Callable[[FloatArray], FloatArray], lattice: TileLattice, runs: Runs, method: int, start: int, stop: int
 ) -> tuple[npt.NDArray[np.generic], ...]:
-    """Return what a slab adds to the tile.
+    """Return the part of the tile that a slab adds.
 
     Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
     as rows of these; their number by cells.
@@ -196,8 +199,8 @@ def _march_slab(
     inside = labels == INSIDE
     needed = np.zeros(labels.shape, dtype=bool)
     mark_crossed(method, inside, needed)
-    at = np.argwhere(needed)
-    samples = field(lattice.positions(np.stack([i[at[:, 0]], j[at[:, 1]], at[:, 2]], axis=1)))
+    points = np.argwhere(needed)
+    samples = field(lattice.positions(np.stack([i[points[:, 0]], j[points[:, 1]], points[:, 2]], axis=1)))
     values = np.ones(labels.shape)
     # What was filled or removed has the other sign: its size is what places the vertices beside it.
     values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)
@@ -236,33 +239,33 @@ def _sharpened(
 
     Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
     """
-    found = fractions.copy()
+    sharpened = fractions.copy()
     for first, last in blocks(len(edges), BLOCK):
         part = edges[first:last]
 
-        def at(rows: IntArray, share: FloatArray, part: IntArray = part) -> FloatArray:
+        def values_at(rows: IntArray, share: FloatArray, part: IntArray = part) -> FloatArray:
             return field(lattice.positions(lattice_positions(part[rows], share, lattice.shape)))
 
         every = np.arange(len(part))
         ends = [np.zeros(len(part)), np.ones(len(part))]
-        values = [at(every, share) for share in ends]
+        values = [values_at(every, share) for share in ends]
         low = upward[first:last]
         rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
         a, b, fa, fb = (each[rows] for each in (*ends, *values))
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             share = (a * fb - b * fa) / (fb - fa)
-            found[first + rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
-            f = at(rows, share)
+            sharpened[first + rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
+            f = values_at(rows, share)
             crossed = (f > 0) != (fb > 0)
             a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
             b, fb = share, f
             # The secant's next step, which says how far the zero still is.
-            going = np.abs(fb * (b - a)) > SETTLED * np.abs(fb - fa)
+            going = np.abs(fb * (b - a)) > TOLERANCE * np.abs(fb - fa)
             rows = rows[going]
             a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
             if not len(rows):
                 break
-    return found
+    return sharpened
 
 
 def _nodes(

@@ -11,7 +11,7 @@ from o3dleaf.surface.isosurface.polygonize_loops import corner_code
 from o3dleaf.surface.mesh.adjacency_loops import find_root, join
 
 INSIDE, ABOVE, BELOW = 0, 1, 2
-"""Labels of samples: in the blade, in the air above it, in the air below it."""
+"""Labels of samples: in the layer, in the air above it, in the air below it."""
 
 
 @njit(nogil=True, cache=True)

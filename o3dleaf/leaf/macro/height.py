@@ -7,10 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.interpolant import OVERLAP, POINTS_PER_BALL, PUInterpolant
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
+from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
-from o3dleaf.fitting.rbf.smoothing import Amount
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly
 
 KERNEL = "cubic"
@@ -41,8 +42,8 @@ class HeightMap:
         leaf_points: npt.ArrayLike,
         *,
         kernel: str | Polyharmonic = KERNEL,
-        smoothing: Amount | Literal["robust"] | None = None,
-        rho: Amount | None = None,
+        smoothing: SmoothingValue | Literal["robust"] | None = None,
+        rho: SmoothingValue | None = None,
         points_per_ball: tuple[int, int] = POINTS_PER_BALL,
         overlap: float = OVERLAP,
         unit: str | None = None,

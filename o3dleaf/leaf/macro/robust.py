@@ -7,21 +7,21 @@ the leaf must be left out to see them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.fitting.pu.cover import Cover
-from o3dleaf.fitting.pu.cross_validation import held_out_errors
-from o3dleaf.fitting.pu.index import BallIndex
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.cross_validation import held_out_errors
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.splines import fit_splines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalSplines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.fitting.rbf.smoothing import Smoothing
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
 
 NEIGHBORS = 12
@@ -58,11 +58,7 @@ class RobustChoice:
     smoothing: float
     bandwidth: float
     noise: float
-    weights: FloatArray
-
-    def state(self) -> dict[str, Any]:
-        """Return the fields by the names that model files have for them."""
-        return {"smoothing": self.smoothing, "bandwidth": self.bandwidth, "noise": self.noise, "trust": self.weights}
+    weights: FloatArray = field(metadata={"stored": "trust"})
 
 
 def plane_noise(points: FloatArray) -> float:
@@ -105,11 +101,10 @@ class RobustHeight:
 
         The residual is that of the blended fit, so that overlapping balls agree on the pass they follow.
         """
-        index = BallIndex.build(self.cover.centres, self.cover.radii, self.cover.bounds)
+        index = BallIndex.build(self.cover.centers, self.cover.radii, self.cover.bounds)
+        model = SplineModel(self.kernel, 1, Smoothing(smoothing))
         for _ in range(MAX_ITERATIONS):
-            fit = LocalSplines.fit(
-                self.cover, self.plane, self.heights, self.kernel, 1, Smoothing(smoothing), trust=weights
-            )
+            fit = fit_splines(self.cover, ScatteredData(self.plane, self.heights, weights), model)
             residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
             following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
             moved = float(np.max(np.abs(following - weights)))
@@ -120,16 +115,8 @@ class RobustHeight:
 
     def held_out_loss(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> float:
         """Return the mean Huber loss of heights predicted without the stretch of the leaf that they lie in."""
-        errors = held_out_errors(
-            self.cover,
-            self.plane,
-            self.heights,
-            stretches,
-            kernel=self.kernel,
-            degree=1,
-            smoothing=Smoothing(smoothing),
-            trust=weights,
-        )
+        data = ScatteredData(self.plane, self.heights, weights, stretches)
+        errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
         return float(np.mean(huber_loss(errors[~np.isnan(errors)], self.corner)))
 
 

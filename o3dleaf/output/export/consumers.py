@@ -1,7 +1,7 @@
 """Which program wants which format and unit, and the one function that serves them all."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import IO
@@ -10,26 +10,21 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks import FloatArray, as_values, require_choice, require_object_first
 from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.parallel import Progress
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.units import check_unit
-from o3dleaf.output.export.binary import write_ply, write_stl
-from o3dleaf.output.export.glb import write_glb
-from o3dleaf.output.export.labelled_mesh import AnyMesh, Surface, enclosed_volume
-from o3dleaf.output.export.text import write_obj, write_stl_solids
-from o3dleaf.output.export.vtk import write_vtp
+from o3dleaf.io.glb import write_glb
+from o3dleaf.io.labelled_mesh import AnyMesh
+from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
+from o3dleaf.io.obj import write_obj
+from o3dleaf.io.ply import write_ply
+from o3dleaf.io.stl import write_stl
+from o3dleaf.io.stl_text import write_stl_text
+from o3dleaf.io.vtk import write_vtp
 from o3dleaf.surface.mesh.topology import EdgeTable
 
-Writer = Callable[[IO[bytes], Surface, str, Progress | None], None]
-WRITERS: dict[str, Writer] = {
-    ".stl": write_stl,
-    ".ply": write_ply,
-    ".obj": write_obj,
-    ".glb": write_glb,
-    ".vtp": write_vtp,
-}
-SUFFIXES = tuple(WRITERS)
+SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
 """What a mesh can be exported as."""
 
 
@@ -49,7 +44,7 @@ class Consumer:
     single : bool
         STL is read in single precision: corners that fall together there make illegal triangles.
     solver : bool
-        Solves equations around or in the mesh, or meshes the space for one: of a model it gets a remeshed surface.
+        Solves equations around or in the mesh, or meshes the space for one: of a model it gets a remeshed mesh.
     """
 
     suffixes: tuple[str, ...]
@@ -69,18 +64,18 @@ CONSUMERS = {
     "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
 }
 """The programs that are known by name; docs/consumers has a page on each."""
+NO_UNIT = "no stated unit"
 
 
 def export_mesh(
-    path: str | PathLike[str],
     mesh: AnyMesh,
+    path: str | PathLike[str],
     *,
     labels: npt.ArrayLike | None = None,
     unit: str | None = None,
     to_unit: str | None = None,
     consumer: str | None = None,
     scalars: Mapping[str, npt.ArrayLike] | None = None,
-    progress: Progress | None = None,
 ) -> None:
     """Write a mesh for another program, by the suffix of the file's name; the file appears whole or not at all.
 
@@ -96,9 +91,9 @@ def export_mesh(
 
     Parameters
     ----------
-    path : path-like
     mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Not modified.
+    path : path-like
     labels : (m,) array_like of int, optional
         Of each triangle: 0 adaxial, 1 abaxial, 2 rim; by default those that the mesh brings.
     unit : str, optional
@@ -110,8 +105,6 @@ def export_mesh(
         The program that the file is for.
     scalars : dict of str to (n,) array_like, optional
         Values at the vertices, kept by .ply and .vtp.
-    progress : callable, optional
-        ``progress(done, total)``.
 
     Raises
     ------
@@ -121,44 +114,86 @@ def export_mesh(
     UnitError
         If lengths must be converted and the mesh's unit is not known.
     """
+    require_object_first(mesh, "export_mesh", "mesh")
     wanted = Consumer(SUFFIXES) if consumer is None else CONSUMERS[require_choice(consumer, CONSUMERS, "consumer")]
     target = require_writable(path, wanted.suffixes)
     suffix = target.suffix.lower()
     goal = check_unit(to_unit) or wanted.unit or ("m" if suffix == ".glb" else None)
     if suffix == ".glb" and goal != "m":
         raise UnitError(f"{target}: glTF is in metres by its definition; leave to_unit out")
-    surface = Surface.of(mesh, labels, unit, scalars)
-    if goal is not None and surface.unit is None:
+    given = MeshData.of(mesh, labels, unit)
+    values = {name: as_values(each, given.vertex_count, name) for name, each in (scalars or {}).items()}
+    if goal is not None and given.unit is None:
         raise UnitError(f"{target}: is to be in {goal}, but the unit of the mesh is not known; name it (unit='mm')")
     if wanted.closed:
-        _require_closed(surface, target)
-    writer = write_stl_solids if suffix == ".stl" and wanted.solids else WRITERS[suffix]
-    ready = surface.in_unit(goal)
+        _require_closed(given, target)
+    ready = given.in_unit(goal)
     if wanted.single and suffix == ".stl":
         _require_single(ready, target)
-    with whole_file(target) as temporary, temporary.open("wb") as out:
-        writer(out, ready if suffix == ".stl" else ready.with_normals(), target.stem, progress)
+    with whole_file(target) as temporary, temporary.open("r+b") as out:
+        if suffix == ".stl":
+            _write_stl(out, ready, target.stem, solids=wanted.solids)
+        else:
+            normals = vertex_normals(ready.vertices, ready.triangles)
+            _write(out, replace(ready, attributes={"normals": normals, **values}), target)
 
 
-def _require_closed(surface: Surface, target: Path) -> None:
+def _write_stl(out: IO[bytes], mesh: MeshData, name: str, *, solids: bool) -> None:
+    """Write STL: as text with named solids, or binary."""
+    if solids:
+        write_stl_text(out, mesh, name)
+    else:
+        write_stl(out, mesh, f"o3dleaf {name}, lengths in {mesh.unit or NO_UNIT}".encode("ascii", "replace"))
+
+
+def _write(out: IO[bytes], mesh: MeshData, target: Path) -> None:
+    """Write any other file by its suffix; what it is called and its unit stand in it."""
+    name, suffix = target.stem, target.suffix.lower()
+    if suffix == ".ply":
+        write_ply(out, mesh, (f"o3dleaf {name}", *unit_comment(mesh.unit)))
+    elif suffix == ".obj":
+        write_obj(out, mesh, (f"o3dleaf {name}, lengths in {mesh.unit or NO_UNIT}",), group=name)
+    elif suffix == ".glb":
+        write_glb(out, mesh, name)
+    else:
+        write_vtp(out, mesh, name)
+
+
+def _require_closed(mesh: MeshData, target: Path) -> None:
     """Raise `InputError` unless every edge has two triangles, run along once each way, around a positive volume."""
-    edges = EdgeTable.of(surface.triangles)
-    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent().sum())
+    edges = EdgeTable.of(mesh.triangles)
+    wrong = int((edges.count != 2).sum()) + int(edges.inconsistent.sum())
     if wrong:
         raise InputError(
             f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "
             "mesh the leaf with closed=True, or clean the mesh"
         )
-    if enclosed_volume(surface.vertices, surface.triangles) <= 0:
+    if enclosed_volume(mesh.vertices, mesh.triangles) <= 0:
         raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
 
 
-def _require_single(surface: Surface, target: Path) -> None:
+def _require_single(mesh: MeshData, target: Path) -> None:
     """Raise `InputError` if corners of a triangle fall together in single precision."""
-    corners = surface.vertices.astype(np.float32)[surface.triangles]
+    corners = mesh.vertices.astype(np.float32)[mesh.triangles]
     lost = int((corners == np.roll(corners, 1, axis=1)).all(axis=2).any(axis=1).sum())
     if lost:
         raise InputError(
             f"{target}: {lost:,} triangles collapse in single precision, in which STL is read; write .obj where the "
             "program takes it, clean or remesh the mesh, or move the origin to it"
         )
+
+
+def vertex_normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (n, 3) outward unit normals at vertices: the mean of their triangles', by area."""
+    vectors = face_vectors(vertices[triangles])
+    sums = np.empty_like(vertices)
+    for axis in range(3):
+        weights = np.repeat(vectors[:, axis], 3)
+        sums[:, axis] = np.bincount(triangles.ravel(), weights=weights, minlength=len(vertices))
+    return unit_rows(sums)
+
+
+def enclosed_volume(vertices: FloatArray, triangles: IntArray) -> float:
+    """Return the volume inside a closed mesh, negative where its faces look inwards: tetrahedra to its middle."""
+    corners = (vertices - vertices.mean(axis=0))[triangles]
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)

@@ -6,21 +6,23 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks import FloatArray, require_object_first, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import Progress, blocks, run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.units import check_unit, unit_scale
-from o3dleaf.io.labelled_mesh import LabelArray
-from o3dleaf.output.export.labelled_mesh import AnyMesh, Surface, face_vectors, unit_rows
+from o3dleaf.io.labelled_mesh import AnyMesh, LabelArray
+from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
+from o3dleaf.io.ply import write_ply_points
+from o3dleaf.io.vtk import Table, write_vtp_points
 from o3dleaf.output.export.particle_loops import assign_samples, crossings, thin_samples
-from o3dleaf.output.export.vtk import Table, write_vtp_points
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 FINER = 2
 """Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
-MOST_SAMPLES = 100_000_000
+MAX_SAMPLES = 100_000_000
 """Of 48 bytes each."""
 BLOCK = 1 << 14
 AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -28,7 +30,7 @@ SUFFIXES = (".ply", ".csv", ".vtp")
 """What particles can be written as."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Particles:
     """Points with what each of them stands for.
 
@@ -51,6 +53,11 @@ class Particles:
     labels: LabelArray | None = None
     unit: str | None = None
 
+    def __repr__(self) -> str:
+        where = "inside" if self.normals is None else "on a surface"
+        unit = "" if self.unit is None else f", unit {self.unit}"
+        return f"Particles({len(self.points):,} {where}{unit})"
+
 
 def sample_particles(
     mesh: AnyMesh,
@@ -59,7 +66,6 @@ def sample_particles(
     labels: npt.ArrayLike | None = None,
     unit: str | None = None,
     seed: int = 0,
-    progress: Progress | None = None,
 ) -> Particles:
     """Return particles on a surface, no two of one face nearer than `spacing`, none missing where one has room.
 
@@ -79,8 +85,6 @@ def sample_particles(
         Unit of the mesh.
     seed : int
         Of the order.
-    progress : callable, optional
-        ``progress(done, total)`` in samples, each of which is visited twice.
 
     Raises
     ------
@@ -88,10 +92,11 @@ def sample_particles(
         If the mesh is empty or without area, or the spacing is so small that the samples do not fit into memory.
     """
     step = require_positive(spacing, "spacing")
-    surface = Surface.of(mesh, labels, unit)
-    vectors = face_vectors(surface.vertices, surface.triangles)
+    surface = MeshData.of(mesh, labels, unit)
+    corners = surface.vertices[surface.triangles]
+    vectors = face_vectors(corners)
     normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
-    points, owner, shares = _samples(surface.vertices[surface.triangles], areas, step / FINER)
+    points, owner, shares = _samples(corners, areas, step / FINER)
     key, strides = _cubes(points, step)
     by_cell = np.argsort(key, kind="stable")
     points, owner, shares = points[by_cell], owner[by_cell], shares[by_cell]
@@ -106,15 +111,17 @@ def sample_particles(
     def task(start: int, stop: int) -> None:
         assign_samples(*samples, members, held, step, start, stop, nearest)
 
-    for start, stop in blocks(len(points), BLOCK):
-        thin_samples(*samples, order[start:stop], step, members, held)
-        if progress:
-            progress(stop, 2 * len(points))
-    run_blocks(task, len(points), BLOCK, progress and (lambda done, total: progress(total + done, 2 * total)))
+    thinning, assigning = progress.split(1, 1)
+    with thinning:
+        for start, stop in blocks(len(points), BLOCK):
+            thin_samples(*samples, order[start:stop], step, members, held)
+            progress.report(stop, len(points))
+    with assigning:
+        run_blocks(task, len(points), BLOCK, reports=True)
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
-    found = None if surface.labels is None else surface.labels[owner[kept]]
-    return Particles(points[kept], normals[owner[kept]], sizes, found, surface.unit)
+    own = None if surface.labels is None else surface.labels[owner[kept]]
+    return Particles(points[kept], normals[owner[kept]], sizes, own, surface.unit)
 
 
 def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:
@@ -138,15 +145,15 @@ def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[Float
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.maximum(np.ceil(longest / step), 1)
     total = float((parts**2).sum())
-    if total > MOST_SAMPLES:
+    if total > MAX_SAMPLES:
         raise InputError(f"spacing: so small that {total:.3g} samples are needed; give a larger one")
-    found = []
+    samples = []
     for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
         weights = _middles(int(k))
         points = np.einsum("sc,tcd->tsd", weights, corners[rows]).reshape(-1, 3)
-        found.append((points, np.repeat(rows, len(weights)), np.repeat(areas[rows] / len(weights), len(weights))))
-    together = [np.concatenate(each) for each in zip(*found, strict=True)]
+        samples.append((points, np.repeat(rows, len(weights)), np.repeat(areas[rows] / len(weights), len(weights))))
+    together = [np.concatenate(each) for each in zip(*samples, strict=True)]
     return together[0], together[1], together[2]
 
 
@@ -159,9 +166,7 @@ def _middles(k: int) -> FloatArray:
     return np.stack([first / k, second / k, 1 - (first + second) / k], axis=1)
 
 
-def fill_particles(
-    mesh: AnyMesh, step: float, *, unit: str | None = None, progress: Progress | None = None
-) -> Particles:
+def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Particles:
     """Return particles inside a closed mesh, at the middles of the cubes of edge `step` of one lattice of the world.
 
     Inside is told exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
@@ -175,8 +180,6 @@ def fill_particles(
         Distance of neighbours, in the mesh's unit; each particle's volume is step³.
     unit : str, optional
         Unit of the mesh.
-    progress : callable, optional
-        ``progress(done, total)`` in triangles.
 
     Raises
     ------
@@ -184,10 +187,10 @@ def fill_particles(
         If the mesh is open, or too thin for a particle at this step.
     """
     dp = require_positive(step, "step")
-    surface = Surface.of(mesh, None, unit)
+    surface = MeshData.of(mesh, None, unit)
     first, shape = _lattice(surface.vertices, dp)
     origin = (first + 0.5) * dp
-    column, height = columns_through(surface, origin, dp, shape, progress)
+    column, height = columns_through(surface, origin, dp, shape)
     # Between the crossing 2k and 2k + 1 of a column is inside.
     low = np.ceil((height[0::2] - origin[2]) / dp).astype(np.int64)
     high = np.ceil((height[1::2] - origin[2]) / dp).astype(np.int64)
@@ -209,7 +212,7 @@ def _lattice(vertices: FloatArray, step: float) -> tuple[FloatArray, tuple[int, 
 
 
 def columns_through(
-    surface: Surface, origin: FloatArray, step: float, shape: tuple[int, int, int], progress: Progress | None = None
+    mesh: MeshData, origin: FloatArray, step: float, shape: tuple[int, int, int]
 ) -> tuple[IntArray, FloatArray]:
     """Return columns (i · ny + j) and heights of their crossings with a closed mesh, column by column, upwards.
 
@@ -218,26 +221,26 @@ def columns_through(
     InputError
         If the mesh is open.
     """
-    if (EdgeTable.of(surface.triangles).count != 2).any():
+    if (EdgeTable.of(mesh.triangles).count != 2).any():
         raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
-    vertices, triangles = surface.vertices, surface.triangles
-    found: dict[int, tuple[IntArray, FloatArray]] = {}
+    vertices, triangles = mesh.vertices, mesh.triangles
+    crossed: dict[int, tuple[IntArray, FloatArray]] = {}
 
     def task(start: int, stop: int) -> None:
         none = np.empty(0, dtype=np.int64), np.empty(0)
         count = crossings(vertices, triangles, origin, step, shape, start, stop, *none)
         kept = np.empty(count, dtype=np.int64), np.empty(count)
         crossings(vertices, triangles, origin, step, shape, start, stop, *kept)
-        found[start] = kept
+        crossed[start] = kept
 
-    run_blocks(task, len(triangles), BLOCK, progress)
-    column = np.concatenate([found[start][0] for start in sorted(found)])
-    height = np.concatenate([found[start][1] for start in sorted(found)])
+    run_blocks(task, len(triangles), BLOCK, reports=True)
+    column = np.concatenate([crossed[start][0] for start in sorted(crossed)])
+    height = np.concatenate([crossed[start][1] for start in sorted(crossed)])
     order = np.lexsort((height, column))
     return column[order], height[order]
 
 
-def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit: str | None = None) -> None:
+def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit: str | None = None) -> None:
     """Write particles: binary PLY or VTP with every digit, or CSV; the file appears whole or not at all.
 
     Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label, where there are labels. Lengths,
@@ -245,8 +248,8 @@ def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit
 
     Parameters
     ----------
-    path : path-like
     particles : Particles
+    path : path-like
     to_unit : str, optional
         Unit of the file; that of the particles by default.
 
@@ -257,6 +260,7 @@ def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit
     UnitError
         If lengths must be converted and the particles' unit is not known.
     """
+    require_object_first(particles, "export_particles", "particles")
     target = require_writable(path, SUFFIXES)
     unit = particles.unit if to_unit is None else check_unit(to_unit)
     scale = unit_scale(particles.unit, unit)
@@ -264,7 +268,7 @@ def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit
     size, power = ("area", 2) if on_surface else ("volume", 3)
     table = {size: particles.sizes * scale**power}
     note = f"o3dleaf particles, unit {unit or 'not stated'}"
-    with whole_file(target) as temporary, temporary.open("wb") as out:
+    with whole_file(target) as temporary, temporary.open("r+b") as out:
         if target.suffix.lower() == ".vtp":
             extra: Table = {} if particles.normals is None else {"Normals": particles.normals}
             extra = {**extra, **table, **({} if particles.labels is None else {"label": particles.labels})}
@@ -276,7 +280,10 @@ def export_particles(path: str | PathLike[str], particles: Particles, *, to_unit
         columns |= table
         if particles.labels is not None:
             columns["label"] = particles.labels
-        out.write(_csv(columns, note) if target.suffix.lower() == ".csv" else _ply(columns, unit))
+        if target.suffix.lower() == ".csv":
+            out.write(_csv(columns, note))
+        else:
+            write_ply_points(out, columns, unit_comment(unit))
 
 
 def _csv(columns: dict[str, npt.NDArray[np.generic]], note: str) -> bytes:
@@ -284,16 +291,3 @@ def _csv(columns: dict[str, npt.NDArray[np.generic]], note: str) -> bytes:
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
     return f"# {note}\n{','.join(columns)}\n{text}".encode()
-
-
-def _ply(columns: dict[str, npt.NDArray[np.generic]], unit: str | None) -> bytes:
-    """Return a binary PLY of points."""
-    kinds = {"f": ("double", "<f8"), "u": ("uchar", "u1")}
-    count = len(columns["x"])
-    records = np.empty(count, dtype=[(name, kinds[column.dtype.kind][1]) for name, column in columns.items()])
-    for name, column in columns.items():
-        records[name] = column
-    lines = ["ply", "format binary_little_endian 1.0", *([f"comment unit {unit}"] if unit else [])]
-    lines += [f"element vertex {count}"]
-    lines += [f"property {kinds[column.dtype.kind][0]} {name}" for name, column in columns.items()]
-    return "\n".join([*lines, "end_header", ""]).encode() + records.tobytes()

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from o3dleaf.core import journal
-from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, O3DLeafError
@@ -158,16 +158,6 @@ def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[l
     if not (suffixes and wanted):
         raise InputError("formats, only: ask for nothing; name a format and a figure, or leave them out")
     return suffixes, wanted
-
-
-def make_folder(folder: str | PathLike[str]) -> Path:
-    """Return the folder, made if it was not there, or raise `InputError`."""
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
-    return target
 
 
 def _write_captions(path: Path, captions: list[str], drawn: Drawn) -> Drawn:

@@ -30,11 +30,11 @@ SMALL = 26
 
 def draw_closeup(inspection: Inspection, place: Place, number: int) -> str:
     """Return a figure of a place: picture, outlines, and a caption with what and where it is."""
-    anatomy, kind = inspection.anatomy, KINDS[place.kind]
+    measurements, kind = inspection.measurements, KINDS[place.kind]
     camera = look_at(inspection, place)
-    triangles = anatomy.triangles[place.window]
+    triangles = measurements.triangles[place.window]
     used, corner = np.unique(triangles, return_inverse=True)
-    vertices, triangles = anatomy.vertices[used], corner.reshape(-1, 3)
+    vertices, triangles = measurements.vertices[used], corner.reshape(-1, 3)
     chosen = np.isin(place.window, place.rows)
     if place.kind == "duplicate":
         # Which of two that lie in one place is seen is chance: both are in color.
@@ -88,34 +88,34 @@ def _outlines(camera: Camera, corners: FloatArray, color: str) -> list[str]:
 
 def _broken(inspection: Inspection, place: Place, camera: Camera) -> list[str]:
     """Return the edges or vertices in which the defect lies: open ones, shared by too many, bow-ties."""
-    anatomy = inspection.anatomy
-    triangles = anatomy.triangles[place.window]
+    measurements = inspection.measurements
+    triangles = measurements.triangles[place.window]
     if place.kind == "nonmanifold_vertex":
-        names = np.unique(triangles[anatomy.bowtie[triangles]])
-        dots = camera.project(anatomy.vertices[names], SIZE)
+        names = np.unique(triangles[measurements.bowtie[triangles]])
+        dots = camera.project(measurements.vertices[names], SIZE)
         return [f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="6"/>' for x, y in dots]
     if place.kind not in {"hole", "boundary", "nonmanifold_edge"}:
         return []
     ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges, count = np.unique(ends, axis=0, return_counts=True)
     # The window holds all triangles of the vertices near its middle: their edges are counted in full.
-    full = (np.linalg.norm(anatomy.vertices[edges] - place.center, axis=2) < 1.3 * place.radius).any(axis=1)
+    full = (np.linalg.norm(measurements.vertices[edges] - place.center, axis=2) < 1.3 * place.radius).any(axis=1)
     wanted = edges[full & ((count > 2) if place.kind == "nonmanifold_edge" else (count == 1))]
-    lines = camera.project(anatomy.vertices[wanted].reshape(-1, 3), SIZE).reshape(-1, 2, 2)
+    lines = camera.project(measurements.vertices[wanted].reshape(-1, 3), SIZE).reshape(-1, 2, 2)
     drawn = " ".join(f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" for a, b in lines)
     return [f'<path class="edge" d="{drawn}"/>'] if drawn else []
 
 
 def _caption(inspection: Inspection, place: Place, number: int, camera: Camera) -> str:
     """Return number, kind, place and figures of a close-up, and the way there in the interactive view."""
-    anatomy, report, kind = inspection.anatomy, inspection.report, KINDS[place.kind]
-    first = place.rows[np.argmin(anatomy.smallest_angle[place.rows])]
+    measurements, report, kind = inspection.measurements, inspection.report, KINDS[place.kind]
+    first = place.rows[np.argmin(measurements.smallest_angle[place.rows])]
     # Digits as fine as what is shown: no 1e-16 where 0 is meant.
     digits = max(0, 2 - int(np.floor(np.log10(place.radius))))
     where = ", ".join(f"{each + 0.0:.{digits}f}" for each in np.round(place.center, digits)) + unit_of(
         "length", report.unit
     )
-    angle = in_words("min_angle_deg", float(anatomy.smallest_angle[first]), None)
+    angle = in_words("min_angle_deg", float(measurements.smallest_angle[first]), None)
     several = f"{len(place.rows)} triangles, the sharpest" if len(place.rows) > 1 else "triangle"
     way = escape(json.dumps([place.center.tolist(), camera.toward.tolist(), place.radius]), quote=True)
     return (

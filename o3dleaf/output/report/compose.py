@@ -13,8 +13,8 @@ from o3dleaf.output.report.closeups import draw_closeup
 from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
 from o3dleaf.output.report.page import Section, as_data, figures_tables, viewer_section, write_page
 from o3dleaf.output.report.places import KINDS, find_places
-from o3dleaf.output.report.reduce import Reduced, reduce_mesh
-from o3dleaf.output.report.requirements import Verdict
+from o3dleaf.output.report.reduce import ReducedMesh, reduce_mesh
+from o3dleaf.output.report.requirements import CheckResult
 from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.report.viewer import angle_colors, viewer_data
 from o3dleaf.output.report.words import in_words, unit_of
@@ -29,7 +29,7 @@ TURNED = 300_000
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
 
 
-def compose_page(inspection: Inspection, verdict: Verdict, points: FloatArray | None, title: str) -> str:
+def compose_page(inspection: Inspection, verdict: CheckResult, points: FloatArray | None, title: str) -> str:
     """Return the page of a mesh; `points` are those of the scan, if there is one."""
     report = inspection.report
     sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
@@ -53,10 +53,10 @@ def _can_be_drawn(inspection: Inspection) -> bool:
 
 def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section]:
     """Return the sections of pictures, close-ups, maps and the interactive view."""
-    anatomy, report = inspection.anatomy, inspection.report
+    measurements, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
-        drawn = reduce_mesh(anatomy.vertices, anatomy.triangles, DRAWN)
-        turned = reduce_mesh(anatomy.vertices, anatomy.triangles, TURNED)
+        drawn = reduce_mesh(measurements.vertices, measurements.triangles, DRAWN)
+        turned = reduce_mesh(measurements.vertices, measurements.triangles, TURNED)
     with journal.stage("places"):
         places = find_places(inspection)
         closeups = list[str]()
@@ -94,7 +94,7 @@ def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section
     return [*sections, Section("view", "Interactive view", view)]
 
 
-def _reduced_note(reduced: Reduced, unit: str | None) -> str:
+def _reduced_note(reduced: ReducedMesh, unit: str | None) -> str:
     """Return a sentence if what is drawn is not the mesh itself."""
     if not reduced.is_less:
         return ""
@@ -105,7 +105,7 @@ def _reduced_note(reduced: Reduced, unit: str | None) -> str:
     )
 
 
-def _maps(inspection: Inspection, drawn: Reduced, points: FloatArray | None) -> str:
+def _maps(inspection: Inspection, drawn: ReducedMesh, points: FloatArray | None) -> str:
     """Return the maps of the deviations that were measured."""
     unit, figures = inspection.report.unit, list[str]()
     found: list[tuple[Colors | None, str]] = [
@@ -137,9 +137,9 @@ def _defects_table(inspection: Inspection) -> str:
     return table + note
 
 
-def _charts(inspection: Inspection, verdict: Verdict) -> str:
+def _charts(inspection: Inspection, verdict: CheckResult) -> str:
     """Return the histograms of angles, edges and deviations."""
-    report, anatomy, deviation = inspection.report, inspection.anatomy, inspection.deviation
+    report, measurements, deviation = inspection.report, inspection.measurements, inspection.deviation
     if not report.triangles:
         return ""
     limits = {each.requirement.rule.attribute: each.requirement.wanted for each in verdict.findings}
@@ -164,7 +164,7 @@ def _charts(inspection: Inspection, verdict: Verdict) -> str:
         ),
         Histogram.of_lengths(
             "edge lengths",
-            anatomy.edge_length,
+            measurements.edge_length,
             report.unit,
             [*marks("shortest_edge", "length"), *marks("longest_edge", "length")],
         ),

@@ -1,31 +1,23 @@
 """A mesh examined: its figures, whether it is what it must be, and the page and the JSON that say so."""
 
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.atomic_files import require_writable, whole_file, write_json
+from o3dleaf.core.checks import FloatArray, require_object_first
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
-from o3dleaf.core.journal import Journal
+from o3dleaf.core.journal import stage
 from o3dleaf.core.mesh_arrays import MeshLike
-from o3dleaf.core.units import check_unit
-from o3dleaf.io.point_cloud import read_point_cloud
-from o3dleaf.io.triangle_mesh import read_triangle_mesh
-from o3dleaf.leaf.models import load
 from o3dleaf.output.report.compose import compose_page
-from o3dleaf.output.report.describe import write_json
-from o3dleaf.output.report.requirements import Verdict, judge, parse_requirements, require_inputs
-from o3dleaf.output.report.words import in_words
+from o3dleaf.output.report.requirements import CheckResult, check_report, parse_requirements, require_inputs
 from o3dleaf.surface.mesh.inspection import Inspection, inspect_mesh
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Examination:
     """What was found of a mesh.
 
@@ -33,14 +25,18 @@ class Examination:
     ----------
     inspection : Inspection
         Its `report` has the figures.
-    verdict : Verdict
+    result : CheckResult
+        What the requirements say to them.
     points : (k, 3) ndarray, optional
         The scan it was measured against, in the mesh's unit.
     """
 
     inspection: Inspection
-    verdict: Verdict
+    result: CheckResult
     points: FloatArray | None = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.inspection.report.triangles:,} triangles, {self.result})"
 
     @classmethod
     def of(
@@ -51,44 +47,40 @@ class Examination:
         cloud: CloudLike | None = None,
         unit: str | None = None,
         require: str = "",
-        journal: Journal | None = None,
     ) -> "Examination":
         """Examine a mesh; the arguments are those of `write_report`."""
-        requirements = parse_requirements(require) if require.strip() else ()
-        require_inputs(requirements, {"field": field is not None, "cloud": cloud is not None})
+        require_inputs(parse_requirements(require), {"field": field is not None, "cloud": cloud is not None})
         points = None if cloud is None else points_of(cloud, "cloud", least=2)
-        with (journal or Journal()).stage("figures") as progress:
-            inspection = inspect_mesh(mesh, field, points, unit, progress)
-        return cls(inspection, judge(inspection.report, requirements), points)
+        with stage("figures"):
+            inspection = inspect_mesh(mesh, field, points, unit)
+        return cls(inspection, check_report(inspection.report, require), points)
 
     @cached_property
     def figures(self) -> dict[str, Any]:
         """The figures of the report and the verdict as one flat dictionary, ready for JSON."""
-        return self.inspection.report.to_dict() | self.verdict.to_dict()
+        return self.inspection.report.to_dict() | self.result.to_dict()
 
     def write_json(self, path: str | PathLike[str]) -> None:
         """Write the figures and the verdict as one flat JSON object, whole or not at all."""
-        write_json(path, self.figures)
+        write_json(self.figures, path)
 
-    def write_html(self, path: str | PathLike[str], title: str, journal: Journal | None = None) -> None:
+    def write_html(self, path: str | PathLike[str], title: str) -> None:
         """Write the page, whole or not at all."""
-        with journal or nullcontext():
-            page = compose_page(self.inspection, self.verdict, self.points, title)
+        page = compose_page(self.inspection, self.result, self.points, title)
         with whole_file(path) as temporary:
             temporary.write_text(page, encoding="utf-8")
 
 
 def write_report(
-    path: str | PathLike[str],
     mesh: MeshLike,
+    path: str | PathLike[str],
     *,
     field: Field | None = None,
     cloud: CloudLike | None = None,
     unit: str | None = None,
     require: str = "",
     title: str = "Mesh",
-    journal: Journal | None = None,
-) -> Verdict:
+) -> CheckResult:
     """Write a report on a mesh as one HTML file that needs no network, or as JSON, by the suffix of the name.
 
     The page has the verdict, every figure of `mesh_report`, histograms, the mesh from several sides,
@@ -99,10 +91,10 @@ def write_report(
 
     Parameters
     ----------
-    path : path-like
-        A .html or .json file.
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Not modified.
+    path : path-like
+        A .html or .json file.
     field : Field, optional
         What the mesh is a surface of.
     cloud : (n, 3) array_like or Open3D point cloud, optional
@@ -110,76 +102,27 @@ def write_report(
     unit : str, optional
         The unit of the vertices ("mm", "um", ...); that of the field by default.
     require : str
-        What the mesh must be, "watertight,components=1,min-angle=10"; see `check_mesh`.
+        What the mesh must be, "watertight,components=1,min-angle=10"; see `check_report`.
     title : str
         The page's heading.
-    journal : Journal, optional
-        Told of the stages.
 
     Returns
     -------
-    Verdict
+    CheckResult
 
     Raises
     ------
     InputError, UnitError
-        If it is no mesh, a requirement or the unit is unknown, or the file is of another kind.
+        If the first argument is no mesh, a requirement or the unit is unknown, or the file is of another kind.
     """
+    require_object_first(mesh, "write_report", "mesh")
     target = require_writable(path, (".html", ".htm", ".json"))
-    found = Examination.of(mesh, field=field, cloud=cloud, unit=unit, require=require, journal=journal)
+    examined = Examination.of(mesh, field=field, cloud=cloud, unit=unit, require=require)
     if target.suffix.lower() == ".json":
-        found.write_json(target)
+        examined.write_json(target)
     else:
-        found.write_html(target, title, journal)
-    return found.verdict
-
-
-def examine_files(
-    mesh: Path,
-    *,
-    field: Path | None = None,
-    cloud: Path | None = None,
-    unit: str | None = None,
-    require: str = "",
-    html: Path | None = None,
-    journal: Journal,
-) -> Examination:
-    """Examine the mesh of a file against the model and the scan of others, and write the page if one is asked for.
-
-    Raises
-    ------
-    InputError, UnitError
-        If a file is not what it should be, a requirement is unknown or needs one that is not given,
-        or a file could not be written.
-    """
-    requirements = parse_requirements(require) if require.strip() else ()
-    require_inputs(requirements, {"field": field is not None, "cloud": cloud is not None})
-    check_unit(unit)
-    if html is not None:
-        require_writable(html, (".html", ".htm"))
-    with journal.stage("read"):
-        read = read_triangle_mesh(mesh)
-        model = None if field is None else require_field(load(field), str(field))
-        scan = None if cloud is None else read_point_cloud(cloud, least=2)
-    found = Examination.of(read, field=model, cloud=scan, unit=unit, require=require, journal=journal)
-    if html is not None:
-        found.write_html(html, mesh.name, journal)
-    return found
-
-
-def verdict_lines(found: Examination, *, figures: bool = True) -> list[str]:
-    """Return what a terminal shows: the figures, each failure in a line, the verdict."""
-    report, verdict = found.inspection.report, found.verdict
-    lines = [
-        f"{name:>24}  {in_words(name, value, report.unit)}"
-        for name, value in report.to_dict().items()
-        if figures and value is not None and name != "angle_histogram"
-    ]
-    lines += [f"{'not met':>24}  {each}" for each in verdict.failures]
-    met = (
-        f" ({len(verdict.findings) - len(verdict.failures)} of {len(verdict.findings)} met)" if verdict.findings else ""
-    )
-    return [*lines, f"{'verdict':>24}  {verdict.word}{met}"]
+        examined.write_html(target, title)
+    return examined.result
 
 
 def require_field(model: object, name: str) -> Field:

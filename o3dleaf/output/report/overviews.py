@@ -11,8 +11,8 @@ from scipy.spatial import KDTree
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.output.report.places import KINDS, Place
-from o3dleaf.output.report.reduce import Reduced
-from o3dleaf.output.report.shots import Colors, Shot, leaf_green, shoot
+from o3dleaf.output.report.reduce import ReducedMesh
+from o3dleaf.output.report.shots import Colors, Picture, leaf_green, shoot
 from o3dleaf.output.report.words import unit_of
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.surface.mesh.inspection import Inspection
@@ -34,7 +34,7 @@ class Side(NamedTuple):
     view: View
 
 
-def sides_of(reduced: Reduced) -> list[Side]:
+def sides_of(reduced: ReducedMesh) -> list[Side]:
     """Return the sides that the mesh is looked at from: both faces, a long edge, an end, and a corner."""
     front = Camera.framing(reduced.vertices, reduced.triangles, View(tilt=0.0))
 
@@ -56,7 +56,7 @@ def sides_of(reduced: Reduced) -> list[Side]:
     ]
 
 
-def draw_sides(reduced: Reduced, places: list[Place], unit: str | None) -> str:
+def draw_sides(reduced: ReducedMesh, places: list[Place], unit: str | None) -> str:
     """Return the figures of the mesh from its sides, the first two with the places marked."""
     scene = o3d.t.geometry.RaycastingScene()
     middle = reduced.vertices.mean(axis=0)
@@ -72,7 +72,7 @@ def draw_sides(reduced: Reduced, places: list[Place], unit: str | None) -> str:
     return "\n".join(figures)
 
 
-def _frame(reduced: Reduced, view: View, colors: Colors | None = None) -> Shot:
+def _frame(reduced: ReducedMesh, view: View, colors: Colors | None = None) -> Picture:
     """Return the picture of the whole mesh, as wide as its shape asks for."""
     own = Camera.framing(reduced.vertices, reduced.triangles, view)
     width = WIDE if own.width > 1.9 * own.height else HALF
@@ -82,7 +82,7 @@ def _frame(reduced: Reduced, view: View, colors: Colors | None = None) -> Shot:
     return shoot(reduced.vertices, reduced.triangles, paint, camera, (width, height))
 
 
-def _figure(picture: str, caption: str, shot: Shot) -> str:
+def _figure(picture: str, caption: str, shot: Picture) -> str:
     """Return a figure, over the whole line if it is a wide one."""
     kind = "wide" if shot.size[0] == WIDE else "half"
     return f'<figure class="{kind}">{picture}<figcaption>{escape(caption)}</figcaption></figure>'
@@ -99,7 +99,7 @@ def _hidden(
     return [bool(each) for each in scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()]
 
 
-def _markers(shot: Shot, places: list[Place], hidden: list[bool]) -> list[str]:
+def _markers(shot: Picture, places: list[Place], hidden: list[bool]) -> list[str]:
     """Return a ring at each place and its number beside it, no number over another."""
     ink, taken = list[str](), list[FloatArray]()
     if not places:
@@ -135,7 +135,7 @@ def _free_spot(dot: FloatArray, taken: list[FloatArray], dots: FloatArray, size:
     return best
 
 
-def field_colors(inspection: Inspection, reduced: Reduced) -> Colors | None:
+def field_colors(inspection: Inspection, reduced: ReducedMesh) -> Colors | None:
     """Return the distances to the field as colors on a reduced mesh, None without a field."""
     found = inspection.deviation.to_field
     if found is None:
@@ -143,7 +143,7 @@ def field_colors(inspection: Inspection, reduced: Reduced) -> Colors | None:
     return _colors(reduced.worst(found), f"distance to the field{_unit(inspection)}", "viridis")
 
 
-def scan_colors(inspection: Inspection, reduced: Reduced, points: FloatArray | None) -> Colors | None:
+def scan_colors(inspection: Inspection, reduced: ReducedMesh, points: FloatArray | None) -> Colors | None:
     """Return for each vertex how far the nearest point of the scan is from the mesh; NaN where none is near."""
     deviation = inspection.deviation
     if points is None or deviation.from_scan is None or deviation.spacing is None:
@@ -167,7 +167,7 @@ def _unit(inspection: Inspection) -> str:
     return f", {unit}" if unit else ""
 
 
-def draw_map(reduced: Reduced, colors: Colors, unit: str | None, caption: str) -> str:
+def draw_map(reduced: ReducedMesh, colors: Colors, unit: str | None, caption: str) -> str:
     """Return two figures of the mesh in colors, from both faces."""
     figures = list[str]()
     for side in sides_of(reduced)[:2]:

@@ -7,9 +7,9 @@ from importlib.resources import files
 from typing import Any, NamedTuple
 
 from o3dleaf.output.report.places import KINDS
-from o3dleaf.output.report.requirements import Verdict
+from o3dleaf.output.report.requirements import CheckResult
 from o3dleaf.output.report.viewer import as_json, viewer_script
-from o3dleaf.output.report.words import FIGURES, TABLES, figure_of, in_words
+from o3dleaf.output.report.words import QUANTITIES, TABLES, in_words, quantity_of
 
 HEAD = """<!DOCTYPE html>
 <html lang="en">
@@ -38,7 +38,7 @@ class Section(NamedTuple):
     body: str
 
 
-def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
+def write_page(title: str, verdict: CheckResult, sections: Sequence[Section], footer: str, *, lead: str = "") -> str:
     """Return the page of a title, a verdict and sections."""
     style = (files("o3dleaf.output.report") / "assets" / "page.css").read_text(encoding="utf-8")
     links = "".join(f'<a href="#{each.name}">{escape(each.heading)}</a>' for each in sections)
@@ -54,7 +54,7 @@ def write_page(title: str, verdict: Verdict, sections: Sequence[Section], footer
     return "\n".join([*parts, f"<footer>{footer}</footer>", "</body>", "</html>", ""])
 
 
-def requirements_table(verdict: Verdict) -> str:
+def requirements_table(verdict: CheckResult) -> str:
     """Return the table of what was required and found."""
     if not verdict.findings:
         return '<p class="note">Nothing was required of this mesh; the figures below are what it is.</p>'
@@ -72,8 +72,11 @@ def figures_tables(figures: Mapping[str, Any], unit: str | None) -> str:
     """Return every figure of a report in tables by topic; each exact value stands in its data element."""
     tables = list[str]()
     for table in TABLES:
-        order = [*(name for name in FIGURES if name in figures), *(name for name in figures if name not in FIGURES)]
-        chosen = {name: figures[name] for name in order if figure_of(name).table == table}
+        order = [
+            *(name for name in QUANTITIES if name in figures),
+            *(name for name in figures if name not in QUANTITIES),
+        ]
+        chosen = {name: figures[name] for name in order if quantity_of(name).table == table}
         rows = "".join(_row(name, value, unit) for name, value in chosen.items())
         # What nothing was measured against has a table of its own, all blanks: not shown.
         if any(value is not None for value in chosen.values()):
@@ -83,7 +86,7 @@ def figures_tables(figures: Mapping[str, Any], unit: str | None) -> str:
 
 def _row(name: str, value: Any, unit: str | None) -> str:
     """Return a figure as a row."""
-    return f"<tr><td>{figure_of(name).label}</td><td>{as_data(name, value, in_words(name, value, unit))}</td></tr>"
+    return f"<tr><td>{quantity_of(name).label}</td><td>{as_data(name, value, in_words(name, value, unit))}</td></tr>"
 
 
 def as_data(name: str, value: Any, words: str) -> str:

@@ -93,7 +93,7 @@ def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[In
     """Return rows of triangles that hang together by vertices, the largest group first or as they come."""
     if not len(rows):
         return []
-    names, corner = np.unique(inspection.anatomy.triangles[rows], return_inverse=True)
+    names, corner = np.unique(inspection.measurements.triangles[rows], return_inverse=True)
     corner = corner.reshape(-1, 3)
     pairs = np.concatenate([corner[:, 0], corner[:, 1]]), np.concatenate([corner[:, 1], corner[:, 2]])
     label = label_nodes(*pairs, len(names))[corner[:, 0]]
@@ -107,26 +107,26 @@ def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[In
 
 def _middle(inspection: Inspection, rows: IntArray) -> tuple[FloatArray, float]:
     """Return the middle of some triangles and their radius about it."""
-    corners = inspection.anatomy.vertices[inspection.anatomy.triangles[rows]].reshape(-1, 3)
+    corners = inspection.measurements.vertices[inspection.measurements.triangles[rows]].reshape(-1, 3)
     center = (corners.min(axis=0) + corners.max(axis=0)) / 2
     return center, float(np.linalg.norm(corners - center, axis=1).max())
 
 
 def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -> Place:
     """Return the window around a group of triangles, or around its first where the group is too wide to show."""
-    anatomy, report = inspection.anatomy, inspection.report
+    measurements, report = inspection.measurements, inspection.report
     center, radius = _middle(inspection, group)
     if kind != "stray" and len(group) > 1 and radius > WIDE * report.median_edge:
         center, radius = _middle(inspection, group[:1])
         group = group[:1]
-    corners = anatomy.vertices[anatomy.triangles[group]]
+    corners = measurements.vertices[measurements.triangles[group]]
     longest = float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max())
     size = max(
         WHOLE * radius, NEAR * min(longest, radius), 2 * report.median_edge if longest < report.median_edge else 0.0
     )
     size = size or 1.0
-    near = np.linalg.norm(anatomy.vertices - center, axis=1) < 1.3 * size
-    inside = near[anatomy.triangles].any(axis=1)
+    near = np.linalg.norm(measurements.vertices - center, axis=1) < 1.3 * size
+    inside = near[measurements.triangles].any(axis=1)
     inside[group] = True
     window = np.flatnonzero(inside)
     return Place(kind, np.union1d(group, np.intersect1d(rows, window)), window, center, size)
@@ -134,18 +134,20 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
 
 def look_at(inspection: Inspection, place: Place) -> Camera:
     """Return the camera from which most of a place's triangles are seen, rather from above than from the side."""
-    anatomy = inspection.anatomy
-    corners = anatomy.vertices[anatomy.triangles[place.rows]]
+    measurements = inspection.measurements
+    corners = measurements.vertices[measurements.triangles[place.rows]]
     # Of the surface around, not of what may be flipped or stand out of it.
-    toward = _normal(anatomy.vertices[anatomy.triangles[place.window]])
+    toward = _normal(measurements.vertices[measurements.triangles[place.window]])
     if toward is None:
-        toward = _thinnest(anatomy.vertices[anatomy.triangles[place.window]].reshape(-1, 3))
+        toward = _thinnest(measurements.vertices[measurements.triangles[place.window]].reshape(-1, 3))
     helper = np.eye(3)[np.argmin(np.abs(toward))]
     right = np.cross(helper, toward)
     right /= np.linalg.norm(right)
     up = np.cross(toward, right)
     scene = o3d.t.geometry.RaycastingScene()
-    around = (anatomy.vertices[anatomy.triangles[place.window]] - place.center).astype(np.float32).reshape(-1, 3)
+    around = (
+        (measurements.vertices[measurements.triangles[place.window]] - place.center).astype(np.float32).reshape(-1, 3)
+    )
     scene.add_triangles(
         o3d.core.Tensor.from_numpy(around),
         o3d.core.Tensor.from_numpy(np.arange(len(around), dtype=np.uint32).reshape(-1, 3)),

@@ -15,7 +15,7 @@ ENOUGH = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class ReducedMesh:
     """A mesh to look at, and where each vertex of the full one went.
 
     Attributes
@@ -50,7 +50,7 @@ class Reduced:
         return found
 
 
-def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduced:
+def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> ReducedMesh:
     """Return a mesh of at most `budget` triangles that looks alike, or the mesh itself if it has no more.
 
     Vertices in one cell of a cubic grid become one, at their mean; triangles that lost a corner go,
@@ -67,10 +67,10 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
         used = np.zeros(len(vertices), dtype=bool)
         used[triangles] = True
         cluster = np.where(used, np.cumsum(used) - 1, -1)
-        return Reduced(vertices[used], cluster[triangles].reshape(-1, 3), cluster, 0.0, len(triangles))
+        return ReducedMesh(vertices[used], cluster[triangles].reshape(-1, 3), cluster, 0.0, len(triangles))
     step = float(np.sqrt(3 * triangle_areas(vertices, triangles).sum() / budget))
     step = max(step, 1e-6 * float(np.ptp(vertices, axis=0).max()))
-    best: Reduced | None = None
+    best: ReducedMesh | None = None
     for _ in range(TRIALS):
         found = _cluster(vertices, triangles, step)
         count = len(found.triangles)
@@ -86,7 +86,7 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
     return best
 
 
-def _cluster(vertices: FloatArray, triangles: IntArray, step: float) -> Reduced:
+def _cluster(vertices: FloatArray, triangles: IntArray, step: float) -> ReducedMesh:
     """Return the mesh whose vertices are the cells of a grid of this step."""
     used = np.zeros(len(vertices), dtype=bool)
     used[triangles] = True
@@ -107,4 +107,4 @@ def _cluster(vertices: FloatArray, triangles: IntArray, step: float) -> Reduced:
     order = np.lexsort(turned.T)
     fresh = np.ones(len(order), dtype=bool)
     fresh[1:] = (np.diff(turned[order], axis=0) != 0).any(axis=1)
-    return Reduced(mean, moved[np.sort(order[fresh])], cluster, step, len(triangles))
+    return ReducedMesh(mean, moved[np.sort(order[fresh])], cluster, step, len(triangles))

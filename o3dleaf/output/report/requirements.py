@@ -1,4 +1,4 @@
-"""What a mesh must be, in words, and whether it is: "watertight,components=1,min-angle=10"."""
+"""Requirements of a mesh, in words, and whether it meets them: "watertight,components=1,min-angle=10"."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.output.report.words import figure_of, in_words
+from o3dleaf.output.report.words import in_words, quantity_of
 from o3dleaf.surface.mesh.mesh_report import MeshReport
 
 LIMITS = {"count": np.inf, "degrees": 180.0, "share": 1.0, "length": np.inf}
@@ -97,7 +97,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a requirement found.
+    """What was found of one requirement.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CheckResult:
     """Whether a mesh is what it must be.
 
     Attributes
@@ -127,6 +127,13 @@ class Verdict:
     """
 
     findings: tuple[Finding, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self})"
+
+    def __str__(self) -> str:
+        count = len(self.findings)
+        return f"{self.word} ({count - len(self.failures)} of {count} met)" if count else self.word
 
     @property
     def passed(self) -> bool:
@@ -153,7 +160,7 @@ class Verdict:
 
 
 def parse_requirements(text: str) -> tuple[Requirement, ...]:
-    """Return the requirements of a text: names, or names with a number, between commas.
+    """Return the requirements of a text: names, or names with a number, between commas; none of a blank one.
 
     ::
 
@@ -170,7 +177,7 @@ def parse_requirements(text: str) -> tuple[Requirement, ...]:
     InputError
         If a name is unknown or named twice, a number is missing, too many, or not one that can be.
     """
-    words = [word.strip() for word in text.split(",")]
+    words = [word.strip() for word in text.split(",")] if text.strip() else []
     found = tuple(_parse_one(word) for word in words)
     names = [each.name for each in found]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -207,7 +214,7 @@ def _number(text: str) -> float:
         return np.nan
 
 
-def check_mesh(report: MeshReport, require: str) -> Verdict:
+def check_report(report: MeshReport, require: str) -> CheckResult:
     """Return whether a mesh is what it must be, requirement by requirement.
 
     Parameters
@@ -220,7 +227,7 @@ def check_mesh(report: MeshReport, require: str) -> Verdict:
 
     Returns
     -------
-    Verdict
+    CheckResult
         Its `passed`, and its `failures` with what was wanted and what was found.
 
     Raises
@@ -232,15 +239,11 @@ def check_mesh(report: MeshReport, require: str) -> Verdict:
     --------
     >>> import o3dleaf as o3l, open3d as o3d
     >>> report = o3l.mesh_report(o3d.geometry.TriangleMesh.create_box())
-    >>> o3l.check_mesh(report, "watertight,min-angle=46").failures[0].found
+    >>> o3l.check_report(report, "watertight,min-angle=46").failures[0].found
     '45°'
     """
-    return judge(report, parse_requirements(require) if require.strip() else ())
-
-
-def judge(report: MeshReport, requirements: tuple[Requirement, ...]) -> Verdict:
-    """Return what a report says to requirements that were read before; see `check_mesh`."""
-    return Verdict(tuple(_find(report, each) for each in requirements))
+    requirements = parse_requirements(require)
+    return CheckResult(tuple(_find(report, each) for each in requirements))
 
 
 def require_inputs(requirements: tuple[Requirement, ...], given: dict[str, bool]) -> None:
@@ -278,5 +281,5 @@ def _compare(found: float, order: str, limit: float) -> bool:
 def _because(report: MeshReport, rule: Rule) -> str:
     """Return the counts that say why a property does not hold, in brackets."""
     counts = {name: getattr(report, name) for name in rule.causes}
-    named = [f"{figure_of(name).label}: {in_words(name, value, None)}" for name, value in counts.items() if value]
+    named = [f"{quantity_of(name).label}: {in_words(name, value, None)}" for name, value in counts.items() if value]
     return f" ({', '.join(named)})" if named else ""

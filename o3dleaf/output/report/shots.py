@@ -17,8 +17,7 @@ from o3dleaf.output.report.words import in_unit
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import round_length
 from o3dleaf.output.view.scene import UNDER_GREEN, UPPER_GREEN, encode, linear
-from o3dleaf.output.view.shade import Paint, shade_mesh
-from o3dleaf.output.view.shade import Shot as Exposure
+from o3dleaf.output.view.shade import Paint, Shot, shade_mesh
 
 FINER = 1.25
 """Pixels of a picture for each of the page's, for fine screens and paper."""
@@ -105,7 +104,7 @@ def leaf_green(_triangle: IntArray, _weights: FloatArray, facing: FloatArray) ->
 
 
 @dataclass(frozen=True)
-class Shot:
+class Picture:
     """One picture of a mesh.
 
     Attributes
@@ -148,11 +147,11 @@ def shoot(
     size: tuple[int, int],
     *,
     smooth: bool = True,
-) -> Shot:
+) -> Picture:
     """Return the picture of a mesh that a camera sees, with a see-through background."""
     finer = round(FINER * size[0]), round(FINER * size[1])
-    shaded = shade_mesh(Exposure(vertices, triangles, paint, camera, finer, View(smooth=smooth, supersampling=2)))
-    return Shot(_as_address(shaded), size, camera)
+    shaded = shade_mesh(Shot(vertices, triangles, paint, camera, finer, View(smooth=smooth, supersampling=2)))
+    return Picture(_as_address(shaded), size, camera)
 
 
 def _as_address(shaded: FloatArray) -> str:

@@ -1,4 +1,4 @@
-"""What a run says of itself: a JSON summary with settings, units, sizes, times by stage and versions."""
+"""The JSON summary of a run: settings, units, sizes, times by stage and versions."""
 
 import platform
 from dataclasses import asdict
@@ -9,9 +9,9 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.journal import Journal
+from o3dleaf.core.journal import open_journal
 from o3dleaf.core.parallel import get_num_threads
-from o3dleaf.fitting.pu.local import LocalSplines
+from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
@@ -21,31 +21,31 @@ from o3dleaf.surface.mesh.mesh_report import mesh_report
 PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
 
 
-def summarise(
+def summarize(
     blade: Blade,
     mesh: o3d.geometry.TriangleMesh,
-    journal: Journal,
     settings: dict[str, Any],
     *,
     leaf: MultiscaleLeaf | None = None,
     surface: MeshPlan | None = None,
     scan: CloudLike | None = None,
 ) -> dict[str, Any]:
-    """Return the summary of a run as plain values.
+    """Return the summary of a run as plain values, the times those of the open journal.
 
     Parameters
     ----------
     blade : Blade
     mesh : open3d.geometry.TriangleMesh
         The mesh that was written, in the blade's unit, or one to look at if that was too large to hold.
-    journal : Journal
     settings : dict
         What was asked for, as given.
     leaf, surface : optional
-        The multi-scale leaf and the plan of its mesh, where there is a micro-structure.
+        The multi-scale leaf and the plan of its surface, where there is a micro-structure.
     scan : (n, 3) array_like or Open3D point cloud, optional
         The scan, in the blade's unit, by which the frame is judged.
     """
+    journal = open_journal()
+    seconds = {} if journal is None else journal.seconds
     frame, outline, height = blade.frame, blade.outline, blade.height_map
     summary: dict[str, Any] = {
         "settings": settings,
@@ -60,7 +60,7 @@ def summarise(
         "height_map": _fit_summary(height.interpolant.local) | _choice_summary(height.choice),
         "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
         "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
-        "seconds": {name: round(seconds, 3) for name, seconds in journal.seconds.items()},
+        "seconds": {name: round(each, 3) for name, each in seconds.items()},
         "threads": get_num_threads(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
@@ -81,7 +81,7 @@ def summarise(
             "vertices": surface.vertices,
             "triangles": surface.triangles,
             "voids_filled_in_a_tile": surface.voids,
-            "specks_removed_from_a_tile": surface.specks,
+            "specks_removed_from_a_tile": surface.islands,
             "scraps_at_the_rim": asdict(surface.fragments),
         }
         if settings.get("remesh") is not None:
@@ -100,7 +100,7 @@ def _fit_summary(local: object) -> dict[str, Any]:
         "balls": len(counts),
         "points_per_ball": [int(counts.min()), int(counts.max())],
         "kernel_power": local.kernel.power,
-        "smoothing": local.smoothing.amount,
+        "smoothing": local.smoothing.value,
         "smoothing_is_rho": bool(local.smoothing.per_point),
         "gcv_score": local.smoothing.score,
         "diagonal": np.quantile(local.diagonals, (0, 0.5, 1)).tolist(),

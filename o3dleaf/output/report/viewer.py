@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.output.report.places import KINDS, Place
-from o3dleaf.output.report.reduce import Reduced
+from o3dleaf.output.report.reduce import ReducedMesh
 from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.surface.mesh.inspection import Inspection
@@ -36,7 +36,7 @@ def viewer_script() -> str:
 
 
 def viewer_data(
-    inspection: Inspection, reduced: Reduced, layers: Sequence[Colors], places: list[Place]
+    inspection: Inspection, reduced: ReducedMesh, layers: Sequence[Colors], places: list[Place]
 ) -> dict[str, Any]:
     """Return what the view draws, as JSON holds it; arrays are base64 of deflated little-endian numbers.
 
@@ -87,7 +87,7 @@ def _layer(colors: Colors) -> dict[str, Any]:
 
 def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]]:
     """Return the triangles of each kind of defect that was found, and where its close-ups are."""
-    anatomy, found = inspection.anatomy, list[dict[str, Any]]()
+    measurements, found = inspection.measurements, list[dict[str, Any]]()
     rows = inspection.defects.rows() | {"sharpest": inspection.defects.sharpest}
     for name, kind in KINDS.items():
         if not len(rows[name]):
@@ -100,18 +100,18 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
                 "color": color,
                 "shown": name not in QUIET,
                 "places": [place.center.tolist() for place in places if place.kind == name],
-                "soup": _pack(anatomy.vertices[anatomy.triangles[rows[name][:SOUP]]], "<f4"),
+                "soup": _pack(measurements.vertices[measurements.triangles[rows[name][:SOUP]]], "<f4"),
             }
         )
     return found
 
 
-def angle_colors(inspection: Inspection, reduced: Reduced) -> Colors:
+def angle_colors(inspection: Inspection, reduced: ReducedMesh) -> Colors:
     """Return the smallest angle of the triangles at each vertex, red where it is small."""
-    anatomy = inspection.anatomy
-    least = np.full(len(anatomy.vertices), np.inf)
+    measurements = inspection.measurements
+    least = np.full(len(measurements.vertices), np.inf)
     for corner in range(3):
-        np.minimum.at(least, anatomy.triangles[:, corner], anatomy.smallest_angle)
+        np.minimum.at(least, measurements.triangles[:, corner], measurements.smallest_angle)
     least[np.isinf(least)] = np.nan
     return Colors(
         reduced.worst(least, least=True), "smallest angle of the triangles there, degrees", (0.0, 45.0), "RdYlGn"

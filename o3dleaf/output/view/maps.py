@@ -31,7 +31,7 @@ MEASURES = {
     "area": Measure(lambda found: found.area, "area factor", 1.0),
     "volume": Measure(lambda found: found.volume, "volume factor", 1.0),
 }
-LEAST_SPAN = 1e-3
+MIN_SPAN = 1e-3
 """Half the span of the colors at least, lest rounding be painted."""
 
 
@@ -79,7 +79,7 @@ def render_distortion(
     world, triangles = mesh_arrays(blade.extract_mesh(step))
     plane = blade.flatten(world)[:, :2]
     values = shown.values(blade.distortion(plane))
-    span = max(float(np.quantile(np.abs(values - shown.neutral), 0.99)), LEAST_SPAN)
+    span = max(float(np.quantile(np.abs(values - shown.neutral), 0.99)), MIN_SPAN)
     scalars = Scalars(values, shown.label, "coolwarm", (shown.neutral - span, shown.neutral + span))
     vertices = np.column_stack([plane, np.zeros(len(plane))]) if flat else world
     if flat:

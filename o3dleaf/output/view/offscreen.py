@@ -29,10 +29,10 @@ PROBE_SECONDS = 60.0
 SECONDS = 600.0
 """A page that has not been drawn by then never will be."""
 
-MOST_PIXELS = 8192
+MAX_PIXELS = 8192
 """Side of the largest picture that every driver can hold; beyond it, pixels are supersampled less."""
 
-CHUNK = 1 << 19
+BATCH_SIZE = 1 << 19
 """Triangles colored at once."""
 
 
@@ -89,7 +89,7 @@ def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray],
 
 def _hand_over(path: Path, shot: Shot) -> int:
     """Write what the child needs for one picture, and return the pixels drawn along each side of one."""
-    finer = max(1, min(shot.view.supersampling, MOST_PIXELS // max(shot.size)))
+    finer = max(1, min(shot.view.supersampling, MAX_PIXELS // max(shot.size)))
     camera = shot.camera
     corners, colors = _light_corners(shot)
     np.savez(
@@ -110,8 +110,8 @@ def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.
     normals = vertex_normals(local, shot.triangles) if shot.view.smooth else None
     corners = local[shot.triangles]
     colors = np.empty_like(corners)
-    for start in range(0, len(corners), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(corners), BATCH_SIZE):
+        part = slice(start, start + BATCH_SIZE)
         numbers = np.arange(len(corners))[part]
         colors[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
     return corners.reshape(-1, 3), colors.reshape(-1, 3)

@@ -24,10 +24,11 @@ PAPER = np.array([0.955, 0.965, 0.950])
 """sRGB of the background."""
 
 PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
+SUFFIXES = PIXELS + VECTORS
 ENGINES = ("cpu", "open3d", "auto")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Inset:
     """A second mesh, drawn larger in a panel of its own: a window of the micro-structure.
 
@@ -53,6 +54,10 @@ class Inset:
     view: View = field(default_factory=lambda: View(tilt=48.0, turn=32.0))
     scalars: npt.ArrayLike | Scalars | None = None
     unit: str | None = None
+
+    def __repr__(self) -> str:
+        title = f"{self.title!r}, " if self.title else ""
+        return f"Inset({title}{type(self.mesh).__name__}, unit {self.unit})"
 
 
 def render(
@@ -114,7 +119,7 @@ def render(
         If Open3D's renderer is asked for and does not work here.
     """
     if path is not None:
-        path = require_writable(path, PIXELS + VECTORS)
+        path = require_writable(path, SUFFIXES)
     subject = Inset(mesh, view=view or View(), scalars=scalars, unit=unit)
     page = draw_page(subject, insets, size, title, scale_bar=scale_bar, engine=engine)
     pixels = page.pixels()

@@ -40,7 +40,7 @@ TONE = 0.68
 """Full light is brighter than white paper: toned down, the colors stay those of the bar."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scalars:
     """Numbers on a mesh or a point cloud that are shown as colors.
 
@@ -61,9 +61,14 @@ class Scalars:
     color_map: str = "viridis"
     limits: tuple[float, float] | None = None
 
+    def __repr__(self) -> str:
+        label = f"{self.label!r}, " if self.label else ""
+        limits = f", limits {self.limits[0]:g} to {self.limits[1]:g}" if self.limits else ""
+        return f"Scalars({label}{np.size(self.values):,} values, {self.color_map}{limits})"
+
 
 @dataclass(frozen=True)
-class Part:
+class SceneMesh:
     """One mesh of a scene.
 
     Attributes
@@ -84,7 +89,7 @@ class Part:
     facets: tuple[FloatArray, IntArray]
 
     @classmethod
-    def of(cls, thing: Drawable) -> "Part":
+    def of(cls, thing: Drawable) -> "SceneMesh":
         """Take a mesh or a cloud apart, or say why there can be no picture of it."""
         if not isinstance(thing, CLOUDS):
             vertices, triangles = mesh_arrays(thing)  # type: ignore[arg-type]
@@ -175,7 +180,7 @@ class Scene:
     @classmethod
     def of(cls, things: Drawable, given: npt.ArrayLike | Scalars | None = None) -> "Scene":
         """Put things together; the scalars are those of the first."""
-        parts = [Part.of(thing) for thing in (things if _is_several(things) else [things])]
+        parts = [SceneMesh.of(thing) for thing in (things if _is_several(things) else [things])]
         scalars = parts[0].scalars(given)
         paints = [part.paint(scalars if part is parts[0] else None) for part in parts]
         counts = [len(part.triangles) for part in parts]

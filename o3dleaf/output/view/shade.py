@@ -19,7 +19,7 @@ from o3dleaf.output.view.camera import Camera, View
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
 
-BAND = 1 << 19
+BATCH_SIZE = 1 << 19
 """Rays cast at once."""
 
 SKY_RAYS = 4
@@ -73,7 +73,7 @@ def shade_mesh(shot: Shot) -> FloatArray:
     width, height = size
     finer = view.supersampling
     image = np.empty((height, width, 4))
-    rows = max(1, BAND // (width * finer * finer))
+    rows = max(1, BATCH_SIZE // (width * finer * finer))
     for top in range(0, height, rows):
         bottom = min(top + rows, height)
         x = (np.arange(width * finer) + 0.5) / finer

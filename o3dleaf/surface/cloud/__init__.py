@@ -1,20 +1,18 @@
-"""A point cloud made ready: what is wrong with it goes, and every point has an outward normal.
+"""A point cloud made ready: faulty points go, and every point has an outward normal.
 
-`neighbors`       nearest neighbors and planes through them
+`neighbors`       nearest neighbors, planes through them, and spacings by their distances
 `cells`           points sorted into cubic cells
-`prepare`         a scan without repeated and stray points
-`stray`           points that belong to no surface
-`point_spacing`   spacing of the points on their surface
 `noise`           standard deviation of the noise
 `surfels`         points or groups of them with their planes
-`normals`         normals compared with their neighbors'
-`pieces`          neighbors joined into pieces of one side
-`enclosure`       which side encloses a volume
+`oriented_cloud`  the one class for a cloud, with its tree, neighbors, spacing and noise
+`outliers`        points that belong to no surface
+`normals`         agreement of neighbors' normals, and the pieces that agree
+`winding_number`  signs of pieces that enclose a volume
 `orientation`     normals estimated and turned outward
-`given`           normals that came with a cloud
+`given_normals`   normals that came with a cloud
 `downsample`      points averaged in voxels, sheet by sheet
-`oriented_cloud`  all of it: any cloud to points and outward normals
 `constraints`     points off the surface with their signed distances
+`preprocess`      all of it: any cloud to points and outward normals
 `cloud_loops`     the compiled loops over points
-`parity_loops`    signs of pieces and the winding number
+`parity_loops`    the compiled loops of joining pieces, and of the winding number
 """

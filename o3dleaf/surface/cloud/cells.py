@@ -1,4 +1,4 @@
-"""Points sorted into cubic cells, so that what lies within one edge of a cell is found without a search."""
+"""Points sorted into cubic cells, so that all points within one edge of a cell are known without a search."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
-MOST_CELLS = 2**62
+MAX_CELLS = 2**62
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Cells:
     order : (n,) ndarray
         The points' rows, cell after cell, in their own order within each.
     number, first, last : (m,) ndarray
-        Of each cell that holds a point: its number (z running fastest), and its stretch of `order`.
+        Of each occupied cell: its number (z running fastest), and its stretch of `order`.
     shape : (3,) ndarray
         Cells along x, y and z.
     """
@@ -36,7 +36,7 @@ class Cells:
         """Sort `points` (n, 3) into cells of edge `size`, or larger where their numbers would overflow."""
         low = points.min(axis=0)
         extent = points.max(axis=0) - low
-        while np.prod(extent / size + 1) > MOST_CELLS:
+        while np.prod(extent / size + 1) > MAX_CELLS:
             size *= 2
         shape = (extent / size).astype(np.int64) + 1
         keys = cloud_loops.cell_keys(points, low, size, shape)

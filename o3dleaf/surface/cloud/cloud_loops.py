@@ -1,4 +1,4 @@
-"""Compiled loops over the points of a cloud: planes through neighbours, and what a normal meets."""
+"""The compiled loops over the points of a cloud: planes through neighbors, empty balls, agreement of normals."""
 
 import numpy as np
 from numba import njit
@@ -9,34 +9,34 @@ SWEEPS = 12
 
 @njit(nogil=True, cache=True)
 def principal_axes(points, rows, start, stop, normal, variance):
-    """Write the unit normal (n, 3) and the variances along the axes (n, 3), least first, of neighbourhoods `rows`."""
+    """Write the unit normal (n, 3) and the variances along the axes (n, 3), least first, of neighborhoods `rows`."""
     matrix, axes = np.empty((3, 3)), np.empty((3, 3))
-    centre = np.empty(3)
+    center = np.empty(3)
     k = rows.shape[1]
     for i in range(start, stop):
-        centre[:] = 0.0
+        center[:] = 0.0
         for j in range(k):
             for a in range(3):
-                centre[a] += points[rows[i, j], a] - points[rows[i, 0], a]
+                center[a] += points[rows[i, j], a] - points[rows[i, 0], a]
         matrix[:] = 0.0
         for j in range(k):
-            dx = points[rows[i, j], 0] - points[rows[i, 0], 0] - centre[0] / k
-            dy = points[rows[i, j], 1] - points[rows[i, 0], 1] - centre[1] / k
-            dz = points[rows[i, j], 2] - points[rows[i, 0], 2] - centre[2] / k
+            dx = points[rows[i, j], 0] - points[rows[i, 0], 0] - center[0] / k
+            dy = points[rows[i, j], 1] - points[rows[i, 0], 1] - center[1] / k
+            dz = points[rows[i, j], 2] - points[rows[i, 0], 2] - center[2] / k
             matrix[0, 0] += dx * dx
             matrix[0, 1] += dx * dy
             matrix[0, 2] += dx * dz
             matrix[1, 1] += dy * dy
             matrix[1, 2] += dy * dz
             matrix[2, 2] += dz * dz
-        least = diagonalise(matrix, axes, variance[i])
+        least = diagonalize(matrix, axes, variance[i])
         for a in range(3):
             variance[i, a] /= k
             normal[i, a] = axes[a, least]
 
 
 @njit(nogil=True, cache=True)
-def diagonalise(matrix, axes, values):
+def diagonalize(matrix, axes, values):
     """Write the eigenvalues of a symmetric 3 x 3 matrix (its upper half), least first; return the least one's column.
 
     Cyclic Jacobi rotations (Golub & Van Loan, section 8.5), which keep the axes orthonormal to rounding.
@@ -89,7 +89,7 @@ def put_rows(order, far, near, distance, row, start, stop):
 
 @njit(nogil=True, cache=True)
 def take_rows(order, rank, far, near, distance, row, start, stop):
-    """Write rows start:stop of (n, k) neighbourhoods of points that are put in an `order` (n,), `rank` its inverse."""
+    """Write rows start:stop of (n, k) neighborhoods of points that are put in an `order` (n,), `rank` its inverse."""
     for n in range(start, stop):
         for m in range(far.shape[1]):
             distance[n, m], row[n, m] = far[order[n], m], rank[near[order[n], m]]
@@ -97,7 +97,7 @@ def take_rows(order, rank, far, near, distance, row, start, stop):
 
 @njit(nogil=True, cache=True)
 def cell_keys(points, low, size, shape):
-    """Return the number (n,) of the cell of edge `size` that holds each point, z running fastest."""
+    """Return the number (n,) of the cell of edge `size` that contains each point, z running fastest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
         key = 0
@@ -108,22 +108,22 @@ def cell_keys(points, low, size, shape):
 
 
 @njit(nogil=True, cache=True)
-def empty_balls(points, normals, first, last, cells, witnesses, shape, turn, start, stop, radius):
+def empty_balls(points, normals, first, last, cells, sampled, shape, turn, start, stop, radius):
     """Write the radii (n, 2: outward, inward) of the largest balls that touch each point along its normal, empty.
 
     A ball of radius r touches x_i along n_i and passes through x_j where r = |e|² / (2 |e · n_i|), e = x_j - x_i.
     Points whose normals have n_i . n_j > `turn` belong to the same sheet and are passed over. `points` and `normals`
-    are sorted by cell; cell `cells[c]` holds rows `first[c]` to `last[c]`, of which `witnesses` are looked at.
+    are sorted by cell; cell `cells[c]` contains rows `first[c]` to `last[c]`, of which the rows `sampled` are tested.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
     for c in range(start, stop):
-        runs = beside(cells[c], cells, first, last, shape, witnesses, lows, highs)
+        runs = adjacent_runs(cells[c], cells, first, last, shape, sampled, lows, highs)
         for i in range(first[c], last[c]):
             out, inner = np.inf, np.inf
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
             for run in range(runs):
                 for w in range(lows[run], highs[run]):
-                    j = witnesses[w]
+                    j = sampled[w]
                     if nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2] > turn:
                         continue
                     ex, ey, ez = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -137,8 +137,8 @@ def empty_balls(points, normals, first, last, cells, witnesses, shape, turn, sta
 
 
 @njit(nogil=True, cache=True)
-def beside(key, cells, first, last, shape, witnesses, lows, highs):
-    """Write the runs of `witnesses` in the cell `key` and its 26 neighbours, three cells a run; return their number."""
+def adjacent_runs(key, cells, first, last, shape, sampled, lows, highs):
+    """Write the runs of `sampled` in the cell `key` and its 26 neighbors, three cells a run; return their number."""
     z = key % shape[2]
     y = (key // shape[2]) % shape[1]
     x = key // (shape[2] * shape[1])
@@ -149,8 +149,8 @@ def beside(key, cells, first, last, shape, witnesses, lows, highs):
             low = np.searchsorted(cells, line + max(z - 1, 0))
             high = np.searchsorted(cells, line + min(z + 1, shape[2] - 1), side="right")
             if low < high:
-                lows[runs] = np.searchsorted(witnesses, first[low])
-                highs[runs] = np.searchsorted(witnesses, last[high - 1])
+                lows[runs] = np.searchsorted(sampled, first[low])
+                highs[runs] = np.searchsorted(sampled, last[high - 1])
                 runs += 1
     return runs
 
@@ -171,34 +171,34 @@ def mirrored(points, normals, i, j):
 
 
 @njit(nogil=True, cache=True)
-def count_votes(points, normals, rows, sure, start, stop, votes):
-    """Write how many neighbours say each normal is right, and wrong (n, 2): those that are `sure`, mirrored or not."""
+def count_agreements(points, normals, rows, sure, start, stop, counts):
+    """Write how many neighbors agree with each normal, and oppose it (n, 2), surely, mirrored between them or not."""
     for i in range(start, stop):
-        votes[i, 0], votes[i, 1] = 0, 0
+        counts[i, 0], counts[i, 1] = 0, 0
         for m in range(1, rows.shape[1]):
             j = rows[i, m]
             agreement = mirrored(points, normals, i, j)
             straight = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
             if min(agreement, straight) > sure:
-                votes[i, 0] += 1
+                counts[i, 0] += 1
             elif max(agreement, straight) < -sure:
-                votes[i, 1] += 1
+                counts[i, 1] += 1
 
 
 @njit(nogil=True, cache=True)
-def blend_planes(points, owner, centres, normals, rows, start, stop, blended, height):
+def blend_planes(points, group, centers, normals, rows, start, stop, blended, height):
     """Write the unit mean of the normals of the surfels around each point, and its mean height over their planes.
 
-    Surfels that face away from the point's owner have no say.
+    Surfels that face away from the point's own have no weight.
 
-    Weights are exp(-4 d^2/R^2), R the distance from the owner to the farthest of its neighbours `rows`.
+    Weights are exp(-4 d^2/R^2), R the distance from the point's surfel `group` to the farthest of its neighbors `rows`.
     """
     for i in range(start, stop):
-        o = owner[i]
+        o = group[i]
         far = rows[o, rows.shape[1] - 1]
         reach, total, level = 0.0, 0.0, 0.0
         for a in range(3):
-            reach += (centres[far, a] - centres[o, a]) ** 2
+            reach += (centers[far, a] - centers[o, a]) ** 2
             blended[i, a] = 0.0
         for m in range(rows.shape[1]):
             j = rows[o, m]
@@ -206,8 +206,8 @@ def blend_planes(points, owner, centres, normals, rows, start, stop, blended, he
                 continue
             square, h = 0.0, 0.0
             for a in range(3):
-                square += (points[i, a] - centres[j, a]) ** 2
-                h += (points[i, a] - centres[j, a]) * normals[j, a]
+                square += (points[i, a] - centers[j, a]) ** 2
+                h += (points[i, a] - centers[j, a]) * normals[j, a]
             weight = np.exp(-4 * square / reach)
             total += weight
             level += weight * h
@@ -221,10 +221,10 @@ def blend_planes(points, owner, centres, normals, rows, start, stop, blended, he
 
 @njit(nogil=True, cache=True)
 def smooth_normals(points, normals, rows, noise, start, stop, smoothed):
-    """Write the normals that planes through neighbours agree on at each point, whatever their signs.
+    """Write the axis at each point that the normals of its neighbors are nearest to, whatever their signs.
 
     The axis a with the largest sum of w_j (a . n_j)^2, w_j = exp(-h^2 / (2 noise^2)), h the distance of x_i from the
-    plane of x_j: what lies on another sheet has no say.
+    plane of x_j: points of another sheet have no weight.
     """
     matrix, axes, values = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for i in range(start, stop):
@@ -238,16 +238,16 @@ def smooth_normals(points, normals, rows, noise, start, stop, smoothed):
             for a in range(3):
                 for b in range(a, 3):
                     matrix[a, b] -= weight * normals[j, a] * normals[j, b]
-        least = diagonalise(matrix, axes, values)
+        least = diagonalize(matrix, axes, values)
         for a in range(3):
             smoothed[i, a] = axes[a, least]
 
 
 @njit(nogil=True, cache=True)
-def find_lone(normals, rows, least):
-    """Return the points whose normals face against most of their neighbours', in patches of fewer than `least`.
+def find_isolated(normals, rows, least):
+    """Return the points whose normals face against most of their neighbors', in patches of fewer than `least`.
 
-    A patch is what can be reached from neighbour to neighbour whose normals face each other's way.
+    A patch is what can be reached from neighbor to neighbor whose normals face each other's way.
     """
     count, edges = rows.shape
     against = np.zeros(count, np.bool_)
@@ -257,9 +257,9 @@ def find_lone(normals, rows, least):
             if _facing(normals, i, rows[i, m]) < 0.0:
                 opposed += 1
         against[i] = 2 * opposed > edges - 1
-    lone, patch = np.zeros(count, np.bool_), np.empty(least, np.int64)
-    for centre in np.flatnonzero(against):
-        patch[0] = centre
+    isolated, patch = np.zeros(count, np.bool_), np.empty(least, np.int64)
+    for center in np.flatnonzero(against):
+        patch[0] = center
         size, at = 1, 0
         while at < size < least:
             for m in range(1, edges):
@@ -268,8 +268,8 @@ def find_lone(normals, rows, least):
                     patch[size] = j
                     size += 1
             at += 1
-        lone[centre] = size < least
-    return np.flatnonzero(lone)
+        isolated[center] = size < least
+    return np.flatnonzero(isolated)
 
 
 @njit(nogil=True, inline="always")

@@ -1,30 +1,40 @@
-"""Points off the surface, with their signed distances: what tells a fit which side is inside."""
+"""Constraints off the surface: points on both sides of it with their signed distances."""
 
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice
+from o3dleaf.core.checks import FloatArray, as_values, require_choice
+from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.neighbors import IndexArray
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
-SHARE = 2 / 3
-"""Of the radius of the empty ball, so that a site keeps to a third of the thickness of a sheet."""
+DISTANCE = 0.7
+"""Distance of the constraints in spacings: nearer, normals count for more, and farther they cut corners."""
+DISTANCE_OF_MEANS = 1.0
+"""The same where points are means of several: their noise was as thick as the spacing."""
+EVERY = 2
+"""One point in so many has constraints off the surface: they only distinguish inside from outside."""
+ROUNDING = 1e-9
+"""Share of a distance that is no shortening of it."""
+ROOM = 2 / 3
+"""Share of the radius of the empty ball, so that a site keeps to a third of the thickness of a sheet."""
 SAME_SHEET = 0.5
 """Cosine between normals above which two points belong to one sheet, whatever noise does to their places."""
 FLOOR = 0.1
-"""Share of the distance asked for below which a site tells nothing and is left out."""
+"""Share of the distance wanted below which a site adds nothing and is left out."""
 PAIRS = 400
-"""Points looked at for each point: of more, every second, third, ... is."""
+"""Points tested for each point: of more, every second, third, ... is."""
 CELLS_A_BLOCK = 64
 SIDES = {"both": (0, 1), "outside": (0,), "inside": (1,)}
 
 
-class OffSurface(NamedTuple):
+class OffsetConstraints(NamedTuple):
     """Constraints off the surface.
 
     Attributes
@@ -41,14 +51,14 @@ class OffSurface(NamedTuple):
     base: IndexArray
 
 
-def off_surface_constraints(
-    points: npt.ArrayLike,
-    normals: npt.ArrayLike,
-    distance: float | npt.ArrayLike,
+def offset_constraints(
+    cloud: CloudLike,
+    distance: float | npt.ArrayLike | None = None,
     *,
+    every: int = EVERY,
     sides: str = "both",
     floor: float = FLOOR,
-) -> OffSurface:
+) -> OffsetConstraints:
     """Return sites x_i ± d_i n_i with values ∓d_i that stay on their own side of every other sheet.
 
     The ball that touches the surface at x_i along n_i and reaches a point x_j of another sheet has the radius
@@ -61,11 +71,14 @@ def off_surface_constraints(
 
     Parameters
     ----------
-    points : (n, 3) array_like
-    normals : (n, 3) array_like
-        Outward unit normals.
-    distance : float or (n,) array_like
-        The distance d wanted, in the unit of the points; a spacing is a good one.
+    cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
+        With normals.
+    distance : float or (n,) array_like, optional
+        The distance d wanted, in the unit of the points; left out, 0.7 spacings of the cloud, or one spacing where
+        points are means of several.
+    every : int
+        One point in so many, at random but the same ones each time, has constraints, and besides all those whose
+        constraints are nearer than wanted, so that each of close sheets has its own.
     sides : {"both", "outside", "inside"}
         Which offsets are made; all outer ones come first, in the order of the points.
     floor : float
@@ -74,34 +87,36 @@ def off_surface_constraints(
     Raises
     ------
     InputError
-        If the arrays do not match, a value is not finite, or a distance is not above zero.
+        If the cloud has no normals, or a distance is not above zero.
 
     References
     ----------
     Carr et al. (2001), SIGGRAPH, 67-76 (off-surface points); Ma, Bae & Choi (2012), The Visual Computer 28, 7-19
     (the ball that touches a point along its normal).
     """
-    x = as_points(points, "points", dim=3)
-    n = as_points(normals, "normals", dim=3)
-    if len(n) != len(x):
-        raise InputError(f"normals: {len(n)} for {len(x)} points; give one a point")
+    whole = OrientedCloud.of(cloud)
+    x, n, chosen_sides = whole.points, whole.require_normals(), SIDES[require_choice(sides, SIDES, "sides")]
+    if distance is None:
+        distance = (DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE) * whole.spacing
     wanted = as_values(np.broadcast_to(np.asarray(distance, dtype=np.float64), len(x)), len(x), "distance")
     if np.any(wanted <= 0):
         raise InputError(f"distance: {np.sum(wanted <= 0)} are not above zero; give a length, a spacing for instance")
-    chosen = SIDES[require_choice(sides, SIDES, "sides")]
-    if not len(x):
-        return OffSurface(np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))
-    step = np.minimum(wanted[:, np.newaxis], SHARE * _empty_balls(x, n, 3 * float(wanted.max())))
-    kept = [np.flatnonzero(step[:, side] >= floor * wanted) for side in chosen]
-    value = [(1.0 if side else -1.0) * step[rows, side] for side, rows in zip(chosen, kept, strict=True)]
-    base, values = np.concatenate(kept), np.concatenate(value)
-    return OffSurface(x[base] - values[:, np.newaxis] * n[base], values, base)
+    step = np.minimum(wanted[:, np.newaxis], ROOM * _empty_balls(x, n, 3 * float(wanted.max())))
+    chosen = np.zeros(len(x), dtype=bool)
+    chosen[np.random.default_rng(0).permutation(len(x))[: max(len(x) // every, 1)]] = True
+    large = [step[:, side] >= floor * wanted for side in chosen_sides]
+    for side, kept in zip(chosen_sides, large, strict=True):
+        chosen |= kept & (step[:, side] < (1 - ROUNDING) * wanted)
+    rows = [np.flatnonzero(kept & chosen) for kept in large]
+    value = [(1.0 if side else -1.0) * step[some, side] for side, some in zip(chosen_sides, rows, strict=True)]
+    base, values = np.concatenate(rows), np.concatenate(value)
+    return OffsetConstraints(x[base] - values[:, np.newaxis] * n[base], values, base)
 
 
 def _empty_balls(points: FloatArray, normals: FloatArray, reach: float) -> FloatArray:
     """Return the (n, 2) radii, outward and inward, of balls that touch each point and no other sheet within `reach`.
 
-    Where many points lie within reach only some are looked at, and all of them within a half, a quarter, ... of it.
+    Where many points lie within reach only some are tested, and all of them within a half, a quarter, ... of it.
     """
     radius = np.full((len(points), 2), np.inf)
     thinning = 2
@@ -112,19 +127,19 @@ def _empty_balls(points: FloatArray, normals: FloatArray, reach: float) -> Float
 
 
 def _shrink_balls(points: FloatArray, normals: FloatArray, reach: float, radius: FloatArray) -> int:
-    """Shrink the (n, 2) radii to what lies within `reach`, and return the thinning of what was looked at."""
+    """Shrink the (n, 2) radii to what lies within `reach`, and return the thinning of what was tested."""
     cells = Cells.sort(points, reach)
     x, n = points[cells.order], normals[cells.order]
     # A point sees the nine or so cells of its sheet that surround it.
     crowd = 9 * float(np.median(np.repeat(cells.last - cells.first, cells.last - cells.first)))
     thinning = max(1, round(crowd / PAIRS))
-    witnesses = np.arange(0, len(x), thinning)
-    found = np.empty((len(x), 2))
+    sampled = np.arange(0, len(x), thinning)
+    shrunk = np.empty((len(x), 2))
 
     def task(start: int, stop: int) -> None:
-        stretch = cells.first, cells.last, cells.number, witnesses, cells.shape
-        cloud_loops.empty_balls(x, n, *stretch, SAME_SHEET, start, stop, found)
+        stretch = cells.first, cells.last, cells.number, sampled, cells.shape
+        cloud_loops.empty_balls(x, n, *stretch, SAME_SHEET, start, stop, shrunk)
 
     run_blocks(task, len(cells.number), CELLS_A_BLOCK)
-    radius[cells.order] = np.minimum(radius[cells.order], found)
+    radius[cells.order] = np.minimum(radius[cells.order], shrunk)
     return thinning

@@ -1,71 +1,98 @@
-"""Downsampling that keeps the two sides of a thin sheet apart."""
-
-from typing import NamedTuple
+"""Downsampling of clouds that keeps the two sides of a thin sheet apart."""
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core import progress
+from o3dleaf.core.checks import require_positive
+from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.surface.cloud.cells import Cells
-from o3dleaf.surface.cloud.neighbors import nearest_neighbours
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
+PER_NOISE = 1.8
+"""Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
+corners off, narrower ones leave the fit with more points than it needs."""
 TAIL = 0.1
-"""Share of its neighbours' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
+"""Share of its neighbors' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
 
 
-class Merged(NamedTuple):
-    """Means of a cloud's points: points (m, 3), unit mean normals (m, 3), weights (m,): how many each stands for."""
-
-    points: FloatArray
-    normals: FloatArray
-    weights: FloatArray
-
-
-def merge_points(points: FloatArray, normals: FloatArray, size: float) -> Merged:
-    """Return the means of the points (n, 3) in each voxel whose normals face one way, and how many each stands for.
+def voxel_down_sample(cloud: CloudLike, voxel_size: float) -> OrientedCloud:
+    """Return the means of a cloud's points in each voxel whose normals face one way, each with its weight.
 
     As Open3D's `voxel_down_sample`, except that points whose normals face away from those of the first point in their
-    voxel have a mean of their own, and that a fit may trust the mean of ten points as much as ten points. The means
+    voxel have a mean of their own, and that the mean of ten points has the weight of ten points in a fit. The means
     stand in the order of their first points.
 
     Parameters
     ----------
-    points, normals : (n, 3) ndarray
-    size : float
+    cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
+        With normals.
+    voxel_size : float
         Edge of a voxel; the voxels begin at the cloud's lower corner.
 
     Raises
     ------
     InputError
-        If the size is not above zero.
+        If the size is not above zero, or the cloud has no normals.
     """
-    points, normals = as_points(points, "points", dim=3), as_points(normals, "normals", dim=3)
-    require_positive(size, "size")
-    cells = Cells.sort(points, size)
+    whole = OrientedCloud.of(cloud)
+    points, normals = whole.points, whole.require_normals()
+    cells = Cells.sort(points, require_positive(voxel_size, "voxel_size"))
     length = cells.last - cells.first
     first = np.repeat(cells.order[cells.first], length)
     away = np.einsum("ij,ij->i", normals[cells.order], normals[first]) < 0
     group = np.empty(len(points), np.int64)
     group[cells.order] = 2 * np.repeat(np.arange(len(length)), length) + away
-    _, start, group, count = np.unique(group, return_index=True, return_inverse=True, return_counts=True)
+    _, start, group = np.unique(group, return_index=True, return_inverse=True)
     rank = np.empty(len(start), np.int64)
     rank[np.argsort(start)] = np.arange(len(start))
-    group, count = rank[group], count[np.argsort(start)]
+    group = rank[group]
+    weight = np.asarray(np.bincount(group, whole.weights, len(start)), dtype=np.float64)
     mean, direction = (
-        np.column_stack([np.bincount(group, part[:, a], len(count)) for a in range(3)]) / count[:, np.newaxis]
+        np.column_stack([np.bincount(group, whole.weights * part[:, a], len(start)) for a in range(3)])
+        / weight[:, np.newaxis]
         for part in (points, normals)
     )
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return Merged(mean, unit, count.astype(np.float64))
+    removed = whole.removed._replace(averaged=whole.removed.averaged + len(points) - len(mean))
+    return OrientedCloud(mean, unit, weight, removed, whole.notes)
 
 
-def leave_out_tails(merged: Merged) -> Merged:
-    """Return the means without those that stand for a tenth of the points that their neighbours stand for, or fewer.
+def adaptive_down_sample(cloud: CloudLike) -> OrientedCloud:
+    """Return a cloud with its points averaged where noise is thicker than the spacing, each with its weight.
 
-    What the neighbours stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such
-    voxels hold the tails of the noise: the normal of a single point three deviations off says nothing, and a hundred
-    others hold the surface.
+    Voxels of 1.8 standard deviations of the noise contain too few points to lose any shape that the noise has left,
+    and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing the cloud comes back as
+    it is.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
+        With normals.
+
+    Raises
+    ------
+    InputError
+        If the cloud has no normals, or is no surface.
     """
-    around = nearest_neighbours(merged.points).row
-    near = merged.weights[around]
-    kept = merged.weights > TAIL * (near * near).sum(axis=1) / near.sum(axis=1)
-    return Merged(*(part[kept] for part in merged))
+    whole = OrientedCloud.of(cloud)
+    measuring, averaging, trimming = progress.split(1, 3, 1)
+    with measuring:
+        voxel_size = PER_NOISE * whole.noise
+    if voxel_size <= whole.spacing:
+        return whole
+    with averaging:
+        averaged = voxel_down_sample(whole, voxel_size)
+    with trimming:
+        return remove_tails(averaged)
+
+
+def remove_tails(cloud: OrientedCloud) -> OrientedCloud:
+    """Return a cloud of means without those that stand for a tenth of the points that their neighbors do, or fewer.
+
+    What the neighbors stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such
+    voxels contain the tails of the noise: the normal of a single point three deviations off means nothing where a
+    hundred others determine the surface.
+    """
+    near = cloud.weights[cloud.neighbors.row]
+    kept = cloud.weights > TAIL * (near * near).sum(axis=1) / near.sum(axis=1)
+    return cloud if kept.all() else cloud.take(kept)

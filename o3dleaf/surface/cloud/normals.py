@@ -1,76 +1,171 @@
-"""Normals of a cloud: found from the points, or given and then checked against their neighbours."""
+"""Agreement of the normals of neighbors: single normals turned by it, and pieces of a cloud that agree within."""
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.cloud import cloud_loops
+from o3dleaf.surface.cloud import cloud_loops, parity_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray
 
 SURE = 0.7
-"""Agreement of two normals, or disagreement, from which on it counts as a vote."""
+"""Agreement of two normals, or disagreement, from which on it counts."""
 MAJORITY = 0.8
-"""Share of at least `QUORUM` votes against a normal from which on it is turned round."""
+"""Share of at least `QUORUM` neighbors that oppose a normal from which on it is turned round."""
 QUORUM = 6
-LONE = 8
+PATCH = 8
 """Normals that face one another's way and against all around them, from which on they may be a sheet."""
 ROUNDS = 5
 """Turning one normal may decide the next; five rounds settle patches of a few points and cannot eat into a sheet."""
+SURE_EDGE = 0.98
+"""Agreement of two normals, straight and mirrored, from which one edge alone joins two points."""
+DECISIVE = 0.5
+"""Share of the agreement between two large pieces that must be left when disagreement is taken off."""
+SMALL = 0.005
+"""Share of the points up to which a piece follows its neighbors, however little they agree."""
+
+SignArray = npt.NDArray[np.int8]
 
 
-def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) -> tuple[FloatArray, int, float]:
-    """Turn normals round that their neighbours contradict, round after round, then what faces against all around it.
+class Repaired(NamedTuple):
+    """Normals (n, 3) of which some were turned, and the share of neighbors' normals that still oppose one another."""
 
-    Votes are mirrored between points, so that the two sides of a thin sheet do not contradict one another. A point that
-    noise has lifted off its sheet looks like such a side; but fewer than eight of them are none.
+    normals: FloatArray
+    conflict: float
+
+
+def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) -> Repaired:
+    """Turn normals round that their neighbors oppose, round after round, then patches that face against all around.
+
+    Normals are compared mirrored between their points, so that the two sides of a thin sheet do not oppose one another.
+    A point that noise has lifted off its sheet looks like such a side; but fewer than eight of them are none.
 
     Parameters
     ----------
     points, normals : (n, 3) ndarray
     rows : (n, k) ndarray
-        Each point's neighbours, itself first.
-
-    Returns
-    -------
-    normals : (n, 3) ndarray
-    turned : int
-        Normals that differ from those given.
-    conflict : float
-        Share of the votes that still contradict one another.
+        Each point's neighbors, itself first.
     """
     sign = np.ones(len(points))
-    against = _votes(points, normals, rows)
+    counts = _agreements(points, normals, rows)
     for _ in range(ROUNDS):
-        total = against.sum(axis=1)
-        wrong = (against[:, 1] >= MAJORITY * total) & (total >= QUORUM)
+        total = counts.sum(axis=1)
+        wrong = (counts[:, 1] >= MAJORITY * total) & (total >= QUORUM)
         if not wrong.any():
             break
         sign[wrong] *= -1
-        against = _votes(points, sign[:, np.newaxis] * normals, rows)
-    lone = cloud_loops.find_lone(sign[:, np.newaxis] * normals, rows, LONE)
-    if len(lone):
-        sign[lone] *= -1
-        against = _votes(points, sign[:, np.newaxis] * normals, rows)
-    return sign[:, np.newaxis] * normals, int(np.sum(sign < 0)), _share_against(against)
+        counts = _agreements(points, sign[:, np.newaxis] * normals, rows)
+    isolated = cloud_loops.find_isolated(sign[:, np.newaxis] * normals, rows, PATCH)
+    if len(isolated):
+        sign[isolated] *= -1
+        counts = _agreements(points, sign[:, np.newaxis] * normals, rows)
+    agreeing, opposed = counts.sum(axis=0)
+    return Repaired(sign[:, np.newaxis] * normals, float(opposed / max(agreeing + opposed, 1)))
 
 
-def contradicted(points: FloatArray, normals: FloatArray, rows: IndexArray) -> npt.NDArray[np.bool_]:
-    """Return which normals (n,) at least one sure neighbour contradicts."""
-    return np.asarray(_votes(points, normals, rows)[:, 1] > 0)
+def find_opposed(points: FloatArray, normals: FloatArray, rows: IndexArray) -> npt.NDArray[np.bool_]:
+    """Return which normals (n,) at least one neighbor's surely opposes."""
+    return np.asarray(_agreements(points, normals, rows)[:, 1] > 0)
 
 
-def vote_conflict(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
-    """Return the share of neighbours' votes that say that two normals contradict one another."""
-    return _share_against(_votes(points, normals, rows))
+def _agreements(points: FloatArray, normals: FloatArray, rows: IndexArray) -> IndexArray:
+    """Return how many neighbors' normals surely agree with each point's, and oppose it (n, 2)."""
+    counts = np.empty((len(points), 2), np.int64)
+    run_blocks(lambda i, j: cloud_loops.count_agreements(points, normals, rows, SURE, i, j, counts), len(points), BLOCK)
+    return counts
 
 
-def _share_against(votes: IndexArray) -> float:
-    right, wrong = votes.sum(axis=0)
-    return float(wrong / max(right + wrong, 1))
+class OrientedPieces(NamedTuple):
+    """Pieces of a cloud whose normals agree within, and how they agree with one another.
+
+    Attributes
+    ----------
+    piece, sign : (n,) ndarray
+        The piece of each point, numbered from the largest, and the sign of its normal within it.
+    one, other : (e,) ndarray
+        Pairs of neighboring pieces, the larger one first.
+    agreement : (e,) ndarray
+        Sum over the edges between them, given the signs within the pieces.
+    """
+
+    piece: IndexArray
+    sign: FloatArray
+    one: IndexArray
+    other: IndexArray
+    agreement: FloatArray
 
 
-def _votes(points: FloatArray, normals: FloatArray, rows: IndexArray) -> IndexArray:
-    votes = np.empty((len(points), 2), np.int64)
-    run_blocks(lambda i, j: cloud_loops.count_votes(points, normals, rows, SURE, i, j, votes), len(points), BLOCK)
-    return votes
+class _Between(NamedTuple):
+    """Of each two neighboring pieces: their numbers, and the sum of the agreements between them and of their sizes."""
+
+    low: IndexArray
+    high: IndexArray
+    total: FloatArray
+    size: FloatArray
+
+
+def join_neighbors(points: FloatArray, normals: FloatArray, rows: IndexArray) -> OrientedPieces:
+    """Find how normals (n, 3) must be turned to agree, piece by piece, with those of their neighbors `rows` (n, k).
+
+    The agreement on an edge is n_j · (n_i mirrored in the plane midway between the points). Sure edges join points,
+    the surest first (Kruskal's algorithm, with signs); then pieces are joined whose agreement, summed up, is decisive.
+    """
+    comparing, joining, summing = progress.split(1, 1, 3)
+    n, edges = len(points), rows.shape[1] - 1
+    agreement, sure = np.empty((n, edges), np.float32), np.empty((n, edges), np.float32)
+
+    def task(start: int, stop: int) -> None:
+        parity_loops.mirrored_agreements(points, normals, rows, edges, start, stop, agreement, sure)
+
+    with comparing:
+        run_blocks(task, n, BLOCK, reports=True)
+    parent, sign = np.arange(n), np.ones(n, np.int8)
+    with joining:
+        parity_loops.join_sure(rows, agreement, sure, SURE_EDGE, parent, sign)
+        parity_loops.flatten(parent, sign)
+    with summing:
+        ends = np.repeat(np.arange(n), edges), rows[:, 1:].ravel()
+        between = _between_pieces(*ends, agreement.ravel(), parent, sign)
+        while _join_pieces(between, parent, sign):
+            parity_loops.flatten(parent, sign)
+            between = _between_pieces(*ends, agreement.ravel(), parent, sign)
+    number, piece, size = np.unique(parent, return_inverse=True, return_counts=True)
+    rank = np.empty(n, np.int64)
+    rank[number[np.argsort(-size, kind="stable")]] = np.arange(len(number))
+    one, other = np.minimum(rank[between.low], rank[between.high]), np.maximum(rank[between.low], rank[between.high])
+    return OrientedPieces(rank[number[piece]], sign.astype(np.float64), one, other, between.total)
+
+
+def _between_pieces(
+    i: IndexArray, j: IndexArray, agreement: FloatArray, parent: IndexArray, sign: SignArray
+) -> _Between:
+    """Sum up the agreement on the edges (i, j) between each two pieces."""
+    apart = np.flatnonzero(parent[i] != parent[j])
+    i, j, weight = i[apart], j[apart], agreement[apart].astype(np.float64)
+    low, high = np.minimum(parent[i], parent[j]), np.maximum(parent[i], parent[j])
+    key, pair = np.unique(low * len(parent) + high, return_inverse=True)
+    total = np.asarray(np.bincount(pair, weight * sign[i] * sign[j], len(key)), np.float64)
+    size = np.asarray(np.bincount(pair, np.abs(weight), len(key)), np.float64)
+    return _Between(key // len(parent), key % len(parent), total, size)
+
+
+def _join_pieces(between: _Between, parent: IndexArray, sign: SignArray) -> bool:
+    """Join each piece to the one that it shares most agreement with, where it decides; return whether any was."""
+    low, high, total, size = between
+    points = np.bincount(parent, minlength=len(parent))
+    decided = np.abs(total) >= DECISIVE * size
+    decided |= np.minimum(points[low], points[high]) <= SMALL * len(parent)
+    chosen = np.flatnonzero(decided & (total != 0))
+    order = chosen[np.argsort(np.abs(total[chosen]), kind="stable")]
+    best = np.full(len(parent), -1)
+    rank = np.arange(len(order))
+    for end in (low, high):
+        np.maximum.at(best, end[order], rank)
+    joined = False
+    for r in np.unique(best[best >= 0])[::-1]:
+        e = order[r]
+        joined |= bool(parity_loops.join(parent, sign, low[e], high[e], np.int8(1 if total[e] > 0 else -1)))
+    return joined

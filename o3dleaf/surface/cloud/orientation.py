@@ -1,4 +1,4 @@
-"""Which side of every point is outside: first what neighbours tell one another, then what encloses a volume."""
+"""Orientation of normals: first by their neighbors' agreement, then by what encloses a volume."""
 
 from typing import NamedTuple
 
@@ -7,31 +7,32 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_points
-from o3dleaf.core.cloud_arrays import CloudLike, points_of
+from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
-from o3dleaf.core.parallel import Progress, finish, run_blocks, share_out
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
-from o3dleaf.surface.cloud.enclosure import enclosing_signs
 from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray
-from o3dleaf.surface.cloud.normals import contradicted, repair_normals
-from o3dleaf.surface.cloud.pieces import Pieces, join_neighbours
+from o3dleaf.surface.cloud.normals import OrientedPieces, find_opposed, join_neighbors, repair_normals
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import FLAT, Surfels
+from o3dleaf.surface.cloud.winding_number import enclosing_signs
 
 ROUGH = 0.3
-"""Flatness above which normals of neighbours are averaged before they are compared."""
+"""Flatness above which normals of neighbors are averaged before they are compared."""
 ROUNDS = 3
 COARSER = 3
-"""Times that an open sheet whose normals contradict one another is looked at more coarsely before that is believed."""
+"""Coarser scales that are tried on an open sheet whose normals contradict one another."""
 CLEAN_EDGES = 8
-"""Nearest neighbours that vote where the cloud is clean; all 15 do under noise."""
+"""Nearest neighbors that are compared where the cloud is clean; all 15 are under noise."""
 FULL = 0.6
 """Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
 OPEN_NOTE = "the cloud encloses no volume and is taken for an open sheet: either side may be outside"
-TELLING = 0.1
-"""Gain in the square of the winding number's error from which it, and not the neighbours, decides on a piece."""
+DECISIVE = 0.1
+"""Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
 APART = -1.3
@@ -42,7 +43,7 @@ width of 1/30 of its length, turned once and closed, has 0.6, and a noisy leaf 0
 
 
 class Orientation(NamedTuple):
-    """Normals that point outward, and what there is to say about them.
+    """Normals that point outward.
 
     Attributes
     ----------
@@ -54,11 +55,14 @@ class Orientation(NamedTuple):
     normals: FloatArray
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"Orientation({len(self.normals):,} normals, notes {self.notes})"
+
 
 def estimate_normals(cloud: CloudLike) -> FloatArray:
-    """Return unit normals (n, 3) of either sign: of the planes through neighbours, or groups of them under noise.
+    """Return unit normals (n, 3) of either sign: of the planes through neighbors, or groups of them under noise.
 
-    Neighbourhoods are 16 points, or 16 groups of the 2, 4, 8, ... points with which they become flat; groups' normals
+    Neighborhoods are 16 points, or 16 groups of the 2, 4, 8, ... points with which they become flat; groups' normals
     are blended at the points.
 
     Parameters
@@ -70,25 +74,25 @@ def estimate_normals(cloud: CloudLike) -> FloatArray:
     InputError
         If there are fewer than three points, or one is not finite.
     """
-    points = points_of(cloud, "cloud", least=3)
-    surfels = Surfels.of(points)
-    return surfels.blend(points, surfels.planes.normal)[0]
+    known = OrientedCloud.of(cloud)
+    return known.surfels.blend(known.points, known.surfels.planes.normal)[0]
 
 
-def orient_normals(cloud: CloudLike, normals: npt.ArrayLike) -> Orientation:
-    """Return `normals` turned outward, and what there is to say about it.
+def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Orientation:
+    """Return the normals of a cloud turned outward, and what there is to say about it.
 
-    On the cloud, coarsened until its neighbourhoods are flat, neighbours vote on one another's sides, as in Hoppe et
-    al., but mirrored between them, so that they are right across sharp edges and thin gaps too, and added up between
-    pieces. The pieces' signs are those with which they enclose a volume: the winding number on a closed surface is
-    1/2, and each of two sheets that face one another makes 1/2 on the other. An open sheet has no outside; the side
-    that it bulges to is taken, and a note says so.
+    On the cloud, coarsened until its neighborhoods are flat, neighbors' normals are compared, as in Hoppe et al., but
+    mirrored between them, so that they agree across sharp edges and thin gaps too, and pieces that agree within are
+    joined by the sum over all edges between them. The pieces' signs are those with which they enclose a volume: the
+    winding number on a closed surface is 1/2, and each of two sheets that face one another makes 1/2 on the other. An
+    open sheet has no outside; the side that it bulges to is taken, and a note says so.
 
     Parameters
     ----------
     cloud : (n, 3) array_like or Open3D point cloud
-    normals : (n, 3) array_like
-        Unit normals of either sign.
+    normals : (n, 3) array_like, optional
+        Unit normals of either sign in place of those of the cloud. Where there are none, those by which the
+        sides were found are returned.
 
     Raises
     ------
@@ -102,24 +106,32 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike) -> Orientation:
     Hoppe et al. (1992), SIGGRAPH, 71-78; Koenig & Gumhold (2009), VMV, 83-92 (mirrored normals); Xu et al. (2023), ACM
     Trans. Graph. 42, 111 (orientation from the winding number).
     """
-    points = points_of(cloud, "cloud", least=3)
-    given = as_points(normals, "normals", dim=3)
-    if len(given) != len(points):
-        raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
-    return turn_outward(points, given, Surfels.of(points))
+    known = OrientedCloud.of(cloud)
+    given = known.normals if normals is None else as_points(normals, "normals", dim=3)
+    if given is not None and len(given) != len(known):
+        raise InputError(f"normals: {len(given)} for {len(known)} points; give one a point")
+    outward, notes = orient_surfels(known.points, known.surfels)
+    if given is None:
+        return Orientation(outward, notes)
+    side = np.einsum("ij,ij->i", given, outward)
+    return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given, notes)
 
 
-def turn_outward(points: FloatArray, normals: FloatArray, surfels: Surfels) -> Orientation:
-    """Return `normals` (n, 3) on the sides that the surfels find to be outside."""
-    outward, notes = orient_surfels(points, surfels)
-    side = np.einsum("ij,ij->i", normals, outward)
-    return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * normals, notes)
+class _Sides(NamedTuple):
+    """Outward normals (m, 3) of surfels, the mean winding number on them, and the length of their longest seam."""
+
+    normals: FloatArray
+    enclosed: float
+    seam: float
+
+    @property
+    def contradictory(self) -> bool:
+        """Whether they are an open sheet whose normals contradict one another along a line."""
+        return self.enclosed < OPEN and self.seam > SEAM
 
 
-def orient_surfels(points: FloatArray, surfels: Surfels, progress: Progress | None = None) -> Orientation:
+def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     """Return outward normals at `points` (n, 3), those of the surfels blended, found on coarser ones if need be.
-
-    `progress` is told of shares of the work.
 
     Raises
     ------
@@ -128,40 +140,50 @@ def orient_surfels(points: FloatArray, surfels: Surfels, progress: Progress | No
     """
     if surfels.flatness > FULL:
         raise OrientationError(
-            f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighbourhoods "
+            f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighborhoods "
             f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, or less noise"
         )
-    first, *again = share_out(progress, *(COARSER + 1) * [1])
-    normals, enclosed, seam = _sides(surfels, first)
-    for more in again:
-        coarser = surfels.coarser(points) if enclosed < OPEN and seam > SEAM else None
-        if coarser is None:
-            break
-        surfels = coarser
-        normals, enclosed, seam = _sides(surfels, more)
-    if enclosed < OPEN and seam > SEAM:
+    first, *more = progress.split(*(COARSER + 1) * [1])
+    with first:
+        sides = _find_sides(surfels)
+    for part in more:
+        with part:
+            coarser = _coarser(surfels, points) if sides.contradictory else None
+            if coarser is None:
+                break
+            surfels = coarser
+            sides = _find_sides(surfels)
+    if sides.contradictory:
         raise OrientationError(
             "cloud: its normals contradict one another along a line, as on a Moebius strip or where sheets branch; "
             "cut the cloud there, or give normals"
         )
-    return _parted(points, surfels, normals, _notes(surfels, enclosed, seam))
+    return _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
 
 
-def _sides(surfels: Surfels, progress: Progress | None) -> tuple[FloatArray, float, float]:
-    """Return the surfels' outward normals (m, 3), the mean winding number on them, and the length of their seam."""
+def _coarser(surfels: Surfels, points: FloatArray) -> Surfels | None:
+    with progress.silent():
+        return surfels.coarser(points)
+
+
+def _find_sides(surfels: Surfels) -> _Sides:
+    """Find the outward normals of surfels, and whether they contradict one another."""
     points, rows = surfels.points, surfels.rows
-    smoothing, joining, turning = share_out(progress, 1, 4, 1)
-    found = _smoothed(surfels)
-    finish(smoothing)
-    pieces = join_neighbours(points, found, rows if surfels.flatness > FLAT else rows[:, : CLEAN_EDGES + 1], joining)
-    agreed = pieces.sign[:, np.newaxis] * found
-    area = surfels.total(surfels.spacing**2)
-    sign, winding, gain = enclosing_signs(points, agreed, area, pieces.piece)
-    _ask_neighbours(pieces, sign, gain)
-    normals, _, conflict = repair_normals(points, sign[pieces.piece][:, np.newaxis] * agreed, rows)
-    finish(turning)
+    smoothing, joining, turning = progress.split(1, 4, 1)
+    with smoothing:
+        smoothed = _smoothed(surfels)
+    with joining:
+        near = rows if surfels.flatness > FLAT else rows[:, : CLEAN_EDGES + 1]
+        pieces = join_neighbors(points, smoothed, near)
+    with turning:
+        agreed = pieces.sign[:, np.newaxis] * smoothed
+        area = surfels.total(surfels.spacing**2)
+        sign, winding, gain = enclosing_signs(points, agreed, area, pieces.piece)
+        _follow_neighbors(pieces, sign, gain)
+        repaired = repair_normals(points, sign[pieces.piece][:, np.newaxis] * agreed, rows)
     enclosed = float(np.average(winding[pieces.piece], weights=area))
-    return normals, enclosed, _longest_seam(points, normals, rows) if conflict else 0.0
+    seam = _longest_seam(points, repaired.normals, rows) if repaired.conflict else 0.0
+    return _Sides(repaired.normals, enclosed, seam)
 
 
 def _smoothed(surfels: Surfels) -> FloatArray:
@@ -177,31 +199,31 @@ def _smoothed(surfels: Surfels) -> FloatArray:
     return normals
 
 
-def _ask_neighbours(pieces: Pieces, sign: FloatArray, gain: FloatArray) -> None:
-    """Turn pieces on whose sign the winding number has little to say as larger neighbours want them."""
-    for c in np.flatnonzero(gain < TELLING):
-        mine = pieces.other == c  # pieces.one is the larger one
-        wanted = float(np.sum(pieces.votes[mine] * sign[pieces.one[mine]]))
-        if wanted:
-            sign[c] = np.sign(wanted)
+def _follow_neighbors(pieces: OrientedPieces, sign: FloatArray, gain: FloatArray) -> None:
+    """Turn pieces on whose sign the winding number decides little so that they agree with larger neighbors."""
+    for c in np.flatnonzero(gain < DECISIVE):
+        edges = pieces.other == c  # pieces.one is the larger one
+        agreement = float(np.sum(pieces.agreement[edges] * sign[pieces.one[edges]]))
+        if agreement:
+            sign[c] = np.sign(agreement)
 
 
-def _notes(surfels: Surfels, enclosed: float, seam: float) -> tuple[str, ...]:
+def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
     notes = []
-    if enclosed < OPEN:
+    if sides.enclosed < OPEN:
         notes.append(OPEN_NOTE)
-    elif seam > SEAM:
+    elif sides.seam > SEAM:
         notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
-    groups = len(surfels.owner) / len(surfels.points)
+    groups = len(surfels.group) / len(surfels.points)
     if groups > 1:
         notes.append(f"noise hides the surface from single points: sides are those of groups of {groups:.0f} points")
     return tuple(notes)
 
 
-def _parted(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tuple[str, ...]) -> Orientation:
+def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tuple[str, ...]) -> Orientation:
     """Return the normals (n, 3) blended from the surfels, turned outward from the middle of two sheets if they are two.
 
-    The heights of groups' points over their planes tell: the excess kurtosis of noise is 0, and above where groups
+    The heights of groups' points over their planes decide: the excess kurtosis of noise is 0, and above where groups
     differ; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)².
     """
     outward, height = surfels.blend(points, middle)
@@ -219,8 +241,8 @@ def _parted(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tup
 
 
 def _longest_seam(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
-    """Return the most points in one stretch whose normals neighbours contradict, over the square root of all."""
-    bad = contradicted(points, normals, rows)
+    """Return the most points in one stretch whose normals neighbors oppose, over the square root of all."""
+    bad = find_opposed(points, normals, rows)
     i, m = np.nonzero(bad[:, np.newaxis] & bad[rows])
     if not len(i):
         return 0.0

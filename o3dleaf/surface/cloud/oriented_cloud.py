@@ -1,208 +1,227 @@
-"""Any point cloud, made ready for a surface: what is wrong with it goes, and every point has an outward normal."""
+"""The one class for a cloud: points, outward normals and weights, with what is known of them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
-from o3dleaf.core.cloud_arrays import CloudLike, held_normals, held_points
+from o3dleaf.core.checks import FloatArray, as_normals, as_weights
+from o3dleaf.core.cloud_arrays import CloudLike, held_normals, points_of
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.parallel import Progress, finish, share_out
-from o3dleaf.surface.cloud.downsample import merge_points
-from o3dleaf.surface.cloud.given import check_normals
-from o3dleaf.surface.cloud.neighbors import Neighbourhoods, nearest_neighbours, rearranged
-from o3dleaf.surface.cloud.orientation import (
-    Orientation,
-    estimate_normals,
-    orient_normals,
-    orient_surfels,
-    turn_outward,
-)
-from o3dleaf.surface.cloud.point_spacing import median_spacing
-from o3dleaf.surface.cloud.stray import find_stray_points, stray_among
+from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
+from o3dleaf.surface.cloud.noise import noise_across
 from o3dleaf.surface.cloud.surfels import Surfels
 
-UNUSABLE = 0.1
-"""Share of given normals on the wrong side of a noisy cloud beyond which their directions are not believed either."""
-SHARES = (3, 6, 3, 5, 3)
-"""About how long the steps of preparing a cloud take: sorting, neighbours, planes, sides, and the order restored."""
-LEAST_POINTS = 10
-"""Fewer points do not determine a quadratic, let alone a surface."""
 
-FindStray = Callable[[FloatArray], npt.NDArray[np.bool_]]
-Estimate = Callable[[FloatArray], FloatArray]
-Orient = Callable[[FloatArray, FloatArray], Orientation]
+class Removed(NamedTuple):
+    """Points removed for being NaN or infinite, there twice, outliers, and averaged with others of their voxel."""
+
+    non_finite: int = 0
+    repeated: int = 0
+    outliers: int = 0
+    averaged: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OrientedCloud:
-    """A cloud that a surface can be fitted to.
+    """A point cloud with normals and weights; tree, neighbors, spacing and noise are computed once, when first used.
+
+    Every step of a cloud takes one, or what `OrientedCloud.of` makes one of, and most return one.
 
     Attributes
     ----------
-    points, normals : (n, 3) ndarray
-        In the order of the cloud they come from; normals are of unit length and point outward.
-    spacing : float
-        Median of s = 1/sqrt(points per unit area).
-    non_finite, repeated, stray, merged : int
-        Points removed for being NaN or infinite, for being there twice, for lying far from all others, and for
-        being averaged with others of their voxel.
+    points : (n, 3) ndarray
+    normals : (n, 3) ndarray or None
+        Of unit length; outward, but for clouds on their way to `orient_normals`.
+    weights : (n,) ndarray
+        How many measured points each stands for.
+    removed : Removed
+        Points that preprocessing took out, counted by reason.
     notes : tuple of str
         What was decided on the way, one sentence each.
-    near : Neighbourhoods, optional
-        Of the points, for whoever needs them next.
     """
 
     points: FloatArray
-    normals: FloatArray
-    spacing: float
-    non_finite: int = 0
-    repeated: int = 0
-    stray: int = 0
-    merged: int = 0
+    normals: FloatArray | None
+    weights: FloatArray
+    removed: Removed = field(default_factory=Removed)
     notes: tuple[str, ...] = ()
-    near: Neighbourhoods | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(
+        cls,
+        cloud: CloudLike,
+        normals: npt.ArrayLike | None = None,
+        *,
+        weights: npt.ArrayLike | None = None,
+        spacing: float | npt.ArrayLike | None = None,
+    ) -> "OrientedCloud":
+        """Return any cloud as an `OrientedCloud`; one that is one already comes back as it is.
+
+        Parameters
+        ----------
+        cloud : (n, 3) array_like or Open3D point cloud, legacy or tensor
+        normals : (n, 3) array_like, optional
+            Outward normals in place of those of the cloud.
+        weights : (n,) array_like, optional
+            How many measured points each stands for; left out, one.
+        spacing : float or (n,) array_like, optional
+            1/√(points per unit area) of all or of each point, where it is known.
+
+        Raises
+        ------
+        InputError
+            If there is no point, an array has another shape, or a value is not finite.
+        """
+        if isinstance(cloud, cls) and normals is None and weights is None and spacing is None:
+            return cloud
+        points = points_of(cloud, "cloud", least=1)
+        held = held_normals(cloud) if normals is None else normals
+        unit = None if held is None else as_normals(held, points)
+        if weights is None:
+            counts = cloud.weights if isinstance(cloud, cls) else np.broadcast_to(1.0, len(points))
+        else:
+            counts = as_weights(weights, len(points))
+        made = cls(points, unit, counts)
+        if spacing is not None:
+            each = np.broadcast_to(spacing, len(points)) if np.ndim(spacing) == 0 else spacing
+            given = as_weights(each, len(points), "spacing")
+            vars(made).update(point_spacing=given, spacing=float(np.median(given)))
+        return made
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        parts = [f"{len(self):,} points" + ("" if self.normals is None else " with normals")]
+        parts += [f"{name} {vars(self)[name]:.3g}" for name in ("spacing", "noise") if name in vars(self)]
+        return f"OrientedCloud({', '.join(parts)})"
+
+    @property
+    def decisions(self) -> tuple[str, ...]:
+        """What preprocessing removed and decided, one sentence each; nothing of a cloud without fault."""
+        reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel")
+        counts = [f"{count:,} {why}" for count, why in zip(self.removed, reasons, strict=True) if count]
+        return (f"points left out: {', '.join(counts)}", *self.notes) if counts else self.notes
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The k-d tree of the points."""
+        return cKDTree(self.points)
+
+    @cached_property
+    def neighbors(self) -> Neighborhoods:
+        """Distances and rows (n, 16) of the nearest points of each point, itself first."""
+        return nearest_neighbors(self.tree)
+
+    @cached_property
+    def surfels(self) -> Surfels:
+        """The cloud at the scale at which it is a surface: its points, or under noise groups of them."""
+        if len(self) < 3:
+            raise InputError(f"cloud: holds {len(self)} points; at least 3 are needed")
+        return Surfels.of(self.points, self.neighbors.row)
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median of 1/√(points per unit area), seen along the normal: noise, however thick, does not count.
+
+        The k nearest points of a point cover an ellipse whose area is 4π √(λ₁ λ₂), with λ their variances along the
+        surface: s² = 4π √(λ₁ λ₂)/(k − 1). Where noise makes neighborhoods round, every second, fourth, ... point is
+        measured, of which the surface shows; two sheets within the noise then count as one. Points at random come out
+        4 % too close, a square lattice 6 % too wide.
+        """
+        spacing = float(np.median(self.surfels.spacing))
+        if not spacing > 0:
+            raise InputError("cloud: most points lie on a line or in one place; a surface is needed")
+        return spacing
+
+    @cached_property
+    def point_spacing(self) -> FloatArray:
+        """Spacing (n,) around each point, see `point_spacing`."""
+        return smooth_spacings(self.neighbors)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of the points across their surface, see `estimate_noise`."""
+        return noise_across(self.points, self.tree)
+
+    def require_normals(self) -> FloatArray:
+        """Return the normals (n, 3), or raise `InputError` where there are none."""
+        if self.normals is None:
+            raise InputError("cloud: has no normals; `preprocess_point_cloud` finds them")
+        return self.normals
+
+    def take(self, rows: npt.NDArray[np.generic]) -> "OrientedCloud":
+        """Return some of the points, by a mask (n,) or by their rows."""
+        normals = None if self.normals is None else self.normals[rows]
+        points = np.ascontiguousarray(self.points[rows])
+        return replace(self, points=points, normals=normals, weights=self.weights[rows])
+
+    def reordered(self, order: IndexArray, tree: cKDTree | None = None) -> "OrientedCloud":
+        """Return all points in another order, of which `tree` may be one, with what is known of them."""
+        cloud, known = self.take(order), vars(self)
+        if tree is not None:
+            vars(cloud)["tree"] = tree
+        if "neighbors" in known:
+            vars(cloud)["neighbors"] = reordered(self.neighbors, order)
+        if "point_spacing" in known:
+            vars(cloud)["point_spacing"] = self.point_spacing[order]
+        if "spacing" in known:
+            vars(cloud)["spacing"] = self.spacing
+        return cloud
+
+    def with_normals(self, normals: FloatArray, notes: tuple[str, ...] = ()) -> "OrientedCloud":
+        """Return the same points, with all that is known of them, other unit normals (n, 3) and more notes."""
+        cloud = replace(self, normals=normals, notes=self.notes + notes)
+        vars(cloud).update({name: value for name, value in vars(self).items() if name not in vars(cloud)})
+        return cloud
+
+    def compact(self) -> None:
+        """Find the spacings, and drop the neighborhoods, the largest arrays of a job, from memory.
+
+        Whoever needs neighborhoods later finds them again.
+        """
+        _ = self.spacing, self.point_spacing
+        for name in ("neighbors", "surfels"):
+            vars(self).pop(name, None)
 
 
-def prepare_cloud(
-    cloud: CloudLike,
-    *,
-    normals: npt.ArrayLike | None = None,
-    voxel_size: float | None = None,
-    find_stray: FindStray | None = find_stray_points,
-    estimate: Estimate = estimate_normals,
-    orient: Orient | None = orient_normals,
-    progress: Progress | None = None,
-) -> OrientedCloud:
-    """Return the points of any cloud without those that do no good, each with its outward normal.
+def point_spacing(cloud: CloudLike) -> FloatArray:
+    r"""Return the (n,) spacings 1/√(points per unit area) of a cloud on a surface, one for each point.
+
+    :math:`s = r_k \sqrt{\pi/k}` from the distance r_k to the k-th neighbor, k = 12, which holds for random points and
+    for lattices alike; then the neighbors' median, and the mean of theirs. The median of a whole cloud, also under
+    noise thicker than it, is `OrientedCloud.spacing`.
 
     Parameters
     ----------
     cloud : (n, 3) array_like or Open3D point cloud
-        Points that are not finite are removed and counted, as are repeated ones.
-    normals : (n, 3) array_like, optional
-        Normals to use in place of those that the cloud holds. Given normals are kept as far as their neighbours bear
-        them out: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
-        point inward; where they contradict one another throughout, their sides are found anew.
-    voxel_size : float, optional
-        Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
-    find_stray : callable, optional
-        ``find_stray(points) -> (n,) mask`` of what is no surface; None keeps everything.
-    estimate : callable
-        ``estimate(points) -> (n, 3)`` unit normals of either sign, where the cloud has none.
-    orient : callable, optional
-        ``orient(points, normals) -> Orientation``; None leaves normals as they were given or estimated.
-    progress : callable, optional
-        ``progress(done, total)``, in shares of the work.
 
     Raises
     ------
     InputError
-        If too few points are left.
-    OrientationError
-        If the points do not say which side is outside.
+        If there are fewer than 13 points, one is not finite, or 13 lie in one place.
     """
-    held = _held_array(held_points(cloud), "cloud")
-    given = held_normals(cloud) if normals is None else normals
-    directions = None if given is None else _held_array(given, "normals")
-    if directions is not None and len(directions) != len(held):
-        raise InputError(f"normals: {len(directions)} for {len(held)} points; give one a point")
-    sorting, finding, measuring, siding, ending = share_out(progress, *SHARES)
-    finite = np.flatnonzero(np.isfinite(held).all(axis=1))
-    distinct = finite[_first_of_each(held[finite])]
-    _require_enough(len(distinct), len(held))
-    # In the order of a tree, neighbours are close in memory, and each of the loops below runs up to twice as fast.
-    tree = cKDTree(held[distinct])
-    finish(sorting)
-    kept, near = _without_stray(held, distinct[tree.indices], find_stray, finding)
-    points = np.ascontiguousarray(held[kept])
-    surfels = Surfels.of(points, near.row, progress=measuring)
-    spacing = median_spacing(surfels.spacing).median
-    if directions is not None:
-        unit, notes = check_normals(points, directions[kept], surfels, near.row, orient=orient is not None)
-        turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(directions[kept]), unit) < 0))
-        if orient is not None and len(surfels.points) < len(points) and UNUSABLE < turned < 1 - UNUSABLE:
-            unit, more = _found(points, surfels, estimate, orient, siding)
-            notes = (
-                f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew",
-                *more,
-            )
-    else:
-        unit, notes = _found(points, surfels, estimate, orient, siding)
-    finish(siding)
-    order, count = np.argsort(kept), len(points)
-    points, unit = points[order], unit[order]
-    if voxel_size is not None:
-        points, unit, _ = merge_points(points, unit, require_positive(voxel_size, "voxel_size"))
-        _require_enough(len(points), count)
-        near = nearest_neighbours(points, progress=ending)
-        spacing = median_spacing(Surfels.of(points, near.row).spacing).median
-    else:
-        near = rearranged(near, order, tree if count == len(distinct) else cKDTree(points), ending)
-    removed = len(held) - len(finite), len(finite) - len(distinct), len(distinct) - len(kept), count - len(points)
-    return OrientedCloud(points, unit, spacing, *removed, notes, near)
+    return OrientedCloud.of(cloud).point_spacing
 
 
-def _held_array(array: npt.ArrayLike, name: str) -> FloatArray:
-    """Return an (n, 3) float64 array, of which values may be NaN."""
-    held = np.asarray(array)
-    as_points(np.zeros(held.shape), name, dim=3)
-    return np.asarray(held, dtype=np.float64)
+def estimate_noise(cloud: CloudLike) -> float:
+    r"""Return the standard deviation of a cloud's points across the surface, in their unit.
 
+    At each of some hundred places a quadric :math:`z(u, v)` over the plane of the nearest k points leaves residuals
+    of standard deviation :math:`σ_k`, six degrees of freedom taken off; the smallest k whose patch has a radius of
+    at least 4.5 σ_k gives σ there, and the median over the places is returned: creases and rims do not count.
 
-def _first_of_each(points: FloatArray) -> npt.NDArray[np.int64]:
-    """Return the rows, in order, at which each distinct point of `points` (n, 3) stands first."""
-    order = np.argsort(points[:, 0], kind="stable")
-    equal = points[order[1:], 0] == points[order[:-1], 0]
-    shared = np.zeros(len(order), dtype=bool)
-    shared[:-1] |= equal
-    shared[1:] |= equal
-    doubtful = np.sort(order[shared])  # most clouds have few points that share an x
-    order = doubtful[np.lexsort(points[doubtful].T)]
-    repeated = order[1:][(points[order[1:]] == points[order[:-1]]).all(axis=1)]  # stable: the first one comes first
-    kept = np.ones(len(points), dtype=bool)
-    kept[repeated] = False
-    return np.flatnonzero(kept)
+    Parameters
+    ----------
+    cloud : (n, 3) array_like or Open3D point cloud
 
-
-def _without_stray(
-    held: FloatArray, rows: npt.NDArray[np.int64], find_stray: FindStray | None, progress: Progress | None
-) -> tuple[npt.NDArray[np.int64], Neighbourhoods]:
-    """Return those of `rows` that are no stray points, and their neighbourhoods."""
-    points = held[rows]
-    whole, linking, rest = share_out(progress, 4, 1, 4)
-    near = nearest_neighbours(points, progress=whole)
-    if find_stray is None:
-        return rows, near
-    # Our own step shares its neighbourhoods with the next ones.
-    stray = stray_among(near) if find_stray is find_stray_points else find_stray(points)
-    finish(linking)
-    if not stray.any():
-        return rows, near
-    kept = rows[~stray]
-    _require_enough(len(kept), len(held))
-    return kept, nearest_neighbours(held[kept], progress=rest)
-
-
-def _require_enough(count: int, whole: int) -> None:
-    if count < LEAST_POINTS:
-        raise InputError(
-            f"cloud: {count} of {whole} points are left without repeated, stray and non-finite ones; "
-            f"a surface needs {LEAST_POINTS}"
-        )
-
-
-def _found(
-    points: FloatArray, surfels: Surfels, estimate: Estimate, orient: Orient | None, progress: Progress | None
-) -> Orientation:
-    """Return normals of a cloud that has none; our own steps share the surfels."""
-    ours = estimate is estimate_normals
-    if ours and orient is orient_normals:
-        return orient_surfels(points, surfels, progress)
-    normals = surfels.blend(points, surfels.planes.normal)[0] if ours else as_points(estimate(points), "normals", dim=3)
-    if orient is None:
-        return Orientation(normals, ())
-    return turn_outward(points, normals, surfels) if orient is orient_normals else orient(points, normals)
+    Raises
+    ------
+    InputError
+        If there are fewer than sixteen points or one is not finite.
+    """
+    return OrientedCloud.of(cloud).noise

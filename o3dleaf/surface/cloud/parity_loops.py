@@ -1,4 +1,4 @@
-"""Compiled: which points hang together, and with which sign; and the winding number that they make."""
+"""The compiled loops of joining points with a sign, and of the winding number."""
 
 import numpy as np
 from numba import njit
@@ -10,14 +10,14 @@ LEVELS = 64
 
 
 @njit(nogil=True, cache=True)
-def agreements(points, normals, rows, edges, start, stop, vote, sure):
-    """Write for each edge to a neighbour how normals agree (n, edges), from -1 to 1, mirrored; and if straight too."""
+def mirrored_agreements(points, normals, rows, edges, start, stop, agreement, sure):
+    """Write for each edge to a neighbor how normals agree (n, edges), from -1 to 1, mirrored; and if straight too."""
     for i in range(start, stop):
         for m in range(edges):
             j = rows[i, m + 1]
-            vote[i, m] = mirrored(points, normals, i, j)
+            agreement[i, m] = mirrored(points, normals, i, j)
             straight = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
-            sure[i, m] = min(abs(straight), abs(vote[i, m])) if straight * vote[i, m] > 0 else 0.0
+            sure[i, m] = min(abs(straight), abs(agreement[i, m])) if straight * agreement[i, m] > 0 else 0.0
 
 
 @njit(nogil=True, cache=True)
@@ -47,7 +47,7 @@ def join(parent, sign, i, j, relative):
 
 
 @njit(nogil=True, cache=True)
-def join_sure(rows, vote, sure, least, parent, sign):
+def join_sure(rows, agreement, sure, least, parent, sign):
     """Join points (Kruskal) along edges from the surest to those of confidence `least`."""
     n, edges = sure.shape
     count = np.zeros(LEVELS + 1, np.int64)
@@ -66,12 +66,12 @@ def join_sure(rows, vote, sure, least, parent, sign):
                 count[place] += 1
     for at in range(len(order)):
         i, m = order[at] // edges, order[at] % edges
-        join(parent, sign, i, rows[i, m + 1], np.int8(1) if vote[i, m] > 0 else np.int8(-1))
+        join(parent, sign, i, rows[i, m + 1], np.int8(1) if agreement[i, m] > 0 else np.int8(-1))
 
 
 @njit(nogil=True, cache=True)
 def join_near(rows, distance, most, parent, sign):
-    """Join points to those of their neighbours `rows` that are no farther than `most`."""
+    """Join points to those of their neighbors `rows` that are no farther than `most`."""
     for i in range(len(rows)):
         for m in range(rows.shape[1]):
             if distance[i, m] <= most:

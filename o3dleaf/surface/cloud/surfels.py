@@ -1,26 +1,27 @@
-"""A cloud seen at the scale at which it is a surface: its points, or under noise the means of groups of them."""
+"""Surfels of a cloud at the scale at which it is a surface: its points, or under noise the means of groups of them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import Progress, finish, run_blocks, share_out
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
-from o3dleaf.surface.cloud.neighbors import BLOCK, NEIGHBOURS, IndexArray, Planes, fit_planes, nearest_neighbours
+from o3dleaf.surface.cloud.neighbors import BLOCK, NEIGHBORS, IndexArray, Planes, fit_planes, nearest_neighbors
 
 FLAT = 0.2
-"""Ratio of the standard deviations across and along a neighbourhood up to which it is a clean piece of a surface."""
+"""Ratio of the standard deviations across and along a neighborhood up to which it is a clean piece of a surface."""
 DROWNED = 0.5
 """The same, above which noise hides the surface, and a coarser scale is tried whatever it gives."""
 LINE = 0.25
-"""Ratio of the standard deviations along a neighbourhood up to which it is a line."""
+"""Ratio of the standard deviations along a neighborhood up to which it is a line."""
 FLATTER = 0.8
 """Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
 SAMPLE = 4000
-"""Points whose neighbourhoods say at which scale a cloud is a surface."""
-LEAST = 8 * NEIGHBOURS
+"""Points whose neighborhoods say at which scale a cloud is a surface."""
+MIN_POINTS = 8 * NEIGHBORS
 """Fewest points that a thinned cloud may have."""
 
 
@@ -35,64 +36,62 @@ class Surfels:
     rows : (m, k) ndarray
         The nearest surfels of each, itself first.
     planes : Planes
-        Through the points of the neighbourhoods: normals (m, 3), of either sign, and variances (m, 3).
-    owner : (n,) ndarray
+        Through the points of the neighborhoods: normals (m, 3), of either sign, and variances (m, 3).
+    group : (n,) ndarray
         The surfel of each point of the cloud.
     spacing : (n,) ndarray
         1/sqrt(points per unit area) around each point of the cloud.
     flatness : float
-        Median ratio of the standard deviations across and along a neighbourhood.
+        Median ratio of the standard deviations across and along a neighborhood.
     """
 
     points: FloatArray
     rows: IndexArray
     planes: Planes
-    owner: IndexArray
+    group: IndexArray
     spacing: FloatArray
     flatness: float
 
     @classmethod
-    def of(
-        cls,
-        points: FloatArray,
-        rows: IndexArray | None = None,
-        thinning: int = 0,
-        *,
-        progress: Progress | None = None,
-    ) -> "Surfels":
-        """Find the scale at which `points` (n, 3) are a surface, or take groups of `thinning` points.
+    def of(cls, points: FloatArray, rows: IndexArray) -> "Surfels":
+        """Find the scale at which `points` (n, 3) with neighbors `rows` (n, k) are a surface, and the surfels there."""
+        scaling, fitting = progress.split(2, 7)
+        with scaling:
+            thinning, flatness = surface_scale(points, rows)
+        with fitting:
+            if thinning > 1:
+                return cls.grouped(points, thinning, flatness)
+            planes = fit_planes(points, rows)
+            return cls(points, rows, planes, np.arange(len(points)), spacings(planes, rows.shape[1]), flatness)
 
-        `rows` (n, k) are the neighbours of the points, where they are known.
-        """
-        scaling, finding, owning, grouping = share_out(progress, 2, 1, 3, 3)
-        if thinning:
-            flatness = flatness_of(points[thinned(len(points), thinning)])
-        else:
-            thinning, flatness = surface_scale(points, rows, scaling)
-        finish(scaling)
-        if thinning == 1:
-            near = nearest_neighbours(points, progress=finding).row if rows is None else rows
-            planes = fit_planes(points, near, grouping)
-            return cls(points, near, planes, np.arange(len(points)), spacings(planes, near.shape[1]), flatness)
+    @classmethod
+    def grouped(cls, points: FloatArray, thinning: int, flatness: float) -> "Surfels":
+        """Return the means of groups of `thinning` points each, those nearest to one of every so many points."""
+        finding, grouping, fitting = progress.split(1, 3, 3)
         few = points[thinned(len(points), thinning)]
-        near = nearest_neighbours(few, progress=finding).row
-        spacing = spacings(fit_planes(few, near), near.shape[1]) / np.sqrt(thinning)
-        owner = cKDTree(few).query(points, workers=-1)[1]
-        finish(owning)
-        count = np.bincount(owner, minlength=len(few))  # no group is empty: each few point owns itself
-        means = np.column_stack([np.bincount(owner, points[:, a], len(few)) for a in range(3)]) / count[:, np.newaxis]
-        near = nearest_neighbours(means, progress=grouping).row
-        planes = _group_planes(points - means[owner], owner, means, count, near)
-        return cls(means, near, planes, owner, spacing[owner], flatness)
+        with finding:
+            near = nearest_neighbors(cKDTree(few)).row
+        with grouping:
+            spacing = spacings(fit_planes(few, near), near.shape[1]) / np.sqrt(thinning)
+            group = cKDTree(few).query(points, workers=-1)[1]
+        with fitting:
+            count = np.bincount(group, minlength=len(few))  # no group is empty: each few point is in its own
+            sums = [np.bincount(group, points[:, a], len(few)) for a in range(3)]
+            means = np.column_stack(sums) / count[:, np.newaxis]
+            near = nearest_neighbors(cKDTree(means)).row
+            planes = _group_planes(points - means[group], group, means, count, near)
+        return cls(means, near, planes, group, spacing[group], flatness)
 
     def total(self, values: FloatArray) -> FloatArray:
         """Return the sums (m,) over each surfel of `values` (n,) at the cloud's points."""
-        return np.asarray(np.bincount(self.owner, values, len(self.points)), dtype=np.float64)
+        return np.asarray(np.bincount(self.group, values, len(self.points)), dtype=np.float64)
 
     def coarser(self, points: FloatArray) -> "Surfels | None":
         """Return surfels of twice as many of the `points` (n, 3), or None where few would be left."""
         thinning = 2 * round(len(points) / len(self.points))
-        return Surfels.of(points, thinning=thinning) if 2 * len(points) >= LEAST * thinning else None
+        if 2 * len(points) < MIN_POINTS * thinning:
+            return None
+        return Surfels.grouped(points, thinning, flatness_of(points[thinned(len(points), thinning)]))
 
     def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
@@ -102,13 +101,13 @@ class Surfels:
         if len(self.points) == len(points):
             return normals, np.zeros(len(points))
         blended, height = np.empty_like(points), np.empty(len(points))
-        args = points, self.owner, self.points, normals, self.rows
+        args = points, self.group, self.points, normals, self.rows
         run_blocks(lambda i, j: cloud_loops.blend_planes(*args, i, j, blended, height), len(points), BLOCK)
         return blended, height
 
 
 def spacings(planes: Planes, k: int) -> FloatArray:
-    """Return the spacing (m,) of neighbourhoods of k points, the middle one among them, with variances (m, 3)."""
+    """Return the spacing (m,) of neighborhoods of k points, the middle one among them, with variances (m, 3)."""
     area = 4 * np.pi * np.sqrt(planes.variance[:, 1] * planes.variance[:, 2])
     return np.asarray(np.sqrt(area * k) / (k - 1))  # the centroid is the points' own: variances lack 1/k
 
@@ -120,52 +119,50 @@ def thinned(count: int, thinning: int) -> IndexArray:
     return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
 
 
-def surface_scale(
-    points: FloatArray, rows: IndexArray | None = None, progress: Progress | None = None
-) -> tuple[int, float]:
-    """Return how many times a cloud (n, 3) is to be thinned for its neighbourhoods to be flat, and their flatness.
+def surface_scale(points: FloatArray, rows: IndexArray) -> tuple[int, float]:
+    """Return how many times a cloud (n, 3) is to be thinned for its neighborhoods to be flat, and their flatness.
 
-    It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighbourhoods of
-    several such steps, they are passed over. `rows` (n, k) are the neighbours of the points, where they are known.
+    It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighborhoods of
+    several such steps, they are passed over. `rows` (n, k) are the neighbors of the points.
     """
     scale, flat = 1, flatness_of(points, rows)
     thinning = 2
-    while flat > FLAT and len(points) >= LEAST * thinning:
+    while flat > FLAT and len(points) >= MIN_POINTS * thinning:
         coarser = flatness_of(points[thinned(len(points), thinning)])
         if coarser < FLATTER * flat or flat > DROWNED:
             scale, flat = thinning, coarser
         else:
             break
-        if progress:
-            progress(thinning - 1, thinning)  # each look is at half as many points
+        progress.report(thinning - 1, thinning)  # each scale has half as many points as the one before
         thinning *= 2
     return scale, flat
 
 
 def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:
-    """Return the median ratio of the standard deviations across and along the neighbourhoods of a cloud (n, 3).
+    """Return the median ratio of the standard deviations across and along the neighborhoods of a cloud (n, 3).
 
-    Of neighbourhoods that are lines, as between two far lines of a scanner, it is 1: they show no surface either.
+    Of neighborhoods that are lines, as between two far lines of a scanner, it is 1: they show no surface either.
     """
-    asked = thinned(len(points), max(1, len(points) // SAMPLE))
+    sample = thinned(len(points), max(1, len(points) // SAMPLE))
     if rows is None:
-        near = cKDTree(points).query(points[asked], k=np.arange(1, min(NEIGHBOURS, len(points)) + 1), workers=-1)[1]
+        near = cKDTree(points).query(points[sample], k=np.arange(1, min(NEIGHBORS, len(points)) + 1), workers=-1)[1]
     else:
-        near = rows[asked]
-    variance = fit_planes(points, near).variance
+        near = rows[sample]
+    with progress.silent():
+        variance = fit_planes(points, near).variance
     across, along, most = np.sqrt(variance).T
     line = along <= LINE * most
     return float(np.median(np.where(line, 1.0, across / np.where(line, 1.0, along))))
 
 
-def _group_planes(off: FloatArray, owner: IndexArray, means: FloatArray, count: IndexArray, rows: IndexArray) -> Planes:
+def _group_planes(off: FloatArray, group: IndexArray, means: FloatArray, count: IndexArray, rows: IndexArray) -> Planes:
     """Return the planes through all points of the groups `rows` (m, k), from the groups' moments."""
     pairs = [(a, b) for a in range(3) for b in range(3)]
-    within = np.column_stack([np.bincount(owner, off[:, a] * off[:, b], len(means)) for a, b in pairs])
+    within = np.column_stack([np.bincount(group, off[:, a] * off[:, b], len(means)) for a, b in pairs])
     weight = count[rows].astype(np.float64)
     whole = weight.sum(axis=1)
     arm = means[rows] - means[:, np.newaxis]
-    centre = np.einsum("mk,mka->ma", weight, arm) / whole[:, np.newaxis]
+    center = np.einsum("mk,mka->ma", weight, arm) / whole[:, np.newaxis]
     scatter = within[rows].sum(axis=1).reshape(-1, 3, 3) + np.einsum("mk,mka,mkb->mab", weight, arm, arm)
-    value, axes = np.linalg.eigh(scatter / whole[:, np.newaxis, np.newaxis] - centre[:, :, None] * centre[:, None])
+    value, axes = np.linalg.eigh(scatter / whole[:, np.newaxis, np.newaxis] - center[:, :, None] * center[:, None])
     return Planes(np.ascontiguousarray(axes[:, :, 0]), np.maximum(value, 0.0))

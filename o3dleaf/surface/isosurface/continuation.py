@@ -30,7 +30,7 @@ TOLERANCE = 1e-3
 """Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
+"""The reach of a band from its seeds, or a function of (n, 3) centres of cells that says which it may have."""
 
 
 def continue_from_seeds(

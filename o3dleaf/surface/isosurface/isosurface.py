@@ -56,7 +56,7 @@ def extract_isosurface(
     within : float or callable, optional
         With seeds: cells whose centre lies farther than this from all of them, or for whose centres (n, 3) the
         function returns False, are left out; the surface ends there, open. Left out, it is followed until it is
-        closed. `near_data` makes such a function of a cloud.
+        closed. `distance_mask` makes such a function of a cloud.
     sharpen : bool
         With seeds: ask the field once more at every vertex and move it along its edge to the zero of the parabola
         through the three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).

@@ -57,7 +57,7 @@ def number_edges(corners, order, of_half):
 
 
 @njit(nogil=True, cache=True)
-def describe_edges(corners, order, of_half, ends, count, against):
+def describe_edges(corners, order, of_half, ends, count, inconsistent):
     """Fill the (e, 2) ends of the edges, their (e,) numbers of triangles, and whether two run in one direction."""
     k = 0
     for edge in range(len(ends)):
@@ -68,7 +68,7 @@ def describe_edges(corners, order, of_half, ends, count, against):
             ends[edge, 0], ends[edge, 1] = min(one, other), max(one, other)
             k += 1
         count[edge] = k - begin
-        against[edge] = forward > 1 or k - begin - forward > 1
+        inconsistent[edge] = forward > 1 or k - begin - forward > 1
 
 
 @njit(nogil=True, cache=True)
@@ -149,15 +149,15 @@ def find_turns(order, of_half, count, corners, parent, turn, bad):
         one, other = order[k - 1], order[k]
         if of_half[one] != of_half[other] or count[of_half[one]] != 2:
             continue
-        against = (corners[one] < corners[after(one)]) == (corners[other] < corners[after(other)])
+        inconsistent = (corners[one] < corners[after(one)]) == (corners[other] < corners[after(other)])
         first, turned = _root_and_turn(parent, turn, one // 3)
         second, also = _root_and_turn(parent, turn, other // 3)
-        against ^= turned ^ also
+        inconsistent ^= turned ^ also
         if first == second:
-            bad[first] |= against
+            bad[first] |= inconsistent
         else:
             low, high = min(first, second), max(first, second)
-            parent[high], turn[high] = low, against
+            parent[high], turn[high] = low, inconsistent
             bad[low] |= bad[high]
     for triangle in range(len(parent)):
         root, turned = _root_and_turn(parent, turn, triangle)

@@ -1,4 +1,4 @@
-"""The compiled loops that find which triangles' boxes overlap: a forest of trees, one for each class of size.
+"""The compiled loops of bounding volume hierarchies (BVH) over triangles, a tree for each class of size.
 
 A tree over k triangles has 2^depth leaves; node j of a level holds the triangles from j k / 2^level on, so that the
 tree is its order alone. Large triangles never widen a tree of small ones; between two trees the fewer triangles are
@@ -8,17 +8,39 @@ Boxes are in single precision. Rounding never swaps two numbers: boxes that over
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from o3dleaf.surface.mesh.contact_loops import find_view, meet
 
-LEAF = 8
+LEAF_SIZE = 8
 """Triangles in a leaf at most."""
 
-DEEP = 64
+MAX_DEPTH = 64
 """Levels of a tree at most, and so the nodes that wait while it is searched."""
+
+
+class Tree(NamedTuple):
+    """A BVH over k triangles of a class of size.
+
+    Attributes
+    ----------
+    rows : (k,) ndarray of int32 or int64
+        The triangles, in the order of the leaves.
+    boxes : (k, 6) ndarray of float32
+        Lower, then upper corner of each, less an origin.
+    nodes : (2^(depth + 1), 6) ndarray of float32
+        Node 2^level + j is node j of a level.
+    depth : int
+    """
+
+    rows: npt.NDArray[np.signedinteger[Any]]
+    boxes: npt.NDArray[np.float32]
+    nodes: npt.NDArray[np.float32]
+    depth: int
 
 
 @njit(nogil=True, cache=True)
@@ -129,9 +151,10 @@ def _overlap(a, b):
 
 
 @njit(nogil=True, cache=True)
-def cross_within(vertices, triangles, view, rows, boxes, nodes, depth, start, stop, crosses):
+def cross_within(vertices, triangles, view, tree, start, stop, crosses):
     """Mark the triangles of leaves start:stop that meet others of the same or a later leaf of their tree, and those."""
-    many, waiting = len(rows), np.empty(DEEP, np.int64)
+    rows, boxes, nodes, depth = tree
+    many, waiting = len(rows), np.empty(MAX_DEPTH, np.int64)
     for leaf in range(start, stop):
         box = nodes[(1 << depth) + leaf]
         waiting[0], level, top = 1, 0, 1
@@ -178,17 +201,14 @@ def cross_between(vertices, triangles, view, origin, slack, asking, start, stop,
 
     Parameters
     ----------
-    asking : tuple
-        Rows and boxes of triangles.
-    tree : tuple
-        Rows, boxes, nodes and depth of the tree.
+    asking, tree : Tree
     slack : float
         More than the rounding of a coordinate of a box.
     """
     rows, boxes, nodes, depth = tree
-    many, waiting, corners = len(rows), np.empty(DEEP, np.int64), np.empty((3, 3))
+    many, waiting, corners = len(rows), np.empty(MAX_DEPTH, np.int64), np.empty((3, 3))
     for n in range(start, stop):
-        box, t = asking[1][n], asking[0][n]
+        box, t = asking.boxes[n], asking.rows[n]
         if not _overlap(box, nodes[1]):
             continue
         for corner in range(3):

@@ -1,4 +1,4 @@
-"""Edge-connected pieces of a mesh: the sheets of a blade are kept, voids and specks are counted."""
+"""Edge-connected pieces of a mesh: the largest are kept, the others counted."""
 
 from dataclasses import asdict, dataclass
 
@@ -13,13 +13,13 @@ from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 
 @dataclass(frozen=True)
 class RemovedComponents:
-    """What `largest_components` took away; areas in the square of the mesh's unit.
+    """Pieces that `largest_components` took away; areas in the square of the mesh's unit.
 
     Attributes
     ----------
     closed, open : int
-        Number of pieces without a boundary (voids inside the blade, specks beside it) and with one
-        (scraps cut off by the outline).
+        Number of pieces without a boundary (voids inside the blade, islands beside it) and with one
+        (fragments cut off by the outline).
     closed_area, open_area : float
         Their total areas.
     largest_area : float

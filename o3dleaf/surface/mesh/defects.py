@@ -1,4 +1,4 @@
-"""Where a mesh is broken: for each kind of defect, the triangles concerned."""
+"""The triangles of every kind of defect of a mesh."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,7 @@ import numpy as np
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays
-from o3dleaf.core.parallel import Progress
-from o3dleaf.surface.mesh.measurements import Anatomy
+from o3dleaf.surface.mesh.measurements import MeshMeasurements
 from o3dleaf.surface.mesh.topology import BoundaryRings, trace_rings
 
 WORST = 20
@@ -17,7 +16,7 @@ STRAY = 0.01
 """A piece is stray if its area is less than this part of the largest one's."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Defects:
     """Rows of the triangles that are part of each kind of defect, rising; of `sharpest`, the worst first.
 
@@ -53,16 +52,18 @@ class Defects:
     sharpest: IntArray
     rings: BoundaryRings
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{len(rows):,} {name.replace('_', ' ')}" for name, rows in self.rows().items() if len(rows))
+        return f"Defects({counts or 'none'})"
+
     def rows(self) -> dict[str, IntArray]:
         """Return the triangles of each kind by its name; small angles, which every mesh has, are not among them."""
         names = [name for name in self.__dataclass_fields__ if name not in {"rings", "sharpest"}]
         return {name: getattr(self, name) for name in names}
 
 
-def find_defects(
-    mesh: MeshLike, *, worst: int = WORST, stray: float = STRAY, progress: Progress | None = None
-) -> Defects:
-    """Return where a mesh is broken: the triangles of every defect that `mesh_report` counts.
+def find_defects(mesh: MeshLike, *, worst: int = WORST, stray: float = STRAY) -> Defects:
+    """Return the triangles of every defect that `mesh_report` counts.
 
     Parameters
     ----------
@@ -72,8 +73,6 @@ def find_defects(
         How many of the triangles with the smallest angles to name.
     stray : float
         A piece is stray if its area is less than this part of the largest one's.
-    progress : callable, optional
-        ``progress(done, total)`` in stages.
 
     Raises
     ------
@@ -82,26 +81,26 @@ def find_defects(
     """
     if worst < 0 or stray < 0:
         raise InputError("worst, stray: give zero or more")
-    return defects_of(Anatomy.of(*mesh_arrays(mesh), progress), worst, stray)
+    return defects_of(MeshMeasurements.of(*mesh_arrays(mesh)), worst, stray)
 
 
-def defects_of(anatomy: Anatomy, worst: int = WORST, stray: float = STRAY) -> Defects:
-    """Return the defects of what was found; the arguments are those of `find_defects`."""
-    edges, loops = anatomy.edges, anatomy.loops
-    area = np.bincount(anatomy.piece, weights=anatomy.area)
+def defects_of(measured: MeshMeasurements, worst: int = WORST, stray: float = STRAY) -> Defects:
+    """Return the defects of a measured mesh; the arguments are those of `find_defects`."""
+    edges, loops = measured.edges, measured.loops
+    area = np.bincount(measured.piece, weights=measured.area)
     small = area < stray * area.max(initial=0.0)
-    order = np.argpartition(anatomy.smallest_angle, worst)[:worst] if worst < len(anatomy.triangles) else slice(None)
-    sharpest = np.arange(len(anatomy.triangles))[order]
+    order = np.argpartition(measured.smallest_angle, worst)[:worst] if worst < len(measured.triangles) else slice(None)
+    sharpest = np.arange(len(measured.triangles))[order]
     return Defects(
         boundary=edges.triangles_of(loops.edges),
         hole=edges.triangles_of(loops.edges[~loops.is_rim[loops.of_edge]]),
         nonmanifold_edge=edges.triangles_of(np.flatnonzero(edges.count > 2)),
-        nonmanifold_vertex=np.flatnonzero(anatomy.bowtie[anatomy.triangles].any(axis=1)),
-        flipped=np.flatnonzero(anatomy.is_flipped),
-        self_intersecting=np.flatnonzero(anatomy.is_crossing),
-        degenerate=np.flatnonzero(anatomy.is_degenerate),
-        duplicate=np.flatnonzero(anatomy.is_duplicate),
-        stray=np.flatnonzero(small[anatomy.piece]) if small.any() else np.empty(0, dtype=np.int64),
-        sharpest=sharpest[np.lexsort((sharpest, anatomy.smallest_angle[sharpest]))],
+        nonmanifold_vertex=np.flatnonzero(measured.bowtie[measured.triangles].any(axis=1)),
+        flipped=np.flatnonzero(measured.is_flipped),
+        self_intersecting=np.flatnonzero(measured.is_crossing),
+        degenerate=np.flatnonzero(measured.is_degenerate),
+        duplicate=np.flatnonzero(measured.is_duplicate),
+        stray=np.flatnonzero(small[measured.piece]) if small.any() else np.empty(0, dtype=np.int64),
+        sharpest=sharpest[np.lexsort((sharpest, measured.smallest_angle[sharpest]))],
         rings=trace_rings(edges, loops),
     )

@@ -1,4 +1,4 @@
-"""How far a mesh is from what it shows: from the surface of a field, and from the points of a scan, both ways."""
+"""Distances between a mesh and what it shows: to the surface of a field, and to and from the points of a scan."""
 
 import inspect
 from collections.abc import Callable
@@ -9,22 +9,23 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import KDTree
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import Progress, blocks, get_num_threads
+from o3dleaf.core.parallel import blocks, get_num_threads
 from o3dleaf.core.units import check_unit, unit_scale
-from o3dleaf.surface.mesh.measurements import Anatomy
+from o3dleaf.surface.mesh.measurements import MeshMeasurements
 
 SUPPORT = 3.0
-"""A place of the mesh is supported if a point of the scan is within this many median spacings of the scan."""
+"""A vertex is supported if a point of the scan is within this many median spacings of the scan."""
 
-AT_ONCE = 2**20
-"""Vertices whose distances are asked for together."""
+BATCH_SIZE = 2**20
+"""Vertices whose distances are found together."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Deviation:
     """Distances between a mesh and what it shows, in the mesh's unit; None where there is nothing to compare with.
 
@@ -54,29 +55,34 @@ class Deviation:
     unsupported: float | None
     unit: str | None
 
+    def __repr__(self) -> str:
+        means = {"field": _figure(self.to_field, "mean"), "scan": _figure(self.from_scan, "mean")}
+        known = [f"mean distance to {name} {mean:.3g}" for name, mean in means.items() if mean is not None]
+        return f"Deviation({', '.join([*known, f'unit {self.unit}'])})"
+
     @classmethod
     def of(
         cls,
-        anatomy: Anatomy,
+        measured: MeshMeasurements,
         field: Field | None = None,
         cloud: CloudLike | None = None,
         unit: str | None = None,
         *,
         isovalue: float = 0.0,
-        progress: Progress | None = None,
     ) -> "Deviation":
         """Measure a mesh against a field and a scan; the arguments are those of `mesh_report`."""
         unit = check_unit(unit) or (None if field is None else check_unit(field.unit))
-        to_field = None if field is None else distance_to_field(anatomy, field, unit, isovalue, progress)
+        to_field = None if field is None else distance_to_field(measured, field, unit, isovalue)
         if cloud is None:
             return cls(to_field, None, None, None, None, unit)
         points = points_of(cloud, "cloud", least=2)
         tree = KDTree(points)
         spacing = float(np.median(tree.query(points, 2, workers=get_num_threads())[0][:, 1]))
-        to_scan = _at_used(anatomy, lambda some: tree.query(some, workers=get_num_threads())[0])
-        weight = anatomy.vertex_area()
+        to_scan = _at_used(measured, lambda some: tree.query(some, workers=get_num_threads())[0])
+        weight = measured.vertex_area()
         far = float(weight[np.nan_to_num(to_scan) > SUPPORT * spacing].sum() / max(weight.sum(), np.finfo(float).tiny))
-        return cls(to_field, to_scan, distance_to_mesh(anatomy.vertices, anatomy.triangles, points), spacing, far, unit)
+        from_scan = distance_to_mesh(measured.vertices, measured.triangles, points)
+        return cls(to_field, to_scan, from_scan, spacing, far, unit)
 
     def figures(self) -> dict[str, Any]:
         """Return what a report says of it, by the names there."""
@@ -85,19 +91,17 @@ class Deviation:
             "scan_distance": (self.from_scan, ("mean", "95pc", "max")),
             "support": (self.to_scan, ("median", "95pc", "max")),
         }
-        found = {f"{name}_{what}": _figure(d, what) for name, (d, whats) in parts.items() for what in whats}
-        return found | {"scan_spacing": self.spacing, "unsupported_share": self.unsupported}
+        figures = {f"{name}_{what}": _figure(d, what) for name, (d, whats) in parts.items() for what in whats}
+        return figures | {"scan_spacing": self.spacing, "unsupported_share": self.unsupported}
 
 
-def distance_to_field(
-    anatomy: Anatomy, field: Field, unit: str | None, isovalue: float = 0.0, progress: Progress | None = None
-) -> FloatArray:
+def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None, isovalue: float = 0.0) -> FloatArray:
     """Return the (n,) distances of a mesh's vertices to a field's surface, in the mesh's `unit`; see `Deviation`."""
     scale = unit_scale(unit, field.unit)
     exact = getattr(field, "signed_distance", None)
-    if exact is not None and anatomy.is_closed:
+    if exact is not None and measured.is_closed:
         closed = {"closed": True} if "closed" in inspect.signature(exact).parameters else {}
-        return _at_used(anatomy, lambda some: np.abs(exact(some * scale, **closed)) / scale, progress)
+        return _at_used(measured, lambda some: np.abs(exact(some * scale, **closed)) / scale)
     farthest = float(np.linalg.norm(field.bounds[1] - field.bounds[0]))
 
     def newton(some: FloatArray) -> FloatArray:
@@ -107,7 +111,7 @@ def distance_to_field(
         far = excess >= slope * farthest
         return np.where(far & (excess > 0), farthest, excess / np.where(slope > 0, slope, 1.0)) / scale
 
-    return _at_used(anatomy, newton, progress)
+    return _at_used(measured, newton)
 
 
 def distance_to_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
@@ -115,12 +119,12 @@ def distance_to_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArr
     if not len(triangles):
         return np.full(len(points), np.inf)
     scene, middle = _scene(vertices, triangles, points)
-    found = scene.compute_distance(o3d.core.Tensor.from_numpy((points - middle).astype(np.float32)), get_num_threads())
-    return np.asarray(found.numpy(), dtype=np.float64)
+    query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
+    return np.asarray(scene.compute_distance(query, get_num_threads()).numpy(), dtype=np.float64)
 
 
 def nearest_on_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
-    """Return the (k, 3) places on a mesh nearest to (k, 3) points, in single precision about their middle."""
+    """Return the (k, 3) points on a mesh nearest to (k, 3) points, in single precision about their middle."""
     scene, middle = _scene(vertices, triangles, points)
     query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
     return np.asarray(scene.compute_closest_points(query, get_num_threads())["points"].numpy() + middle)
@@ -139,16 +143,13 @@ def _scene(
     return scene, middle
 
 
-def _at_used(
-    anatomy: Anatomy, measure: Callable[[FloatArray], FloatArray], progress: Progress | None = None
-) -> FloatArray:
-    """Return `measure` at the vertices that triangles use, piece by piece, and NaN at the others."""
-    rows, found = np.flatnonzero(anatomy.is_used), np.full(len(anatomy.vertices), np.nan)
-    for start, stop in blocks(len(rows), AT_ONCE):
-        found[rows[start:stop]] = measure(anatomy.vertices[rows[start:stop]])
-        if progress:
-            progress(stop, len(rows))
-    return found
+def _at_used(measured: MeshMeasurements, measure: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return `measure` at the vertices that triangles use, batch by batch, and NaN at the others."""
+    rows, distance = np.flatnonzero(measured.is_used), np.full(len(measured.vertices), np.nan)
+    for start, stop in blocks(len(rows), BATCH_SIZE):
+        distance[rows[start:stop]] = measure(measured.vertices[rows[start:stop]])
+        progress.report(stop, len(rows))
+    return distance
 
 
 def _figure(distance: FloatArray | None, what: str) -> float | None:

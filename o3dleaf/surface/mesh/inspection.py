@@ -1,20 +1,19 @@
-"""One look at a mesh from which the report, the defects and the maps of its deviations are all read."""
+"""Report, defects and deviations of a mesh from one pass over it."""
 
 from dataclasses import dataclass
 
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
-from o3dleaf.core.mesh_arrays import MeshLike, mesh_arrays
-from o3dleaf.core.parallel import Progress
+from o3dleaf.core.mesh_arrays import MeshLike
 from o3dleaf.surface.mesh.defects import Defects, defects_of
 from o3dleaf.surface.mesh.deviation import Deviation
-from o3dleaf.surface.mesh.measurements import Anatomy
-from o3dleaf.surface.mesh.mesh_report import MeshReport, report_of
+from o3dleaf.surface.mesh.measurements import MeshMeasurements
+from o3dleaf.surface.mesh.mesh_report import MeshReport, measure_and_compare, report_of
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Inspection:
-    """What was found out about a mesh, by one pass over it.
+    """Report, defects, deviations and measurements of one mesh.
 
     Attributes
     ----------
@@ -24,14 +23,17 @@ class Inspection:
         The triangles of every defect.
     deviation : Deviation
         Distances to field and scan, one a vertex and one a point, for colour maps and histograms.
-    anatomy : Anatomy
+    measurements : MeshMeasurements
         Pieces, loops, angles, areas and edge lengths, one a triangle or an edge.
     """
 
     report: MeshReport
     defects: Defects
     deviation: Deviation
-    anatomy: Anatomy
+    measurements: MeshMeasurements
+
+    def __repr__(self) -> str:
+        return f"Inspection({self.report!r}, {self.defects!r}, {self.deviation!r})"
 
 
 def inspect_mesh(
@@ -39,7 +41,6 @@ def inspect_mesh(
     field: Field | None = None,
     cloud: CloudLike | None = None,
     unit: str | None = None,
-    progress: Progress | None = None,
     *,
     isovalue: float = 0.0,
 ) -> Inspection:
@@ -49,7 +50,7 @@ def inspect_mesh(
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Not modified.
-    field, cloud, unit, progress, isovalue
+    field, cloud, unit, isovalue
         As in `mesh_report`.
 
     Raises
@@ -57,6 +58,5 @@ def inspect_mesh(
     InputError, UnitError
         As `mesh_report`.
     """
-    anatomy = Anatomy.of(*mesh_arrays(mesh), progress)
-    deviation = Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue, progress=progress)
-    return Inspection(report_of(anatomy, deviation), defects_of(anatomy), deviation, anatomy)
+    measured, deviation = measure_and_compare(mesh, field, cloud, unit, isovalue)
+    return Inspection(report_of(measured, deviation), defects_of(measured), deviation, measured)

@@ -1,13 +1,14 @@
-"""What a mesh is made of, found in one pass: edges, pieces, fans, loops, angles, areas, broken triangles."""
+"""Measurements of a mesh in one pass: edges, pieces, fans, loops, angles, areas, broken triangles."""
 
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import Progress, run_blocks
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.measure_loops import bound_used, mark_used, measure_edges, measure_triangles, share_areas
 from o3dleaf.surface.mesh.topology import (
@@ -26,13 +27,10 @@ BLOCK = 2**16
 FLAT = 1e-12
 """A triangle is degenerate if its area is at most this times its longest edge squared (float64 rounding)."""
 
-STAGES = 5
-"""Edges; pieces and fans; measures; loops and orientation; crossings."""
 
-
-@dataclass(frozen=True, eq=False)
-class Anatomy:
-    """The parts of a mesh of n vertices, m triangles and e edges.
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshMeasurements:
+    """Parts and sizes of a mesh of n vertices, m triangles and e edges.
 
     Attributes
     ----------
@@ -74,25 +72,28 @@ class Anatomy:
     orientable: bool
     volume: float
 
+    def __repr__(self) -> str:
+        return f"MeshMeasurements({len(self.vertices):,} vertices, {len(self.triangles):,} triangles)"
+
     @classmethod
-    def of(cls, vertices: FloatArray, triangles: IntArray, progress: Progress | None = None) -> "Anatomy":
-        """Find the parts of a mesh; ``progress(done, total)`` counts stages."""
-        report = progress or _silent
-        edges = EdgeTable.of(triangles)
-        report(1, STAGES)
-        piece = label_triangles(triangles, edges)
-        bowtie = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices)) > 1
-        report(2, STAGES)
-        measures = _measure(vertices, triangles)
-        length, is_used = np.empty(len(edges.ends)), np.zeros(len(vertices), dtype=bool)
-        run_blocks(lambda i, j: measure_edges(vertices, edges.ends, i, j, length), len(length), BLOCK)
-        mark_used(triangles, is_used)
-        report(3, STAGES)
-        flipped, orientable = find_flipped(edges, measures["area"])
-        loops, duplicate = find_holes(vertices, triangles, edges, piece, measures["area"]), edges.duplicates()
-        report(4, STAGES)
-        crossing = find_crossings(vertices, triangles)
-        report(5, STAGES)
+    def of(cls, vertices: FloatArray, triangles: IntArray) -> "MeshMeasurements":
+        """Measure a mesh."""
+        pairing, joining, measuring, walking, crossing = progress.split(1, 1, 1, 1, 1)
+        with pairing:
+            edges = EdgeTable.of(triangles)
+        with joining:
+            piece = label_triangles(triangles, edges)
+            bowtie = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices)) > 1
+        with measuring:
+            measures = _measure(vertices, triangles)
+            length, is_used = np.empty(len(edges.ends)), np.zeros(len(vertices), dtype=bool)
+            run_blocks(lambda i, j: measure_edges(vertices, edges.ends, i, j, length), len(length), BLOCK)
+            mark_used(triangles, is_used)
+        with walking:
+            flipped, orientable = find_flipped(edges, measures["area"])
+            loops, duplicate = find_holes(vertices, triangles, edges, piece, measures["area"]), edges.duplicates()
+        with crossing:
+            is_crossing = find_crossings(vertices, triangles)
         return cls(
             vertices=vertices,
             triangles=triangles,
@@ -104,7 +105,7 @@ class Anatomy:
             edge_length=length,
             is_duplicate=duplicate,
             is_flipped=flipped,
-            is_crossing=crossing,
+            is_crossing=is_crossing,
             orientable=orientable,
             **measures,
         )
@@ -115,13 +116,13 @@ class Anatomy:
         return int(self.piece.max(initial=-1)) + 1
 
     @property
-    def heavy(self) -> int:
+    def nonmanifold_edges(self) -> int:
         """Number of edges of three triangles or more."""
         return int((self.edges.count > 2).sum())
 
     @property
     def is_closed(self) -> bool:
-        """Whether there are triangles, and no boundary."""
+        """True if there are triangles, and no boundary."""
         return len(self.triangles) > 0 and len(self.loops.edges) == 0
 
     @property
@@ -136,13 +137,8 @@ class Anatomy:
         return shared
 
 
-def _silent(done: int, total: int) -> None:
-    """Show nothing."""
-    del done, total
-
-
 def _measure(vertices: FloatArray, triangles: IntArray) -> dict[str, Any]:
-    """Return areas, angles, what is flat, and the volume, by their names in `Anatomy`."""
+    """Return areas, angles, degenerate triangles and the volume, by their names in `MeshMeasurements`."""
     many = len(triangles)
     area, smallest, largest, solid = (np.empty(many) for _ in range(4))
     degenerate = np.empty(many, dtype=bool)
@@ -150,8 +146,8 @@ def _measure(vertices: FloatArray, triangles: IntArray) -> dict[str, Any]:
     middle = vertices.mean(axis=0) if len(vertices) else np.zeros(3)
 
     def measure(start: int, stop: int) -> None:
-        found = area, smallest, largest, solid, degenerate
-        measure_triangles(vertices, triangles, middle, FLAT, start, stop, *found)
+        rows = area, smallest, largest, solid, degenerate
+        measure_triangles(vertices, triangles, middle, FLAT, start, stop, *rows)
 
     run_blocks(measure, many, BLOCK)
     return {

@@ -1,23 +1,23 @@
-"""What a mesh is, in numbers: pieces, holes, manifoldness, self-intersections, angles, sizes, deviations."""
+"""A mesh in numbers: pieces, holes, manifoldness, self-intersections, angles, sizes, deviations."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import MeshLike, mesh_arrays
-from o3dleaf.core.parallel import Progress
 from o3dleaf.surface.mesh.deviation import Deviation
-from o3dleaf.surface.mesh.measurements import Anatomy
+from o3dleaf.surface.mesh.measurements import MeshMeasurements
 
 SHARES = (1, 5, 10, 20)
 """Angles, in degrees, below which triangles are counted."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MeshReport:
     """The figures of a mesh; lengths in `unit`, areas and the volume in its square and cube.
 
@@ -135,6 +135,11 @@ class MeshReport:
     unsupported_share: float | None
     unit: str | None
 
+    def __repr__(self) -> str:
+        state = "watertight" if self.watertight else "manifold" if self.manifold else "not manifold"
+        size = f"{self.vertices:,} vertices, {self.triangles:,} triangles in {self.components:,} pieces"
+        return f"MeshReport({size}, {state}, {self.self_intersections:,} crossing, unit {self.unit})"
+
     def to_dict(self) -> dict[str, Any]:
         """Return the figures as one flat dictionary, ready for JSON; `None` for what was not asked."""
         return asdict(self)
@@ -145,7 +150,6 @@ def mesh_report(
     field: Field | None = None,
     cloud: CloudLike | None = None,
     unit: str | None = None,
-    progress: Progress | None = None,
     *,
     isovalue: float = 0.0,
 ) -> MeshReport:
@@ -156,13 +160,11 @@ def mesh_report(
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Not modified.
     field : Field, optional
-        What the mesh is a surface of: distances of the vertices to it are measured, see `Deviation`.
+        The mesh is a surface of it: distances of the vertices to it are measured, see `Deviation`.
     cloud : (n, 3) array_like or Open3D point cloud, optional
         The scan, in the mesh's unit: distances to it and from it are measured.
     unit : str, optional
         The unit of the vertices ("mm", "um", ...), stated in the report; that of the field by default.
-    progress : callable, optional
-        ``progress(done, total)`` in stages, then in vertices measured against the field.
     isovalue : float
         The surface is where the field has this value.
 
@@ -171,53 +173,64 @@ def mesh_report(
     InputError, UnitError
         If it is no mesh, or the unit is unknown, or only the mesh has one and the field none.
     """
+    measured, deviation = measure_and_compare(mesh, field, cloud, unit, isovalue)
+    return report_of(measured, deviation)
+
+
+def measure_and_compare(
+    mesh: MeshLike, field: Field | None, cloud: CloudLike | None, unit: str | None, isovalue: float
+) -> tuple[MeshMeasurements, Deviation]:
+    """Return all that a report is made of; the arguments are those of `mesh_report`."""
     vertices, triangles = mesh_arrays(mesh)
-    anatomy = Anatomy.of(vertices, triangles, progress)
-    return report_of(anatomy, Deviation.of(anatomy, field, cloud, unit, isovalue=isovalue, progress=progress))
+    measuring, comparing = progress.split(1, field is not None)
+    with measuring:
+        measured = MeshMeasurements.of(vertices, triangles)
+    with comparing:
+        return measured, Deviation.of(measured, field, cloud, unit, isovalue=isovalue)
 
 
-def report_of(anatomy: Anatomy, deviation: Deviation) -> MeshReport:
+def report_of(measured: MeshMeasurements, deviation: Deviation) -> MeshReport:
     """Return the figures of what was found."""
-    pieces, loops = anatomy.pieces, anatomy.loops
-    bowties, against = int(anatomy.bowtie.sum()), int(anatomy.edges.against.sum())
-    manifold, oriented = anatomy.heavy == 0 and bowties == 0, against == 0
-    crossings, boundary = int(anatomy.is_crossing.sum()), len(loops.edges)
-    euler = int(anatomy.is_used.sum()) - len(anatomy.edges.count) + len(anatomy.triangles)
+    pieces, loops = measured.pieces, measured.loops
+    bowties, inconsistent = int(measured.bowtie.sum()), int(measured.edges.inconsistent.sum())
+    manifold, oriented = measured.nonmanifold_edges == 0 and bowties == 0, inconsistent == 0
+    crossings, boundary = int(measured.is_crossing.sum()), len(loops.edges)
+    euler = int(measured.is_used.sum()) - len(measured.edges.count) + len(measured.triangles)
     return MeshReport(
-        vertices=len(anatomy.vertices),
-        triangles=len(anatomy.triangles),
+        vertices=len(measured.vertices),
+        triangles=len(measured.triangles),
         components=pieces,
         boundary_edges=boundary,
         boundary_loops=len(loops.is_rim),
         holes=int((~loops.is_rim).sum()),
         genus=(2 * pieces - len(loops.is_rim) - euler) // 2 if manifold and oriented else None,
-        nonmanifold_edges=anatomy.heavy,
+        nonmanifold_edges=measured.nonmanifold_edges,
         nonmanifold_vertices=bowties,
         manifold=manifold,
-        inconsistent_edges=against,
+        inconsistent_edges=inconsistent,
         oriented=oriented,
-        orientable=anatomy.orientable,
-        flipped_triangles=int(anatomy.is_flipped.sum()),
+        orientable=measured.orientable,
+        flipped_triangles=int(measured.is_flipped.sum()),
         self_intersections=crossings,
-        watertight=boundary == 0 and manifold and crossings == 0 and len(anatomy.triangles) > 0,
-        degenerate_triangles=int(anatomy.is_degenerate.sum()),
-        duplicate_triangles=int(anatomy.is_duplicate.sum()),
-        **_shape_figures(anatomy),
-        volume=anatomy.volume if boundary == 0 else None,
+        watertight=boundary == 0 and manifold and crossings == 0 and len(measured.triangles) > 0,
+        degenerate_triangles=int(measured.is_degenerate.sum()),
+        duplicate_triangles=int(measured.is_duplicate.sum()),
+        **_shape_figures(measured),
+        volume=measured.volume if boundary == 0 else None,
         **deviation.figures(),
         unit=deviation.unit,
     )
 
 
-def _shape_figures(anatomy: Anatomy) -> dict[str, Any]:
+def _shape_figures(measured: MeshMeasurements) -> dict[str, Any]:
     """Return angles, edge lengths, bounds and area by their names in the report."""
-    angle, length = anatomy.smallest_angle, anatomy.edge_length
-    lower, upper = anatomy.bounds
+    angle, length = measured.smallest_angle, measured.edge_length
+    lower, upper = measured.bounds
     first, fifth, median, late, last = _quantiles(length, (0.01, 0.05, 0.5, 0.95, 0.99))
     shares = {f"share_below_{limit}deg": float(np.mean(angle < limit)) if len(angle) else 0.0 for limit in SHARES}
     return shares | {
         "min_angle_deg": float(angle.min()) if len(angle) else 0.0,
-        "max_angle_deg": float(anatomy.largest_angle.max(initial=0.0)),
+        "max_angle_deg": float(measured.largest_angle.max(initial=0.0)),
         "angle_histogram": tuple(np.histogram(angle, bins=60, range=(0, 60))[0].tolist()),
         "shortest_edge": float(length.min()) if len(length) else 0.0,
         "mean_edge": float(length.mean()) if len(length) else 0.0,
@@ -230,10 +243,10 @@ def _shape_figures(anatomy: Anatomy) -> dict[str, Any]:
         "lower": tuple(lower.tolist()),
         "upper": tuple(upper.tolist()),
         "extent": tuple((upper - lower).tolist()),
-        "area": float(anatomy.area.sum()),
+        "area": float(measured.area.sum()),
     }
 
 
-def _quantiles(values: FloatArray, at: tuple[float, ...]) -> list[float]:
+def _quantiles(values: FloatArray, levels: tuple[float, ...]) -> list[float]:
     """Return quantiles of (n,) values, 0 of none."""
-    return [float(value) for value in np.quantile(values, at)] if len(values) else [0.0] * len(at)
+    return [float(value) for value in np.quantile(values, levels)] if len(values) else [0.0] * len(levels)

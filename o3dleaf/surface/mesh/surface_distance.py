@@ -1,4 +1,4 @@
-"""How far two meshes are apart."""
+"""The distance between two meshes."""
 
 import numpy as np
 

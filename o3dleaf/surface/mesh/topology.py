@@ -48,7 +48,7 @@ class EdgeTable:
         The half-edges by their edge, then by number.
     count : (e,) ndarray
         Triangles on each edge: 1 on the boundary, 2 inside a manifold surface.
-    against : (e,) ndarray of bool
+    inconsistent : (e,) ndarray of bool
         Whether two triangles run along the edge in the same direction.
     """
 
@@ -57,7 +57,7 @@ class EdgeTable:
     of_half: IndexArray
     order: IndexArray
     count: IndexArray
-    against: BoolArray
+    inconsistent: BoolArray
 
     @classmethod
     def of(cls, triangles: IntArray) -> "EdgeTable":
@@ -68,13 +68,9 @@ class EdgeTable:
         order, of_half = np.empty_like(corners), np.empty_like(corners)
         sort_half_edges(corners, np.empty(vertices + 1, dtype=index), of_half, order)
         edges = number_edges(corners, order, of_half)
-        ends, count, against = np.empty((edges, 2), index), np.empty(edges, index), np.empty(edges, bool)
-        describe_edges(corners, order, of_half, ends, count, against)
-        return cls(corners, ends, of_half, order, count, against)
-
-    def inconsistent(self) -> BoolArray:
-        """Return which edges two triangles run along in the same direction."""
-        return self.against
+        ends, count, inconsistent = np.empty((edges, 2), index), np.empty(edges, index), np.empty(edges, bool)
+        describe_edges(corners, order, of_half, ends, count, inconsistent)
+        return cls(corners, ends, of_half, order, count, inconsistent)
 
     def triangles_of(self, edges: IntArray) -> IntArray:
         """Return the rising rows of the triangles on some edges."""
@@ -93,9 +89,9 @@ class EdgeTable:
 
     def duplicates(self) -> BoolArray:
         """Return which triangles are on the same three vertices as one before."""
-        found = np.zeros(len(self.corners) // 3, dtype=bool)
-        mark_duplicates(self.corners, self.order, self.of_half, found)
-        return found
+        is_duplicate = np.zeros(len(self.corners) // 3, dtype=bool)
+        mark_duplicates(self.corners, self.order, self.of_half, is_duplicate)
+        return is_duplicate
 
 
 def label_nodes(first: IntArray, second: IntArray, nodes: int) -> IntArray:
@@ -131,7 +127,7 @@ def find_flipped(edges: EdgeTable, area: FloatArray) -> tuple[BoolArray, bool]:
     A patch is joined across edges of two triangles. In one that has no two sides (a Möbius strip) none is flipped.
     """
     turn, bad = np.zeros(len(area), dtype=bool), np.zeros(len(area), dtype=bool)
-    if not edges.against.any():
+    if not edges.inconsistent.any():
         return turn, True
     root = np.arange(len(area), dtype=np.int64)
     find_turns(edges.order, edges.of_half, edges.count, edges.corners, root, turn, bad)

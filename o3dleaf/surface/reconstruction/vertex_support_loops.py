@@ -1,51 +1,75 @@
-"""The compiled loops of support: what holds a vertex, how far it is from a front along a mesh, what speaks for it."""
+"""The compiled loops of proximity and support: closest points, distances from a front along a mesh, kernel sums."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 
-@njit(nogil=True, cache=True)
-def find_feet(start, stop, surface, data, limits, far, feet):
-    """Write distance and foot of the nearest of some data that face the way of each vertex.
+class PointsWithNormals(NamedTuple):
+    """Points (n, 3) and their normals (n, 3), or a single row of normals where they are not known."""
 
-    A foot is the point without its noise: moved along the vertex's normal towards its tangent plane.
+    points: npt.NDArray[np.float64]
+    normals: npt.NDArray[np.float64]
+
+
+class VoxelGrid(NamedTuple):
+    """A grid of cubic voxels: lower corner (3,), voxels along each axis (3,), and their side."""
+
+    low: npt.NDArray[np.float64]
+    shape: npt.NDArray[np.int64]
+    side: float
+
+
+class SortedCells(NamedTuple):
+    """The cells of points (m,) that are sorted by them: number (i · shape[1] + j) · shape[2] + k, corner and shape."""
+
+    keys: npt.NDArray[np.int64]
+    low: npt.NDArray[np.float64]
+    shape: npt.NDArray[np.int64]
+
+
+@njit(nogil=True, cache=True)
+def find_closest(start, stop, surface, data, nearest, noise, facing, distance, closest):
+    """Write distance and place of the closest of some data points whose normals face the way of each vertex.
+
+    Points are taken without their noise: moved along the vertex's normal towards its tangent plane.
 
     Parameters
     ----------
-    surface : (vertices, normals)
-        (n, 3) ndarrays.
-    data : (points, normals, nearest)
-        (m, 3) ndarrays, or a single row of normals if all face every way, and the (n, k) rows to choose from.
-    limits : (noise, facing)
+    surface : PointsWithNormals
+        The vertices.
+    data : PointsWithNormals
+        With a single row of normals if all face every way.
+    nearest : (n, k) ndarray
+        The data points to choose from, of each vertex.
+    noise, facing : float
         How far points are moved at most; the least cosine between normals.
-    far, feet : (n,), (n, 3) ndarrays
-        Filled at start:stop where there is one; `far` must be infinite.
+    distance, closest : (n,), (n, 3) ndarrays
+        Filled at start:stop where there is one; `distance` must be infinite.
     """
-    vertices, outward = surface
-    points, normals, nearest = data
-    noise, facing = limits
-    known = len(normals) == len(points)
+    known = len(data.normals) == len(data.points)
     offset = np.empty(3)
     for n in range(start, stop):
         for j in nearest[n]:
             along, cosine = 0.0, 0.0
             for axis in range(3):
-                offset[axis] = points[j, axis] - vertices[n, axis]
-                along += offset[axis] * outward[n, axis]
+                offset[axis] = data.points[j, axis] - surface.points[n, axis]
+                along += offset[axis] * surface.normals[n, axis]
                 if known:
-                    cosine += normals[j, axis] * outward[n, axis]
+                    cosine += data.normals[j, axis] * surface.normals[n, axis]
             if known and cosine < facing:
                 continue
             moved, square = min(max(along, -noise), noise), 0.0
             for axis in range(3):
-                offset[axis] -= moved * outward[n, axis]
+                offset[axis] -= moved * surface.normals[n, axis]
                 square += offset[axis] * offset[axis]
-            if math.sqrt(square) < far[n]:
-                far[n] = math.sqrt(square)
+            if math.sqrt(square) < distance[n]:
+                distance[n] = math.sqrt(square)
                 for axis in range(3):
-                    feet[n, axis] = vertices[n, axis] + offset[axis]
+                    closest[n, axis] = surface.points[n, axis] + offset[axis]
 
 
 @njit(nogil=True, cache=True)
@@ -105,14 +129,14 @@ def seed_front(vertices, triangles, front, of_triangle, line, distance):
 
 
 @njit(nogil=True, cache=True)
-def spread_lines(vertices, begin, around, reach, front, line, distance):
-    """Hand lines on over a mesh: each vertex asks for the lines that its neighbours are nearest to.
+def propagate_lines(vertices, begin, around, reach, front, line, distance):
+    """Propagate lines over a mesh: each vertex takes the nearest of those that its neighbors are nearest to.
 
     Parameters
     ----------
     vertices : (n, 3) ndarray
     begin, around : (n + 1,), (e,) ndarrays of int64
-        The neighbours of vertex v are around[begin[v] : begin[v + 1]].
+        The neighbors of vertex v are around[begin[v] : begin[v + 1]].
     reach : (n,) ndarray
         Vertices farther than this pass nothing on.
     front : (f, 2, 3) ndarray
@@ -143,7 +167,7 @@ def spread_lines(vertices, begin, around, reach, front, line, distance):
 
 @njit(nogil=True, cache=True)
 def find_start(keys, key):
-    """Return the first place in rising keys that holds no smaller one."""
+    """Return the first index of a sorted array of keys at which none is smaller than `key`."""
     low, high = 0, len(keys)
     while low < high:
         middle = (low + high) >> 1
@@ -156,51 +180,50 @@ def find_start(keys, key):
 
 @njit(nogil=True, cache=True)
 def voxel_of(place, grid):
-    """Return the number of the voxel that holds a place, z running fastest, or −1 outside the `grid`."""
-    low, shape, side = grid
+    """Return the number of the voxel of a `VoxelGrid` that contains a place, z running fastest, or −1 outside."""
     key = np.int64(0)
     for axis in range(3):
-        steps = math.floor((place[axis] - low[axis]) / side)
-        if not 0 <= steps < shape[axis]:
+        steps = math.floor((place[axis] - grid.low[axis]) / grid.side)
+        if not 0 <= steps < grid.shape[axis]:
             return np.int64(-1)
-        key = key * shape[axis] + np.int64(steps)
+        key = key * grid.shape[axis] + np.int64(steps)
     return key
 
 
 @njit(nogil=True, cache=True)
 def number_voxels(start, stop, places, grid, keys):
-    """Write the numbers of the voxels that hold places, in a grid of (low (3,), shape (3,), side)."""
+    """Write the numbers of the voxels of a `VoxelGrid` that contain places."""
     for n in range(start, stop):
         keys[n] = voxel_of(places[n], grid)
 
 
 @njit(nogil=True, cache=True)
-def find_voxels(start, stop, places, grid, keys, found):
-    """Write which places lie in one of the voxels `keys`, which rise."""
-    last, held = np.int64(-1), False
+def find_voxels(start, stop, places, grid, keys, inside):
+    """Write which places lie in one of the voxels of sorted numbers `keys`."""
+    last, occupied = np.int64(-1), False
     for n in range(start, stop):
         key = voxel_of(places[n], grid)
         if key != last:
-            at = find_start(keys, key)
-            last, held = key, at < len(keys) and keys[at] == key
-        found[n] = held
+            first = find_start(keys, key)
+            last, occupied = key, first < len(keys) and keys[first] == key
+        inside[n] = occupied
 
 
 @njit(nogil=True, cache=True)
-def sum_near(start, stop, vertices, points, squares, grid, radius, weight, moment):
+def sum_kernel(start, stop, vertices, points, squares, cells, radius, weight, moment):
     """Write Σ φ(|v − x_j|/radius) and Σ φ(|v − x_j|/radius) q_j over the points, φ(r) = (1 − r)⁴ (4 r + 1).
 
     Parameters
     ----------
     vertices : (n, 3) ndarray
     points, squares : (m, 3), (m,) ndarrays
-        By rising keys; squares are the q_j.
-    grid : (keys (m,), low (3,), shape (3,))
-        The cell of each point in a grid of step `radius`, (i · shape[1] + j) · shape[2] + k.
+        In the order of their cells; squares are the q_j.
+    cells : SortedCells
+        Of edge `radius`.
     weight, moment : (n,) ndarrays
         Filled at start:stop.
     """
-    keys, low, shape = grid
+    keys, low, shape = cells.keys, cells.low, cells.shape
     cell = np.empty(3, dtype=np.int64)
     for n in range(start, stop):
         total, second, inside = 0.0, 0.0, True

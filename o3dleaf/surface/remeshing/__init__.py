@@ -2,9 +2,12 @@
 
 `halfedge_loops`     a mesh that can be edited in place: collapse, swap, split
 `shape_loops`        how good a triangle is
-`pass_loops`         passes over the mesh that make its triangles better
-`projection_target`  what vertices that have moved are put back onto
-`blocks`             the mesh cut into blocks that are worked on side by side
-`submesh`            the work on one block
+`score_loops`        scores of triangles in a mesh, and conditions on edits
+`edit_loops`         edits where they make triangles better, and passes of them
+`move_loops`         vertices moved where that makes triangles better
+`limits`             limits of the edits
+`projection_target`  surfaces that vertices are projected onto when they have moved
+`blocks`             the mesh cut into blocks that are edited side by side
+`submesh`            the edits of one block
 `remesh`             all of it, in sweeps with their borders in different places
 """

@@ -1,23 +1,42 @@
 """A triangle mesh that can be edited in place: half-edges, the fan around a vertex, and the three edits.
 
-Half-edge 3 t + c runs from corner c of triangle t to the next corner. The compiled functions take the
-mesh as a tuple (origin, twin, crease, outgoing, kind):
-
-    origin    (3 m,) int64   vertex that a half-edge runs from; −1 if its triangle is gone
-    twin      (3 m,) int64   the half-edge that runs the other way; −1 on the border
-    crease    (3 m,) bool    whether the edge is one that is not to be smoothed away; the same for both twins
-    outgoing  (n,) int64     some half-edge from each vertex; −1 if the vertex is gone
-    kind      (n,) uint8     SMOOTH, CREASE or LOCKED
-
-Every vertex of the border is locked, so that all others have a closed fan. The edits are those of
-Hoppe et al. 1993 (Mesh optimization): collapse, swap, split.
+Half-edge 3 t + c runs from corner c of triangle t to the next corner. Every vertex of the border is locked, so that
+all others have a closed fan. The edits are those of Hoppe et al. 1993 (Mesh optimization): collapse, swap, split.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 SMOOTH, CREASE, LOCKED = 0, 1, 2
-MOST_AROUND = 48
+MAX_VALENCE = 48
 """Triangles around a vertex that edits look at; where there would be more they are refused."""
+
+
+class HalfEdges(NamedTuple):
+    """A mesh of n vertices and m triangles that can be edited in place.
+
+    Attributes
+    ----------
+    origin : (3 m,) ndarray of int64
+        Vertex that a half-edge runs from; −1 if its triangle is gone.
+    twin : (3 m,) ndarray of int64
+        The half-edge that runs the other way; −1 on the border.
+    crease : (3 m,) ndarray of bool
+        Whether the edge is one that is not to be smoothed away; the same for both twins.
+    outgoing : (n,) ndarray of int64
+        Some half-edge from each vertex; −1 if the vertex is gone.
+    kind : (n,) ndarray of uint8
+        SMOOTH, CREASE or LOCKED.
+    """
+
+    origin: npt.NDArray[np.int64]
+    twin: npt.NDArray[np.int64]
+    crease: npt.NDArray[np.bool_]
+    outgoing: npt.NDArray[np.int64]
+    kind: npt.NDArray[np.uint8]
 
 
 @njit(nogil=True, cache=True)
@@ -35,7 +54,7 @@ def before(h):
 @njit(nogil=True, cache=True)
 def fan(mesh, vertex, halves):
     """Write the half-edges out of a vertex with a closed fan, counter-clockwise; return how many, 0 if too many."""
-    _, twin, _, outgoing, _ = mesh
+    twin, outgoing = mesh.twin, mesh.outgoing
     h, count = outgoing[vertex], 0
     while count < len(halves):
         halves[count] = h
@@ -49,7 +68,7 @@ def fan(mesh, vertex, halves):
 @njit(nogil=True, cache=True)
 def may_touch(mesh, first, second, halves):
     """Say whether an edge joins two vertices; of two locked ones nobody knows what lies outside: then yes."""
-    origin, _, _, _, kind = mesh
+    origin, kind = mesh.origin, mesh.kind
     if kind[first] == LOCKED:
         first, second = second, first
     if kind[first] == LOCKED:
@@ -68,7 +87,7 @@ def can_collapse(mesh, h, around, halves):
     The link condition (Dey et al. 1999): v and w have no neighbour in common but the two opposite corners. A vertex on
     a crease may only go along it. `around` is filled with the fan of v.
     """
-    origin, twin, crease, _, kind = mesh
+    origin, twin, crease, kind = mesh.origin, mesh.twin, mesh.crease, mesh.kind
     v, w = origin[h], origin[after(h)]
     if kind[v] == LOCKED or (kind[v] == CREASE and not crease[h]):
         return 0
@@ -94,7 +113,7 @@ def can_collapse(mesh, h, around, halves):
 @njit(nogil=True, cache=True)
 def join(mesh, h, gone):
     """Make twins of half-edge h and what lies beyond half-edge `gone`, whose triangle is going."""
-    _, twin, crease, _, _ = mesh
+    twin, crease = mesh.twin, mesh.crease
     g = twin[gone]
     twin[h], crease[h] = g, crease[h] or crease[gone]
     if g != -1:
@@ -104,7 +123,7 @@ def join(mesh, h, gone):
 @njit(nogil=True, cache=True)
 def collapse(mesh, h, around, count):
     """Draw the origin of half-edge h to its end; `around` is its fan, as `can_collapse` found it."""
-    origin, twin, _, outgoing, _ = mesh
+    origin, twin, outgoing = mesh.origin, mesh.twin, mesh.outgoing
     g = twin[h]
     v, w, a, b = origin[h], origin[g], origin[before(h)], origin[before(g)]
     for k in range(count):
@@ -122,7 +141,7 @@ def collapse(mesh, h, around, count):
 @njit(nogil=True, cache=True)
 def can_flip(mesh, h, halves):
     """Say whether the edge of half-edge h may be swapped for that between the opposite corners."""
-    origin, twin, crease, _, kind = mesh
+    origin, twin, crease, kind = mesh.origin, mesh.twin, mesh.crease, mesh.kind
     g = twin[h]
     if g == -1 or crease[h]:
         return False
@@ -139,7 +158,7 @@ def can_flip(mesh, h, halves):
 @njit(nogil=True, cache=True)
 def attach(mesh, h, vertex, g, sharp):
     """Make half-edge h run from a vertex, with twin g."""
-    origin, twin, crease, outgoing, _ = mesh
+    origin, twin, crease, outgoing = mesh.origin, mesh.twin, mesh.crease, mesh.outgoing
     origin[h], twin[h], crease[h] = vertex, g, sharp
     outgoing[vertex] = h
     if g != -1:
@@ -149,7 +168,7 @@ def attach(mesh, h, vertex, g, sharp):
 @njit(nogil=True, cache=True)
 def flip(mesh, h):
     """Swap the edge ab of half-edge h, with triangles abc and bad, for dc: triangles adc and dbc."""
-    origin, twin, crease, _, _ = mesh
+    origin, twin, crease = mesh.origin, mesh.twin, mesh.crease
     g = twin[h]
     n, p, gn, gp = after(h), before(h), after(g), before(g)
     a, b, c, d = origin[h], origin[g], origin[p], origin[gp]
@@ -166,7 +185,7 @@ def flip(mesh, h):
 @njit(nogil=True, cache=True)
 def split(mesh, h, vertex, first):
     """Put a vertex on the edge ab of half-edge h: abc, bad become avc, bvd and vbc, vad, the triangles from `first`."""
-    origin, twin, crease, _, _ = mesh
+    origin, twin, crease = mesh.origin, mesh.twin, mesh.crease
     g, sharp = twin[h], crease[h]
     n, gn = after(h), after(g)
     a, b, c, d = origin[h], origin[g], origin[before(h)], origin[before(g)]

@@ -1,4 +1,4 @@
-"""What vertices are put back onto when they have moved: a field's surface, or the mesh as it was."""
+"""Projection targets of vertices that have moved: a field's surface, or the mesh as it was."""
 
 from typing import Protocol
 
@@ -15,16 +15,16 @@ TOLERANCE = 1e-4
 """Length of Newton's last step, of the longest one allowed: what is left is about its square."""
 
 Masks = npt.NDArray[np.uint8]
-"""Which labels the triangles around a point have, one bit a label."""
+"""Labels of the triangles around a point, one bit a label."""
 
 
-class Ground(Protocol):
+class ProjectionTarget(Protocol):
     """A surface on which points have charts, coordinates that it is easily asked in."""
 
-    def settle(
+    def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Move points by `shifts` and put them back onto the surface.
+        """Move points by `shifts` and project them onto the surface.
 
         Parameters
         ----------
@@ -40,51 +40,51 @@ class Ground(Protocol):
         -------
         charts, places : (n, 3) ndarrays
             Where they are now; places are in the world.
-        settled : (n,) ndarray of bool
+        reached : (n,) ndarray of bool
             Whether they got there.
         """
         ...
 
 
-class FieldGround:
+class FieldTarget:
     """The surface of a field, where it is zero; charts are places. Creases stay where they are."""
 
     def __init__(self, jet: Jet, max_step: float) -> None:
         """Take a field by its values and gradients; no step is longer than `max_step`."""
         self.jet, self.max_step = jet, max_step
 
-    def settle(
+    def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        r"""Move points, then follow the gradient: x ← x − F(x) ∇F/\|∇F\|²; see `Ground`."""
+        r"""Move points, then follow the gradient: x ← x − F(x) ∇F/\|∇F\|²; see `ProjectionTarget`."""
         del masks
         places = np.where(creased[:, np.newaxis], charts, charts + shifts)
-        settled = ~creased | ~shifts.any(axis=1)
-        places[~creased], settled[~creased] = project_to_level(
+        reached = ~creased | ~shifts.any(axis=1)
+        places[~creased], reached[~creased] = project_to_level(
             places[~creased],
             self.jet,
             max_step=self.max_step,
             tolerance=TOLERANCE * self.max_step,
             max_iterations=MAX_ITERATIONS,
         )
-        return places, places, settled
+        return places, places, reached
 
 
-class MeshGround:
+class MeshTarget:
     """A mesh as it was; charts are places. Creases stay where they are."""
 
     def __init__(self, vertices: FloatArray, triangles: IntArray) -> None:
-        """Stand on a mesh."""
+        """Take the mesh."""
         # float32 holds the digits of what is near zero.
         self.middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
         self.scene = o3d.t.geometry.RaycastingScene()
         tensors = (vertices - self.middle).astype(np.float32), triangles.astype(np.uint32)
         self.scene.add_triangles(*(o3d.core.Tensor.from_numpy(each) for each in tensors))
 
-    def settle(
+    def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
     ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Move points, then go to the nearest point of the mesh; see `Ground`. Points that do not move are on it."""
+        """Move points, then project them onto the mesh; see `ProjectionTarget`. Points that do not move are on it."""
         del masks
         moving = shifts.any(axis=1)
         places = charts.copy()

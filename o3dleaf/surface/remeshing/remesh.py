@@ -4,49 +4,49 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
-from o3dleaf.core.mesh_arrays import BoolArray, MeshLike, build_mesh, mesh_arrays, triangle_areas
-from o3dleaf.core.parallel import Progress
+from o3dleaf.core.mesh_arrays import BoolArray, build_mesh, require_triangles, triangle_areas
+from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
-from o3dleaf.surface.remeshing.blocks import Charted, Work, work_in_blocks, work_on
-from o3dleaf.surface.remeshing.projection_target import FieldGround, Ground, MeshGround
-from o3dleaf.surface.remeshing.submesh import KNOT, Limits, Piece
+from o3dleaf.surface.remeshing.blocks import Charted, Task, edit_in_blocks, edit_part
+from o3dleaf.surface.remeshing.limits import Limits
+from o3dleaf.surface.remeshing.projection_target import FieldTarget, MeshTarget, ProjectionTarget
+from o3dleaf.surface.remeshing.submesh import NOT_MANIFOLD, Submesh
 
 SWEEPS = ((0.5, 5), (0.38, 2), (0.62, 1))
-"""Where blocks are cut, as a share of their triangles, and rounds of work on each; borders of one are within others."""
+"""Cuts of blocks, as a share of their triangles, and rounds of edits; borders of one are within others."""
 SHORTEST, LONGEST = 0.7, 1.33
 """Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""
 DEVIATION = 0.1
-"""How far an edit may take the surface by default, of the target edge."""
-MORE = 1.1
+"""The deviation that an edit may make by default, of the target edge."""
+MIN_GROWTH = 1.1
 """Times as many triangles as before that splitting has to bring to go on."""
-LAST = 2
-"""Times that what is left is worked on, beyond the sweeps."""
+LAST_ROUNDS = 2
+"""Times that what is left is improved, beyond the sweeps."""
 SLIVER = 0.1
-"""Sine of the angle below which a triangle is worked on then."""
+"""Sine of the angle below which a triangle is improved then."""
 FLOOR = 1e-4
 """Least score of what vertices leave behind that come to the surface then."""
-KNOTS = 8
+UNTANGLING_ROUNDS = 8
 """Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
-COARSER = 1.1
+COARSENING = 1.1
 """By how much longer its edges become, each time."""
 
 
+@with_or_without_labels
 def remesh(
-    mesh: MeshLike,
+    mesh: LabelledMesh,
     target_edge: float,
     field: Field | None = None,
     *,
     isovalue: float = 0.0,
     deviation: float | None = None,
-    labels: npt.ArrayLike | None = None,
-    progress: Progress | None = None,
-) -> o3d.geometry.TriangleMesh:
+) -> LabelledMesh:
     r"""Return a mesh of nearly equilateral triangles, every vertex of it on the surface.
 
     Rounds of splitting, collapsing, swapping edges and moving vertices (Botsch & Kobbelt 2004, A remeshing
@@ -59,8 +59,9 @@ def remesh(
 
     Parameters
     ----------
-    mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
-        Manifold, its triangles turned alike; not modified.
+    mesh : LabelledMesh, open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
+        Manifold, its triangles turned alike; not modified. Labels are whole numbers from 0 to 7; the edges between
+        two of them are creases: they keep their course.
     target_edge : float
         Edge length to reach, in the mesh's unit; where the surface is finer than that, edges are shorter.
     field : Field, optional
@@ -69,40 +70,39 @@ def remesh(
         The field is larger than this inside.
     deviation : float, optional
         In the mesh's unit; a tenth of the edge by default.
-    labels : (m,) array_like of int, optional
-        Labels of triangles, from 0 to 7. The edges between two labels are creases: they keep their course.
-    progress : callable, optional
-        ``progress(done, total)`` in blocks.
+
+    Returns
+    -------
+    LabelledMesh if one was given, else open3d.geometry.TriangleMesh
 
     Raises
     ------
     InputError
         If a length is not above zero, the labels do not fit, or the mesh has no triangle or is not manifold.
     """
-    vertices, triangles = mesh_arrays(mesh)
+    vertices, triangles = require_triangles(mesh.mesh)
     edge = require_positive(target_edge, "target_edge")
     far = None if deviation is None else require_positive(deviation, "deviation")
     level = as_number(isovalue, "isovalue")
-    if not len(triangles):
-        raise InputError("mesh: has no triangles; nothing to work on")
     edges = EdgeTable.of(triangles)
     fans = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices))
-    if edges.against.any() or edges.count.max() > 2 or fans.max() > 1:
-        raise InputError(KNOT)
-    ground: Ground = (
-        MeshGround(vertices, triangles)
+    if edges.inconsistent.any() or edges.count.max() > 2 or fans.max() > 1:
+        raise InputError(NOT_MANIFOLD)
+    target: ProjectionTarget = (
+        MeshTarget(vertices, triangles)
         if field is None
-        else FieldGround(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
+        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
     )
-    charted = Charted.of(vertices, vertices, triangles, _as_labels(labels, len(triangles)))
-    found = remesh_charted(charted, ground, edge, far, progress)
-    return build_mesh(found.places, found.triangles)
+    charted = Charted.of(vertices, vertices, triangles, _as_labels(mesh.labels, len(triangles)))
+    remeshed = remesh_charted(charted, target, edge, far)
+    labels = None if mesh.labels is None else remeshed.labels
+    return replace(mesh, mesh=build_mesh(remeshed.places, remeshed.triangles), labels=labels)
 
 
 def remesh_charted(
-    mesh: Charted, ground: Ground, target_edge: float, deviation: float | None = None, progress: Progress | None = None
+    mesh: Charted, target: ProjectionTarget, target_edge: float, deviation: float | None = None
 ) -> Charted:
-    """Return a mesh remeshed on its ground: see `remesh`. Where triangles then cross, the mesh is made coarser there.
+    """Return a mesh remeshed on its surface: see `remesh`. Where triangles then cross, the mesh is made coarser there.
 
     Raises
     ------
@@ -112,35 +112,32 @@ def remesh_charted(
     limits = Limits(
         SHORTEST * target_edge, LONGEST * target_edge, DEVIATION * target_edge if deviation is None else deviation
     )
-    mesh = _refine(mesh, ground, limits)
-    for number, (share, rounds) in enumerate(SWEEPS):
-
-        def report(done: int, total: int, number: int = number) -> None:
-            if progress:
-                progress(number * total + done, len(SWEEPS) * total)
-
-        mesh = work_in_blocks(mesh, _worker(ground, limits, rounds), share, report)
-    return _untangle(_finish(mesh, ground, limits), ground, limits)
+    with progress.silent():
+        mesh = _refine(mesh, target, limits)
+    for part, (share, rounds) in zip(progress.split(*(1,) * len(SWEEPS)), SWEEPS, strict=True):
+        with part:
+            mesh = edit_in_blocks(mesh, _improving(target, limits, rounds), share)
+    return _untangle(_finish(mesh, target, limits), target, limits)
 
 
-def _refine(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
+def _refine(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
     """Split a mesh that is much too coarse, block by block, as a block has room for so many triangles only."""
     wanted = triangle_areas(mesh.places, mesh.triangles).sum() / (np.sqrt(3) / 4 * limits.longest**2)
     while wanted > len(mesh.triangles):
-        finer = work_in_blocks(mesh, _worker(ground, limits, 1), SWEEPS[0][0])
-        if len(finer.triangles) < MORE * len(mesh.triangles):
+        finer = edit_in_blocks(mesh, _improving(target, limits, 1), SWEEPS[0][0])
+        if len(finer.triangles) < MIN_GROWTH * len(mesh.triangles):
             break
         mesh = finer
     return mesh
 
 
-def _finish(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
-    """Work once more around slivers and vertices off the surface: they lay on the border of a block in every sweep."""
-    for _ in range(LAST):
-        near = ~mesh.grounded[mesh.triangles].all(axis=1) | (_smallest_sines(mesh) < SLIVER)
+def _finish(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
+    """Improve once more around slivers and vertices off the surface, which were on borders of blocks in every sweep."""
+    for _ in range(LAST_ROUNDS):
+        near = ~mesh.on_surface[mesh.triangles].all(axis=1) | (_smallest_sines(mesh) < SLIVER)
         if not near.any():
             break
-        mesh = work_on(mesh, _wider(mesh, _wider(mesh, near)), _worker(ground, replace(limits, floor=FLOOR), 1))
+        mesh = edit_part(mesh, _wider(mesh, _wider(mesh, near)), _improving(target, limits._replace(floor=FLOOR), 1))
     return mesh
 
 
@@ -158,34 +155,34 @@ def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
     return np.asarray(touched[mesh.triangles].any(axis=1))
 
 
-def _worker(ground: Ground, limits: Limits, rounds: int, smooth: int = 0) -> Work:
-    """Return the work on a block: rounds of smoothing without regard, then of improving."""
+def _improving(target: ProjectionTarget, limits: Limits, rounds: int, smooth: int = 0) -> Task:
+    """Return the task of a block: rounds of smoothing without regard, then of improving."""
 
-    def work(own: Charted, locked: BoolArray) -> Charted:
-        piece = Piece(own, locked)
-        piece.smooth(ground, limits, smooth)
-        piece.improve(ground, limits, rounds)
-        return piece.result()
+    def task(own: Charted, locked: BoolArray) -> Charted:
+        submesh = Submesh(own, locked)
+        submesh.smooth(target, limits, smooth)
+        submesh.improve(target, limits, rounds)
+        return submesh.result()
 
-    return work
+    return task
 
 
-def _untangle(mesh: Charted, ground: Ground, limits: Limits) -> Charted:
-    """Smooth the mesh around triangles that cross, and make it coarser, until none do or `KNOTS` rounds have passed."""
-    for number in range(1, KNOTS + 1):
+def _untangle(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charted:
+    """Smooth the mesh around triangles that cross, and make it coarser, until none do or all rounds have passed."""
+    for number in range(1, UNTANGLING_ROUNDS + 1):
         crossing = find_crossings(mesh.places, mesh.triangles)
         if not crossing.any():
             break
         near: BoolArray = crossing
         for _ in range(1 + number):
             near = _wider(mesh, near)
-        mesh = work_on(mesh, near, _worker(ground, limits.coarser(COARSER**number), 3, smooth=number))
+        mesh = edit_part(mesh, near, _improving(target, limits.coarser(COARSENING**number), 3, smooth=number))
     return mesh
 
 
 def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8]:
     """Return one label a triangle, 0 for all by default."""
-    found = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
-    if found.shape != (count,) or not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() > 7:
+    whole = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
+    if whole.shape != (count,) or not np.issubdtype(whole.dtype, np.integer) or whole.min() < 0 or whole.max() > 7:
         raise InputError(f"labels: give one whole number from 0 to 7 a triangle, ({count},)")
-    return found.astype(np.uint8)
+    return whole.astype(np.uint8)

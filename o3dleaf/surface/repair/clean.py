@@ -1,20 +1,15 @@
 """`clean_mesh`: repairs, in rounds, until a mesh is at rest."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, require_triangles
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
-from o3dleaf.surface.mesh.mesh_report import MeshReport, mesh_report
-from o3dleaf.surface.mesh.surface_distance import surface_distance
 from o3dleaf.surface.mesh.topology import EdgeTable
 from o3dleaf.surface.repair.editable_mesh import NEW, EditableMesh
 from o3dleaf.surface.repair.flips import flip_edges
@@ -30,7 +25,6 @@ from o3dleaf.surface.repair.repairs import (
     turn_flipped,
     weld,
 )
-from o3dleaf.surface.repair.simplify import simplify_mesh
 
 FOLD_ANGLE = 1.0
 """Degrees: two triangles that meet at less than this are folded over; the rim of a blade is blunter."""
@@ -201,68 +195,3 @@ def _finish(given: MeshLike, cleaned: EditableMesh) -> o3d.geometry.TriangleMesh
         if given.has_vertex_normals():
             result.compute_vertex_normals()
     return result
-
-
-FIGURES = (
-    "vertices",
-    "triangles",
-    "components",
-    "boundary_edges",
-    "holes",
-    "nonmanifold_edges",
-    "nonmanifold_vertices",
-    "inconsistent_edges",
-    "self_intersections",
-    "degenerate_triangles",
-    "duplicate_triangles",
-    "min_angle_deg",
-    "area",
-)
-"""Of `MeshReport`: what a table of before and after shows."""
-
-
-class CleaningRun:
-    """A mesh cleaned, simplified on request, and compared with what it was.
-
-    Parameters
-    ----------
-    cleaning, simplifying : dict
-        Arguments of `clean_mesh`; of `simplify_mesh`, if any of them is not None.
-
-    Attributes
-    ----------
-    reports : list of MeshReport
-        Of the mesh as it came, cleaned, and simplified.
-    distance : float or None
-        Between the cleaned and the simplified surface.
-    """
-
-    def __init__(self, cleaning: Mapping[str, float], simplifying: Mapping[str, float | None]) -> None:
-        self.cleaning, self.simplifying = Cleaning(**cleaning), simplifying  # type: ignore[arg-type]
-        self.reports: list[MeshReport] = []
-        self.distance: float | None = None
-
-    def run(
-        self, mesh: o3d.geometry.TriangleMesh, labels: npt.ArrayLike | None, journal: Journal
-    ) -> tuple[o3d.geometry.TriangleMesh, npt.NDArray[Any] | None]:
-        """Return the mesh and its labels, if it has any; `journal` shows how far it is."""
-        with journal.stage("clean"):
-            cleaned = clean_mesh(LabelledMesh(mesh, labels), **vars(self.cleaning))  # type: ignore[arg-type]
-        results = [LabelledMesh(mesh), cleaned]
-        if any(each is not None for each in self.simplifying.values()):
-            with journal.stage("simplify"):
-                results.append(simplify_mesh(cleaned, **self.simplifying))  # type: ignore[arg-type]
-                self.distance = surface_distance(cleaned.mesh, results[-1].mesh)
-        with journal.stage("report"):
-            self.reports = [mesh_report(each.mesh) for each in results]
-        return results[-1].mesh, results[-1].labels
-
-    def table(self) -> list[str]:
-        """Return lines that compare the reports, and the distance."""
-        heads = ("before", "cleaned", "simplified")[: len(self.reports)]
-        rows = [[name.replace("_", " "), *(getattr(each, name) for each in self.reports)] for name in FIGURES]
-        lines = ["".join([f"{'':<22}", *(f"{head:>14}" for head in heads)])]
-        for name, *values in rows:
-            cells = (f"{each:>14,.6g}" if isinstance(each, float) else f"{each:>14,}" for each in values)
-            lines.append("".join([f"{name:<22}", *cells]))
-        return lines + ([] if self.distance is None else [f"{'moved by simplifying':<22}{self.distance:>14,.6g}"])

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats.qmc import Halton
 
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf import PUInterpolant
 from tolerances import MEAN_OF_DUPLICATES, POLYNOMIAL, POLYNOMIAL_SLOPE, TURNED
 
 BIG_BOX = np.array([[-9.0] * 3, [9.0] * 3])

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.fitting.pu import blend, index, local
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf import PUInterpolant, get_num_threads, set_num_threads
+from o3dleaf.fitting.cover import index
+from o3dleaf.fitting.local import blending
+from o3dleaf.fitting.pu import blend
 
 
 @pytest.fixture
@@ -44,11 +45,11 @@ def test_the_number_of_threads_does_not_change_a_bit(threads):
     assert found[0] == found[1] == found[2]
 
 
-SIZES = [(local, "BLEND_BLOCK"), (index, "FOLD_BLOCK"), (blend, "FOLD_BLOCK"), (blend, "CHUNK")]
+SIZES = [(blending, "BLEND_BLOCK"), (index, "FOLD_BLOCK"), (blend, "FOLD_BLOCK"), (blend, "CHUNK")]
 
 
 def test_every_size_of_a_block_of_queries_is_varied_here():
-    named = [(m, n) for m in (blend, index, local) for n in vars(m) if n == "CHUNK" or n.endswith("BLOCK")]
+    named = [(m, n) for m in (blend, index, blending) for n in vars(m) if n == "CHUNK" or n.endswith("BLOCK")]
     assert sorted(named, key=str) == sorted(SIZES, key=str)
 
 

@@ -7,12 +7,9 @@ import pytest
 from scipy.stats.qmc import Halton
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.pu.local import LocalFields
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
+from o3dleaf import InputError, PUInterpolant, RBFInterpolant, TiledField
+from o3dleaf.fitting.local.fields import LocalFields
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.leaf.texture.tiling import TiledField
 from tolerances import HESSIAN_DIFFERENCE, HESSIAN_KINK, HESSIAN_SEAM, HESSIAN_TWIN, ROUNDING
 
 BALLS = (40, 80)
@@ -29,7 +26,7 @@ def fitted(power, d, **options):
     points, values, queries = wavy(d)
     rule = {"smoothing": 0.1, "points_per_ball": BALLS, "bounds": [[-1.1] * d, [2.1] * d]} | options
     field = PUInterpolant.fit(points, values, kernel=Polyharmonic(power, d), **rule)
-    centres = field.cover.centres
+    centres = field.cover.centers
     return field, queries, np.vstack([points[:8], centres[np.all(np.abs(centres - 0.5) < 1.6, axis=1)][:8]])
 
 
@@ -48,7 +45,7 @@ def test_values_gradients_and_hessians_are_leibniz_s_rule_written_out(power, d):
     """At data sites and balls' centres too, where differences see the kink of the third derivatives."""
     points, values, _ = wavy(d)
     field, queries, special = fitted(power, d)
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
     assert len(radii) > 3
     rows = np.split(field.cover.members, field.cover.offsets[1:-1])
     degree = field.local.kernel.degree
@@ -173,7 +170,7 @@ def test_splines_put_in_as_fields_equal_the_compiled_path(d):
         points, values, local=lambda p, f: RBFInterpolant.fit(p, f, smoothing=0.1), points_per_ball=BALLS
     )
     assert isinstance(plain.local, LocalFields)
-    at = np.vstack([queries, points[:20], compiled.cover.centres, 4 * queries])
+    at = np.vstack([queries, points[:20], compiled.cover.centers, 4 * queries])
     assert_close(compiled.hessian(at), plain.hessian(at), HESSIAN_TWIN)
 
 

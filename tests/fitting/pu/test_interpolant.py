@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from scipy.stats.qmc import Halton
 
 import reference
-from o3dleaf.core.errors import IllPosedError, InputError, UnitError
-from o3dleaf.core.field import Field
+from o3dleaf import Field, IllPosedError, InputError, PUInterpolant, RBFInterpolant, UnitError, polyharmonic
+from o3dleaf.core import progress
 from o3dleaf.core.units import unit_scale
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
-from o3dleaf.fitting.rbf.kernels import Polyharmonic, polyharmonic
+from o3dleaf.fitting.local.splines import Splines
+from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import (
     FIELD_GRADIENT,
     FIELD_TWIN,
@@ -38,7 +37,7 @@ def wavy(d, count=220):
 def everywhere(field, points, queries):
     """Queries, some data points, and the balls' centres."""
     inside = np.clip(queries, *field.bounds)
-    return np.vstack([inside, points[:20], field.cover.centres[:20]])
+    return np.vstack([inside, points[:20], field.cover.centers[:20]])
 
 
 @pytest.mark.parametrize("rule", [{}, {"smoothing": 0.2}], ids=["exact", "smoothed"])
@@ -47,7 +46,7 @@ def test_it_equals_the_literal_double_loop(power, d, rule):
     points, values, queries = wavy(d)
     kernel = Polyharmonic(power, d)
     field = PUInterpolant.fit(points, values, kernel=kernel, points_per_ball=BALLS, **rule)
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
     assert len(radii) > 3
     rows = [reference.members(points, c, r, BALLS[0]) for c, r in zip(centres, radii, strict=True)]
     local = [reference.solve_spline(points[r], values[r], power, kernel.degree, rule.get("smoothing", 0)) for r in rows]
@@ -59,7 +58,7 @@ def test_it_equals_the_literal_double_loop(power, d, rule):
 def test_rho_enters_each_ball_with_its_own_number_of_points():
     points, values, queries = wavy(3)
     field = PUInterpolant.fit(points, values, rho=1e-3, points_per_ball=BALLS)
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
     rows = [reference.members(points, c, r, BALLS[0]) for c, r in zip(centres, radii, strict=True)]
     assert len({len(r) for r in rows}) > 3
     local = [
@@ -144,7 +143,7 @@ def test_polynomials_of_the_tail_s_degree_are_reproduced(seed, d, degree, shift,
 def test_a_large_rho_gives_each_ball_its_least_squares_polynomial():
     points, values, queries = wavy(2)
     field = PUInterpolant.fit(points, values, kernel="thin_plate_spline", rho=1e9, points_per_ball=BALLS)
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
 
     def least_squares(rows, centre):
         solution = np.linalg.lstsq(reference.polynomials(points[rows] - centre, 1), values[rows])[0]
@@ -159,7 +158,7 @@ def test_weights_divide_each_ball_s_diagonal():
     points, values, queries = wavy(3)
     weights = np.random.default_rng(1).uniform(0.5, 2, len(points))
     field = PUInterpolant.fit(points, values, smoothing=0.3, weights=weights, points_per_ball=BALLS)
-    centres, radii = field.cover.centres, field.cover.radii
+    centres, radii = field.cover.centers, field.cover.radii
     rows = [reference.members(points, c, r, BALLS[0]) for c, r in zip(centres, radii, strict=True)]
     local = [reference.solve_spline(points[r], values[r], 3, 2, 0.3 / weights[r]) for r in rows]
     expected = reference.partition_of_unity(queries, centres, radii, local)
@@ -183,7 +182,8 @@ def test_it_is_a_field_with_bounds_and_unit_and_takes_a_flat_or_an_empty_query()
 def test_progress_rises_to_its_total(rule):
     points, values, _ = wavy(3)
     seen = []
-    field = PUInterpolant.fit(points, values, points_per_ball=BALLS, progress=lambda *at: seen.append(at), **rule)
+    with progress.listening(lambda *done: seen.append(done)):
+        field = PUInterpolant.fit(points, values, points_per_ball=BALLS, **rule)
     assert all(one < other for (one, _), (other, _) in pairwise(seen))
     assert len(seen) >= len(field.cover.radii)
     assert seen[-1][0] == seen[-1][1]
@@ -194,9 +194,27 @@ def test_any_kind_of_whole_number_says_how_large_the_balls_are():
     expected = PUInterpolant.fit(points, values, points_per_ball=(25, 50))(queries)
     for size in (50, np.int64(50), np.uint8(50), np.array(50), (np.int32(25), 50), np.array([25, 50]), [25, 50]):
         np.testing.assert_array_equal(PUInterpolant.fit(points, values, points_per_ball=size)(queries), expected)
-    for size in (50.0, "50", None, (25, 50, 75), (25.0, 50), np.array([50.0])):
+    for size in (50.0, "50", (25, 50, 75), (25.0, 50), np.array([50.0])):
         with pytest.raises(InputError, match=r"points_per_ball: is .*; give a whole number"):
             PUInterpolant.fit(points, values, points_per_ball=size)
+
+
+def test_a_local_fit_says_how_large_its_balls_are_unless_the_caller_does():
+    points, values, queries = wavy(3)
+    local = Splines(points_per_ball=50)
+    for asked, size in ((None, 50), (80, 80)):
+        expected = PUInterpolant.fit(points, values, points_per_ball=size)(queries)
+        found = PUInterpolant.fit(points, values, local=local, points_per_ball=asked)(queries)
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_what_is_printed_is_one_line_that_counts():
+    points, values, _ = wavy(3, 1234)
+    field = PUInterpolant.fit(points, values, points_per_ball=BALLS, unit="mm")
+    assert repr(field) == f"PUInterpolant(3-D, 1,234 points in {len(field.cover.radii)} balls, unit mm)"
+    assert repr(RBFInterpolant.fit(points[:50], values[:50])) == "RBFInterpolant(3-D, 50 points, r^3)"
+    for part in (field.cover, field.index, field.local, field.diagnostics([0])):
+        assert len(repr(part)) < 80
 
 
 def test_bad_input_is_named():
@@ -209,7 +227,7 @@ def test_bad_input_is_named():
             call(hole)
     with pytest.raises(InputError, match="at least 1"):
         PUInterpolant.fit(np.empty((0, 3)), np.empty(0))
-    with pytest.raises(InputError, match="do not hold all the points"):
+    with pytest.raises(InputError, match="do not contain all the points"):
         PUInterpolant.fit(points, values, bounds=[[0, 0, 0], [1, 1, 1]])
     with pytest.raises(InputError, match="lower corner"):
         PUInterpolant.fit(points, values, bounds=[[1, 1, 1], [0, 0, 0]])

@@ -5,15 +5,14 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf import PUInterpolant, get_num_threads, set_num_threads
 from o3dleaf.fitting.pu import blend
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
 
 ODDS_AND_ENDS = 1 << 17
 """Bytes of Python's own: futures, views, the tracer's tables; a chunk's arrays are ten times this and more."""
 
 SCRATCH = 1 << 17
-"""Bytes that one thread works in; see `o3dleaf.fitting.pu.ball_loops.working_space`."""
+"""Bytes that one thread works in; see `o3dleaf.fitting.local.blend_loops.workspace`."""
 
 THREADS = 4
 

@@ -5,11 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from o3dleaf import InputError, MemoryBudgetError, PUInterpolant, TiledField
 from o3dleaf.core import lattice as sampling
 from o3dleaf.core import progress
-from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.texture.tiling import TiledField
 
 
 def fitted(d):

@@ -7,10 +7,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
 import reference
-from o3dleaf.core.errors import IllPosedError, InputError, UnitError
-from o3dleaf.core.field import Field
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
-from o3dleaf.fitting.rbf.kernels import Polyharmonic, polyharmonic
+from o3dleaf import Field, IllPosedError, InputError, RBFInterpolant, UnitError, polyharmonic
+from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import FIELD_GRADIENT, FIELD_TWIN, MEAN_OF_DUPLICATES, POLYNOMIAL, SCIPY, SIMILARITY
 
 KERNELS = ["linear", "thin_plate_spline", "cubic", "quintic"]

@@ -1,4 +1,4 @@
-"""Kernels carry their mathematics: θ, sign, order of conditional positive definiteness, slope."""
+"""Kernels carry their mathematics: θ, sign, order of conditional positive definiteness, derivatives."""
 
 import math
 
@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import null_space
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.rbf import evaluation_loops
-from o3dleaf.fitting.rbf.kernels import NAMES, Polyharmonic, as_kernel, polyharmonic
+from o3dleaf import InputError, polyharmonic
+from o3dleaf.fitting.rbf import radial_loops
+from o3dleaf.fitting.rbf.kernels import NAMES, Polyharmonic, as_kernel
 from tolerances import KERNEL_SLOPE, ROOT, ROUNDING
 
 ORDERS = [(m, d) for d in range(1, 7) for m in range(1, 7) if 2 * m > d]
@@ -42,32 +42,31 @@ def test_the_value_is_the_literal_formula_in_kernel_and_in_loop(power):
     expected = reference.PHI[power](r)
     np.testing.assert_allclose(Polyharmonic(power, 3)(r), expected, rtol=ROUNDING)
     squared = r**2
-    evaluation_loops.radial_values(power, squared, len(squared), squared)
+    radial_loops.radial_values(power, squared, len(squared), squared)
     np.testing.assert_allclose(squared, expected, rtol=ROUNDING, atol=ROUNDING * 1e-6)
 
 
 @pytest.mark.parametrize("power", POWERS)
-def test_the_slope_is_the_difference_quotient_and_finite_at_zero(power):
+def test_the_derivative_is_the_difference_quotient_and_finite_at_zero(power):
     r = np.linspace(0.1, 3, 40)
     step = 1e-5
     kernel = Polyharmonic(power, 3)
     expected = (kernel(r + step) - kernel(r - step)) / (2 * step)
-    np.testing.assert_allclose(kernel.slope_over_r(r) * r, expected, rtol=KERNEL_SLOPE, atol=KERNEL_SLOPE)
     both = np.concatenate([[0.0], r])
-    slopes = kernel.slope_over_r(both)
-    assert slopes[0] == 0.0
     found = np.full(len(both), np.nan)
-    evaluation_loops.radial_slopes(power, both**2, len(both), found)
-    np.testing.assert_allclose(found, slopes, rtol=ROUNDING, atol=ROUNDING)
+    radial_loops.derivatives_over_r(power, both**2, len(both), found)
+    assert found[0] == 0.0
+    np.testing.assert_allclose(found[1:] * r, expected, rtol=KERNEL_SLOPE, atol=KERNEL_SLOPE)
+    np.testing.assert_allclose(found[1:], reference.radial_derivatives(power, r)[0] / r, rtol=ROUNDING, atol=ROUNDING)
 
 
 @pytest.mark.parametrize("power", POWERS[2:])
-def test_the_bend_is_the_derivative_of_slope_over_r_over_r_and_zero_at_zero(power):
+def test_the_second_derivative_over_r_is_that_of_the_first_one_and_zero_at_zero(power):
     """ψ′/r = (φ″ − φ′/r)/r² for ψ = φ′/r."""
     r = np.linspace(0.1, 3, 40)
     first, second = reference.radial_derivatives(power, r)
     found = np.full(41, np.nan)
-    evaluation_loops.radial_bends(power, np.append(0.0, r) ** 2, 41, found)
+    radial_loops.second_derivatives_over_r(power, np.append(0.0, r) ** 2, 41, found)
     np.testing.assert_allclose(found, np.append(0.0, (second - first / r) / r**2), rtol=ROUNDING, atol=ROUNDING)
 
 
@@ -108,7 +107,7 @@ def test_impossible_kernels_are_refused():
 
 def test_the_root_by_multiplication_is_right_to_a_rounding():
     squares = np.concatenate([np.geomspace(1e-300, 1e300, 20001), np.random.default_rng(0).uniform(0, 4, 20000)])
-    roots = np.array([evaluation_loops.square_root(s) for s in squares])
+    roots = np.array([radial_loops.square_root(s) for s in squares])
     np.testing.assert_allclose(roots, np.sqrt(squares), rtol=ROOT)
-    assert evaluation_loops.square_root(0.0) == 0.0
-    assert evaluation_loops.square_root(5e-324) < 1e-150
+    assert radial_loops.square_root(0.0) == 0.0
+    assert radial_loops.square_root(5e-324) < 1e-150

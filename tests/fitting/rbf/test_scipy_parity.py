@@ -8,8 +8,7 @@ import pytest
 from scipy.interpolate import RBFInterpolator
 
 import reference
-from o3dleaf.core.errors import IllPosedError, InputError
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
+from o3dleaf import IllPosedError, InputError, RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import NAMES, as_kernel
 from o3dleaf.fitting.rbf.smoothing import Spectrum, choose_by_gcv
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
@@ -78,8 +77,8 @@ def test_one_smoothing_is_chosen_for_all_columns():
     local, one = both.points, np.ones(len(points))
     parts = [spectra(local, column[np.newaxis].copy(), one, both.exponents, 3) for column in noisy.T]
     pooled = Spectrum.pooled(Spectrum(e * both.radius**3, c[0], len(points)) for e, c in parts)
-    assert both.smoothing.amount == pytest.approx(choose_by_gcv(pooled), rel=GCV_CHOICE)
-    given = RBFInterpolant.fit(points, noisy, smoothing=both.smoothing.amount)
+    assert both.smoothing.value == pytest.approx(choose_by_gcv(pooled), rel=GCV_CHOICE)
+    given = RBFInterpolant.fit(points, noisy, smoothing=both.smoothing.value)
     np.testing.assert_array_equal(both(queries), given(queries))
 
 
@@ -117,12 +116,12 @@ def test_much_smoothing_is_the_least_squares_polynomial(kernel):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_an_outlier_that_is_not_trusted_is_ignored(kernel):
+def test_an_outlier_that_is_not_weightsed_is_ignored(kernel):
     points, values, queries = waves(2)
     degree = least(kernel, 2)
-    wrong, trust = values.copy(), np.ones(len(values))
-    wrong[0], trust[0] = 1e3, 1e-12
-    field = RBFInterpolant.fit(points, wrong, kernel=kernel, degree=degree, smoothing=1e-3, weights=trust)
+    wrong, weights = values.copy(), np.ones(len(values))
+    wrong[0], weights[0] = 1e3, 1e-12
+    field = RBFInterpolant.fit(points, wrong, kernel=kernel, degree=degree, smoothing=1e-3, weights=weights)
     without = RBFInterpolant.fit(points[1:], values[1:], kernel=kernel, degree=degree, smoothing=1e-3)
     close(field(queries), without(queries), OUTLIER)
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
-from o3dleaf.fitting.rbf.kernels import Polyharmonic, polyharmonic
+from o3dleaf import InputError, RBFInterpolant, polyharmonic
+from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, as_smoothing, choose_by_gcv, gcv_score
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
 from o3dleaf.fitting.rbf.tail import tail_exponents
@@ -64,28 +63,28 @@ def seen(points, values, power, degree, weights=None):
 
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize(("power", "d", "degree"), [(1, 1, 0), (3, 1, 1), (2, 2, 1), (3, 3, 2), (5, 2, 3)])
-@pytest.mark.parametrize("amount", [1e-4, 1e-1, 10.0])
-def test_the_score_is_the_literal_one(power, d, degree, amount, weighted):
+@pytest.mark.parametrize("value", [1e-4, 1e-1, 10.0])
+def test_the_score_is_the_literal_one(power, d, degree, value, weighted):
     points, _, values = noisy(d)
     weights = np.random.default_rng(3).uniform(0.1, 2, len(points)) if weighted else np.ones(len(points))
-    score = gcv_score(amount, seen(points, values, power, degree, weights))
-    assert score == pytest.approx(reference.gcv(points, values, power, degree, amount, weights), rel=GCV_TWIN)
+    score = gcv_score(value, seen(points, values, power, degree, weights))
+    assert score == pytest.approx(reference.gcv(points, values, power, degree, value, weights), rel=GCV_TWIN)
 
 
 def test_the_pooled_score_adds_residuals_and_traces():
     """Two systems with their own scales: N Σ|(I − H)f|² / (Σ tr(I − H))²."""
-    scales, amount = np.array([1.0, 7.0]), 0.02
+    scales, value = np.array([1.0, 7.0]), 0.02
     residual = trace = total = 0.0
     spectra = []
     for seed, scale in enumerate(scales):
         points, _, values = noisy(2, 30 + seed, seed)
-        rest = np.eye(len(points)) - reference.influence_matrix(points, 2, 1, amount * scale)
+        rest = np.eye(len(points)) - reference.influence_matrix(points, 2, 1, value * scale)
         residual += np.sum((rest @ values) ** 2)
         trace += np.trace(rest)
         total += len(points)
         part = seen(points, values, 2, 1)
         spectra.append(Spectrum(part.eigenvalues / scale, part.coefficients, part.count))
-    score = gcv_score(amount, Spectrum.pooled(spectra))
+    score = gcv_score(value, Spectrum.pooled(spectra))
     assert score == pytest.approx(total * residual / trace**2, rel=GCV_TWIN)
 
 
@@ -152,7 +151,7 @@ def test_equal_weights_change_the_unit_of_the_amount_and_nothing_else():
     points, _, values = noisy(3)
     plain = RBFInterpolant.fit(points, values, smoothing="gcv")
     heavy = RBFInterpolant.fit(points, values, smoothing="gcv", weights=np.full(len(points), 7.0))
-    assert heavy.smoothing.amount == pytest.approx(7 * plain.smoothing.amount, rel=GCV_CHOICE)
+    assert heavy.smoothing.value == pytest.approx(7 * plain.smoothing.value, rel=GCV_CHOICE)
     np.testing.assert_allclose(heavy(points), plain(points), rtol=0, atol=GCV_CHOICE)
 
 
@@ -163,8 +162,8 @@ def test_a_point_of_tiny_weight_has_no_say_in_the_choice():
     without = RBFInterpolant.fit(np.delete(points, 17, 0), np.delete(values, 17), kernel="cubic", smoothing="gcv")
     ignoring = RBFInterpolant.fit(points, spoilt, kernel="cubic", smoothing="gcv", weights=weights)
     following = RBFInterpolant.fit(points, spoilt, kernel="cubic", smoothing="gcv")
-    assert ignoring.smoothing.amount == pytest.approx(without.smoothing.amount, rel=0.05)
-    assert following.smoothing.amount != pytest.approx(without.smoothing.amount, rel=0.5)
+    assert ignoring.smoothing.value == pytest.approx(without.smoothing.value, rel=0.05)
+    assert following.smoothing.value != pytest.approx(without.smoothing.value, rel=0.5)
 
 
 def test_weights_that_tell_the_noise_lead_to_the_better_fit():
@@ -174,13 +173,13 @@ def test_weights_that_tell_the_noise_lead_to_the_better_fit():
     truth, sigma = np.sin(3 * points).sum(axis=1), np.where(rng.random(300) < 0.5, 0.03, 0.3)
     values, options = truth + sigma * rng.standard_normal(300), {"kernel": "thin_plate_spline", "weights": sigma**-2}
 
-    def error(amount):
-        return np.std(RBFInterpolant.fit(points, values, smoothing=amount, **options)(points) - truth)
+    def error(value):
+        return np.std(RBFInterpolant.fit(points, values, smoothing=value, **options)(points) - truth)
 
     chosen = RBFInterpolant.fit(points, values, smoothing="gcv", **options)
     assert chosen.smoothing.score == pytest.approx(1, rel=0.3)  # the mean of w σ²
-    best = min(error(chosen.smoothing.amount * x) for x in np.geomspace(1e-2, 1e2, 17))
-    assert error(chosen.smoothing.amount) < GCV_EFFICIENCY * best
+    best = min(error(chosen.smoothing.value * x) for x in np.geomspace(1e-2, 1e2, 17))
+    assert error(chosen.smoothing.value) < GCV_EFFICIENCY * best
 
 
 @pytest.mark.parametrize(("power", "d"), [(1, 1), (2, 1), (3, 1), (2, 2), (3, 2)])

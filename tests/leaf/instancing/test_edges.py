@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from o3dleaf import ReconstructionError, mesh_report
-from o3dleaf.leaf.instancing import assembly as assembly_module
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import Footprint, footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
@@ -216,29 +215,28 @@ def test_hairs_that_leave_the_patch_are_closed_at_its_top_and_bottom(method):
     assert expected[:, [0, -1]].any(axis=0).all()
     expected[:, [0, -1]] = False
     assert np.array_equal(tile.runs.expand(np.arange(24 * 20)) == INSIDE, expected)
-    assert tile.runs.specks == 1
+    assert tile.runs.islands == 1
     report = summary(assemble(tile, outline(), closed=True)[1])
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_tiles_of_many_blocks_are_the_tile_of_one(monkeypatch, closed):
+def test_tiles_of_many_blocks_are_the_tile_of_one(closed):
     tile = extract_tile(layer, LATTICE)
     _, whole = assemble(tile, outline(), closed=closed)
-    monkeypatch.setattr(assembly_module, "VERTICES", 100)
-    _, parts = assemble(tile, outline(), closed=closed)
+    _, parts = assemble(tile, outline(), closed=closed, batch_size=100)
     for name in ("vertices", "triangles", "labels"):
         assert np.array_equal(getattr(whole, name), getattr(parts, name))
 
 
-def test_scraps_are_what_is_missing():
+def test_fragments_are_what_is_missing():
     tile = extract_tile(layer, LATTICE)
     sides = np.concatenate([outline(), ring([[20, 20], [20.4, 20], [20.4, 20.4], [20, 20.4]])])
     plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
-    less, everything = (Assembly(tile, plane, closed=True, keep_scraps=keep) for keep in (False, True))
-    assert less.scraps.pieces == 1
-    assert less.scraps.triangles == everything.triangles - less.triangles > 100
-    assert (everything.scraps.pieces, everything.scraps.triangles) == (0, 0)
+    less, everything = (Assembly(tile, plane, closed=True, keep_fragments=keep) for keep in (False, True))
+    assert less.fragments.pieces == 1
+    assert less.fragments.triangles == everything.triangles - less.triangles > 100
+    assert (everything.fragments.pieces, everything.fragments.triangles) == (0, 0)
 
 
 def test_a_reduced_tile_longer_than_wide_is_set_down_in_its_places():

@@ -14,14 +14,12 @@ from o3dleaf import (
     simplify_mesh,
 )
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.instancing import assembly as assembly_module
-from o3dleaf.leaf.instancing import tile as tile_module
+from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.block import extract_block
+from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.parts import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.stream import Arrays
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -62,9 +60,9 @@ def test_the_instances_are_the_brute_force_extraction_of_the_whole_tiled_lattice
     assert np.array_equal(as_set(found.vertices, found.triangles), as_set(positions, brute.triangles))
 
 
-def test_voids_are_filled_and_specks_removed_across_the_sides_of_the_period_too():
+def test_voids_are_filled_and_islands_removed_across_the_sides_of_the_period_too():
     tile = extract_tile(layer, LATTICE)
-    assert (tile.runs.voids, tile.runs.specks) == (2, 1)
+    assert (tile.runs.voids, tile.runs.islands) == (2, 1)
     plain = extract_tile(solid_layer, LATTICE)
     assert np.array_equal(tile.edges, plain.edges)
     assert np.array_equal(tile.nodes, plain.nodes)
@@ -79,7 +77,7 @@ def test_the_largest_piece_is_the_blade_by_its_samples_not_by_its_place_or_its_r
         return np.maximum(solid_layer(points), np.where(np.abs(points[:, 2] + 0.3) < 0.02, below, -1.0))
 
     tile = extract_tile(specked, LATTICE)
-    assert tile.runs.specks > 10
+    assert tile.runs.islands > 10
     assert np.array_equal(tile.edges, extract_tile(solid_layer, LATTICE).edges)
 
 
@@ -102,14 +100,13 @@ def test_what_is_inside_is_what_the_labelling_of_a_whole_period_says():
     air, _ = ndimage.label(~main)
     expected = ~np.isin(air, np.unique(air[..., [0, -1]]))[24:48, 20:40]
     found = tile.runs.expand(np.arange(24 * 20)).reshape(LATTICE.shape) == INSIDE
-    assert min(tile.runs.voids, tile.runs.specks) > 3
+    assert min(tile.runs.voids, tile.runs.islands) > 3
     assert np.array_equal(found, expected)
 
 
-def test_a_tile_made_in_slabs_is_the_tile_made_at_once(monkeypatch):
+def test_a_tile_made_in_slabs_is_the_tile_made_at_once():
     whole = extract_tile(layer, LATTICE, 1)
-    monkeypatch.setattr(tile_module, "SLAB", 5 * 20 * 31)
-    slabs = extract_tile(layer, LATTICE, 1)
+    slabs = extract_tile(layer, LATTICE, 1, slab_size=5 * 20 * 31)
     for name in ("edges", "fractions", "sides", "upward", "nodes", "cells", "beyond"):
         assert np.array_equal(getattr(whole, name), getattr(slabs, name)), name
 
@@ -122,9 +119,9 @@ def test_open_sheets_are_two_manifold_discs_that_look_apart(method):
     assert report.manifold
     assert report.oriented
     assert len(np.unique(found.triangles)) == assembly.vertices
-    assert set(np.unique(found.labels)) == {ADAXIAL, ABAXIAL}
+    assert set(np.unique(found.labels)) == {UPPER, LOWER}
     height = found.vertices[found.triangles].mean(axis=1)[:, 2]
-    assert height[found.labels == ADAXIAL].min() > height[found.labels == ABAXIAL].max()
+    assert height[found.labels == UPPER].min() > height[found.labels == LOWER].max()
 
 
 @both
@@ -136,7 +133,7 @@ def test_a_closed_solid_is_watertight_and_has_the_volume_of_its_layer(method):
     assert report.manifold
     assert report.oriented
     assert report.volume == pytest.approx(2 * 0.1037 * area(sides), rel=0.01)
-    assert set(np.unique(found.labels)) == {ADAXIAL, ABAXIAL, RIM}
+    assert set(np.unique(found.labels)) == {UPPER, LOWER, RIM}
     if method == 0:
         # MeshLab takes triangles that touch in one plane for crossing; tetrahedra draw many in an upright wall.
         assert report.self_intersections == 0
@@ -185,7 +182,7 @@ def test_a_hair_that_the_outline_cuts_from_its_root_is_left_out():
     for closed in (False, True):
         assembly, found = assemble(tile, sides, closed=closed)
         report = mesh_report((found.vertices, found.triangles))
-        assert assembly.scraps.pieces > 0
+        assert assembly.fragments.pieces > 0
         assert report.components == (1 if closed else 2)
         assert report.manifold
 
@@ -253,7 +250,7 @@ def test_a_reduced_tile_fits_its_copies_and_the_tiles_that_are_cut(kind, closed)
     assert report.triangles < 0.9 * full.triangles
     assert report.area == pytest.approx(full.area, rel=0.01)
     height = found.vertices[found.triangles].mean(axis=1)[:, 2]
-    assert height[found.labels == ADAXIAL].min() > height[found.labels == ABAXIAL].max()
+    assert height[found.labels == UPPER].min() > height[found.labels == LOWER].max()
 
 
 def test_a_reduced_tile_whose_border_moved_is_refused():
@@ -261,10 +258,9 @@ def test_a_reduced_tile_whose_border_moved_is_refused():
         reduce_tile(extract_tile(layer, LATTICE), lambda vertices, triangles: (vertices + 1e-12, triangles))
 
 
-def test_more_vertices_than_a_file_can_number_are_refused(monkeypatch):
-    monkeypatch.setattr(assembly_module, "MOST", 10_000)
+def test_more_vertices_than_a_file_can_number_are_refused():
     with pytest.raises(MemoryBudgetError, match="more than a mesh can number"):
-        assemble(extract_tile(layer, LATTICE), outline())
+        assemble(extract_tile(layer, LATTICE), outline(), max_vertices=10_000)
 
 
 def on_edges(tile):

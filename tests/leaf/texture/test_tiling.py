@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from o3dleaf import InputError, PUInterpolant, TiledField
-from o3dleaf.fitting.pu.weight_loops import wendland
+from o3dleaf.fitting.local.weight_loops import wendland
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
 
@@ -17,7 +17,7 @@ def patch():
 def literal_tiling(field, period, points, reach=3):
     """The equation of G in the paper's section 2.6, with explicit copies: Σ w F_i(z − s) / Σ w."""
     index = field.index
-    centers, radii = field.cover.centres, field.cover.radii
+    centers, radii = field.cover.centers, field.cover.radii
     total, weights = np.zeros(len(points)), np.zeros(len(points))
     for p in range(-reach, reach + 1):
         for q in range(-reach, reach + 1):
@@ -38,7 +38,7 @@ def local_value(field, ball, z):
     local = field.local
     first, last = local.offsets[ball], local.offsets[ball + 1]
     sites = local.sites[3 * first : 3 * last].reshape(3, -1).T
-    unit = (z - field.cover.centres[ball]) / field.cover.radii[ball]
+    unit = (z - field.cover.centers[ball]) / field.cover.radii[ball]
     r = np.linalg.norm(unit - sites, axis=1)
     return r**3 @ local.weights[first:last] + np.prod(unit**local.exponents, axis=1) @ local.tails[ball]
 

@@ -49,7 +49,7 @@ def read_npy(path):
 @pytest.mark.parametrize(("suffix", "read"), [(".vti", read_vti), (".nrrd", read_nrrd), (".npy", read_npy)])
 def test_distances_read_back_are_those_of_the_sphere(ball, tmp_path, monkeypatch, suffix, read, bounds):
     monkeypatch.setattr(module, "SLAB", 1000)
-    export_distance(tmp_path / f"d{suffix}", ball, STEP, bounds, unit="mm")
+    export_distance(ball, tmp_path / f"d{suffix}", STEP, bounds, unit="mm")
     values, origin, spacing = read(tmp_path / f"d{suffix}")
     assert np.allclose(spacing, STEP, rtol=1e-12)
     low, high = origin, origin + STEP * (np.array(values.shape) - 1)
@@ -65,8 +65,8 @@ def test_distances_read_back_are_those_of_the_sphere(ball, tmp_path, monkeypatch
 
 
 def test_a_unit_is_that_of_coordinates_and_distances(ball, tmp_path):
-    export_distance(tmp_path / "mm.npy", ball, STEP, BOX, unit="mm")
-    export_distance(tmp_path / "um.npy", ball, STEP, BOX, unit="mm", to_unit="um")
+    export_distance(ball, tmp_path / "mm.npy", STEP, BOX, unit="mm")
+    export_distance(ball, tmp_path / "um.npy", STEP, BOX, unit="mm", to_unit="um")
     values, origin, spacing = read_npy(tmp_path / "mm.npy")
     others, place, step = read_npy(tmp_path / "um.npy")
     assert np.abs(others / 1000 - values).max() < SINGLE_LENGTH * 2
@@ -77,5 +77,5 @@ def test_a_unit_is_that_of_coordinates_and_distances(ball, tmp_path):
 def test_an_open_mesh_has_no_inside(ball, tmp_path):
     vertices, triangles = mesh_arrays(ball)
     with pytest.raises(InputError, match="open"):
-        export_distance(tmp_path / "d.vti", (vertices, triangles[1:]), STEP)
+        export_distance((vertices, triangles[1:]), tmp_path / "d.vti", STEP)
     assert list(tmp_path.iterdir()) == []

@@ -10,13 +10,10 @@ import pytest
 from mesh_fields import sphere
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.io import obj, stl_text
 from o3dleaf.io.labelled_mesh import LabelledMesh
-from o3dleaf.io.triangle_mesh import write_triangle_mesh
-from o3dleaf.leaf.instancing.stream import write_mesh
-from o3dleaf.output.export import read, text
-from o3dleaf.output.export.consumers import export_mesh
-from o3dleaf.output.export.labelled_mesh import vertex_normals
-from o3dleaf.output.export.read import read_labelled_mesh
+from o3dleaf.io.triangle_mesh import read_mesh, write_mesh
+from o3dleaf.output.export.consumers import export_mesh, vertex_normals
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import SINGLE_LENGTH, SPHERE_NORMAL
 
@@ -55,8 +52,8 @@ def parse_solids(path):
 
 
 def test_solids_for_openfoam_are_named_in_metres_and_exact(ball, tmp_path, monkeypatch):
-    monkeypatch.setattr(text, "BLOCK", 50)
-    export_mesh(tmp_path / "ball.stl", ball, consumer="openfoam")
+    monkeypatch.setattr(stl_text, "BLOCK", 50)
+    export_mesh(ball, tmp_path / "ball.stl", consumer="openfoam")
     solids = parse_solids(tmp_path / "ball.stl")
     assert tuple(solids) == NAMES
     vertices, triangles = mesh_arrays(ball.mesh)
@@ -70,17 +67,17 @@ def test_solids_for_openfoam_are_named_in_metres_and_exact(ball, tmp_path, monke
 def test_numbers_of_any_size_keep_their_width():
     """Signs, exponents of one to three digits and zero: records are of one length, and read back bit for bit."""
     rows = np.array([[1.0, -1e-98, 0.0], [-9.5e98, 1e-7, 3.0], [1e-320, -2.5e10, -0.0]])
-    lines = text.number_lines(rows, text.NUMBER, text.WIDTH)
+    lines = stl_text.number_lines(rows, stl_text.NUMBER, stl_text.WIDTH)
     expected = rows.copy()
     expected[2, 0] = 0.0
     assert np.array_equal(np.array([line.split() for line in lines], dtype=np.float64), expected)
     with pytest.raises(InputError, match="larger unit"):
-        text.number_lines(rows * 1e3, text.NUMBER, text.WIDTH)
+        stl_text.number_lines(rows * 1e3, stl_text.NUMBER, stl_text.WIDTH)
 
 
 def test_obj_has_groups_and_normals_and_every_digit(ball, tmp_path, monkeypatch):
-    monkeypatch.setattr(text, "BLOCK", 64)
-    export_mesh(tmp_path / "ball.obj", ball)
+    monkeypatch.setattr(obj, "BLOCK", 64)
+    export_mesh(ball, tmp_path / "ball.obj")
     lines = [line.split() for line in (tmp_path / "ball.obj").read_text(encoding="ascii").splitlines()]
     assert [line[1] for line in lines if line[0] == "g"] == list(NAMES)
     vertices = np.array([line[1:] for line in lines if line[0] == "v"], dtype=np.float64)
@@ -94,14 +91,14 @@ def test_obj_has_groups_and_normals_and_every_digit(ball, tmp_path, monkeypatch)
 def test_ply_has_normals_scalars_labels_and_unit(ball, tmp_path):
     vertices, triangles = mesh_arrays(ball.mesh)
     bent = np.sin(vertices[:, 0])
-    export_mesh(tmp_path / "ball.ply", ball, scalars={"curvature": bent})
+    export_mesh(ball, tmp_path / "ball.ply", scalars={"curvature": bent})
     again = o3d.io.read_triangle_mesh(tmp_path / "ball.ply")
     assert np.array_equal(np.asarray(again.vertices), vertices)
     assert np.array_equal(np.asarray(again.triangles), triangles)
     assert np.array_equal(np.asarray(again.vertex_normals), vertex_normals(vertices, triangles))
     cloud = o3d.t.io.read_point_cloud(str(tmp_path / "ball.ply"))
     assert np.array_equal(cloud.point["curvature"].numpy().ravel(), bent)
-    found = read_labelled_mesh(tmp_path / "ball.ply")
+    found = read_mesh(tmp_path / "ball.ply")
     assert found.unit == "mm"
     assert np.array_equal(found.labels, ball.labels)
 
@@ -140,7 +137,7 @@ def parse_glb(path):
 
 
 def test_glb_is_in_metres_with_y_up(ball, tmp_path):
-    export_mesh(tmp_path / "ball.glb", ball, consumer="web")
+    export_mesh(ball, tmp_path / "ball.glb", consumer="web")
     scene, arrays = parse_glb(tmp_path / "ball.glb")
     node = scene["nodes"][0]
     x, y, z, w = node["rotation"]
@@ -187,7 +184,7 @@ def parse_vtp(path):
 
 def test_vtp_holds_all_there_is(ball, tmp_path):
     heights = np.asarray(ball.mesh.vertices)[:, 2]
-    export_mesh(tmp_path / "ball.vtp", ball, consumer="paraview", scalars={"height": heights})
+    export_mesh(ball, tmp_path / "ball.vtp", consumer="paraview", scalars={"height": heights})
     found, header = parse_vtp(tmp_path / "ball.vtp")
     vertices, triangles = mesh_arrays(ball.mesh)
     assert f'NumberOfPoints="{len(vertices)}" NumberOfPolys="{len(triangles)}"' in header
@@ -205,9 +202,9 @@ def test_vtp_holds_all_there_is(ball, tmp_path):
     [("a.ply", None, False), ("a.stl", None, False), ("a.stl", "openfoam", True), ("a.obj", None, True)],
 )
 def test_labels_read_back(ball, tmp_path, monkeypatch, name, consumer, grouped):
-    monkeypatch.setattr(read, "PIECE", 1000)
-    export_mesh(tmp_path / name, ball, consumer=consumer)
-    found = read_labelled_mesh(tmp_path / name)
+    monkeypatch.setattr(stl_text, "READ_SIZE", 1000)
+    export_mesh(ball, tmp_path / name, consumer=consumer)
+    found = read_mesh(tmp_path / name)
     assert found.names == NAMES
     assert len(found.mesh.vertices) == len(ball.mesh.vertices)
     order = np.argsort(ball.labels, kind="stable") if grouped else np.arange(len(ball.labels))
@@ -226,7 +223,7 @@ def test_labels_of_a_written_leaf_read_back(ball, tmp_path):
     leaf = LabelledMesh(ball.mesh, ball.labels)
     for name in ("l.ply", "l.stl", "l.obj"):
         write_mesh(leaf, tmp_path / name)
-        found = read_labelled_mesh(tmp_path / name)
+        found = read_mesh(tmp_path / name)
         assert np.bincount(found.labels).tolist() == np.bincount(ball.labels).tolist()
         tops = np.asarray(found.mesh.vertices)[np.asarray(found.mesh.triangles)[found.labels == 0], 2]
         assert tops.mean(axis=1).min() > FAR[2] + 0.3 - SINGLE_LENGTH * np.abs(FAR).max()
@@ -235,32 +232,32 @@ def test_labels_of_a_written_leaf_read_back(ball, tmp_path):
 def test_solids_and_groups_of_others_keep_their_names(tmp_path):
     facet = "facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 0 1 {}\n endloop\nendfacet\n"
     (tmp_path / "a.stl").write_text(f"solid inlet x\n{facet.format(0)}endsolid inlet\nsolid wall\n{facet.format(1)}")
-    found = read_labelled_mesh(tmp_path / "a.stl")
+    found = read_mesh(tmp_path / "a.stl")
     assert (found.names, found.labels.tolist(), len(found.mesh.vertices)) == (("inlet", "wall"), [0, 1], 4)
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\ng rim\nf 1 2 3\ng hair\nf 1/1 2/2 4/3\n")
-    found = read_labelled_mesh(tmp_path / "a.obj")
+    found = read_mesh(tmp_path / "a.obj")
     assert (found.names, found.labels.tolist()) == ((*NAMES, "hair"), [2, 3])
 
 
 def test_files_without_labels_are_read_as_meshes(ball, tmp_path):
     for name in ("b.ply", "b.obj", "b.stl"):
-        write_triangle_mesh(tmp_path / name, ball.mesh)
-        found = read_labelled_mesh(tmp_path / name)
+        write_mesh(ball.mesh, tmp_path / name)
+        found = read_mesh(tmp_path / name)
         assert found.labels is None
         assert len(found.mesh.triangles) == len(ball.mesh.triangles)
 
 
 def test_units_are_converted_or_asked_for(ball, tmp_path):
-    export_mesh(tmp_path / "um.ply", ball, to_unit="um")
-    found = read_labelled_mesh(tmp_path / "um.ply")
+    export_mesh(ball, tmp_path / "um.ply", to_unit="um")
+    found = read_mesh(tmp_path / "um.ply")
     assert found.unit == "um"
     assert np.array_equal(np.asarray(found.mesh.vertices), np.asarray(ball.mesh.vertices) * (1e-3 / 1e-6))
     with pytest.raises(UnitError, match="not known"):
-        export_mesh(tmp_path / "x.glb", ball.mesh)
+        export_mesh(ball.mesh, tmp_path / "x.glb")
     with pytest.raises(UnitError, match="metres"):
-        export_mesh(tmp_path / "x.glb", ball, to_unit="mm")
+        export_mesh(ball, tmp_path / "x.glb", to_unit="mm")
     with pytest.raises(UnitError, match="not known"):
-        export_mesh(tmp_path / "x.stl", ball.mesh, consumer="openfoam")
+        export_mesh(ball.mesh, tmp_path / "x.stl", consumer="openfoam")
     assert [path.name for path in tmp_path.iterdir()] == ["um.ply"]
 
 
@@ -290,7 +287,7 @@ def test_what_a_program_cannot_take_is_refused_and_leaves_nothing(ball, tmp_path
     if np.shape(how.get("labels")) == (1000,):
         how = {"labels": np.full(len(triangles), 7)}
     with pytest.raises(InputError, match=words):
-        export_mesh(tmp_path / name, change(vertices, triangles), unit="mm", **how)
+        export_mesh(change(vertices, triangles), tmp_path / name, unit="mm", **how)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -309,11 +306,11 @@ def test_what_a_program_cannot_take_is_refused_and_leaves_nothing(ball, tmp_path
 def test_damaged_files_are_refused(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=words):
-        read_labelled_mesh(tmp_path / name)
+        read_mesh(tmp_path / name)
 
 
 def test_a_labelled_ply_that_was_cut_off_is_refused(ball, tmp_path):
-    export_mesh(tmp_path / "a.ply", ball)
+    export_mesh(ball, tmp_path / "a.ply")
     (tmp_path / "a.ply").write_bytes((tmp_path / "a.ply").read_bytes()[:-5])
     with pytest.raises(InputError, match="cut off"):
-        read_labelled_mesh(tmp_path / "a.ply")
+        read_mesh(tmp_path / "a.ply")

@@ -6,12 +6,13 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mesh_fields import sphere, torus
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.output.export import particles as module
-from o3dleaf.output.export.labelled_mesh import enclosed_volume
+from o3dleaf.output.export.consumers import enclosed_volume
 from o3dleaf.output.export.particles import export_particles, fill_particles, sample_particles
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import FILLED_VOLUME, ON_LATTICE, ROUNDING
@@ -77,7 +78,8 @@ def test_both_faces_of_a_thin_blade_are_covered():
 
 def test_covering_says_how_far_it_is(ring, cover):
     said = []
-    again = sample_particles(ring, SPACING, progress=lambda done, total: said.append((done, total)))
+    with progress.listening(lambda done, total: said.append((done, total))):
+        again = sample_particles(ring, SPACING)
     assert np.array_equal(again.points, cover.points)
     done, totals = zip(*said, strict=True)
     assert len(set(totals)) == 1
@@ -130,7 +132,7 @@ def test_two_boxes_that_share_a_side_share_no_particle():
 def test_particles_written_are_read_back_in_the_unit_asked_for(ring, cover, tmp_path, suffix, inside):
     found = fill_particles(ring, 0.1) if inside else cover
     path = tmp_path / f"p{suffix}"
-    export_particles(path, found, to_unit="m")
+    export_particles(found, path, to_unit="m")
     size, power = ("volume", 3) if inside else ("area", 2)
     scale = 1e-3
     if suffix == ".ply":
@@ -162,7 +164,7 @@ def test_particles_written_are_read_back_in_the_unit_asked_for(ring, cover, tmp_
         (lambda *_: sample_particles(([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]), 0.1), "no area"),
         (lambda ring, _: fill_particles((ring.mesh.vertices, np.asarray(ring.mesh.triangles)[1:]), 0.1), "open"),
         (lambda *_: fill_particles(extract_isosurface(sphere(0.3), 0.1), 5.0), "no particle"),
-        (lambda ring, path: export_particles(path / "a.xyz", sample_particles(ring, 0.5)), "unknown suffix"),
+        (lambda ring, path: export_particles(sample_particles(ring, 0.5), path / "a.xyz"), "unknown suffix"),
     ],
 )
 def test_wrong_input_is_refused(ring, tmp_path, call, words):
@@ -174,4 +176,4 @@ def test_wrong_input_is_refused(ring, tmp_path, call, words):
 def test_a_unit_that_is_not_known_is_not_converted(tmp_path):
     bare = fill_particles(build_mesh(*mesh_arrays(box([0, 0, 0], [1, 1, 1]))), 0.5)
     with pytest.raises(UnitError):
-        export_particles(tmp_path / "a.ply", bare, to_unit="m")
+        export_particles(bare, tmp_path / "a.ply", to_unit="m")

@@ -201,13 +201,13 @@ def test_what_there_is_not_is_refused(leaf, tmp_path, arguments, words):
 
 def test_a_job_takes_a_saved_leaf_and_refuses_what_does_not_go_together(leaf, tmp_path):
     leaf.save(tmp_path / "leaf.o3l")
-    job = FiguresJob(tmp_path / "out", model=tmp_path / "leaf.o3l", formats=("pdf",), only=("height-map",))
-    assert [path.name for path in job.run(Journal()).paths] == ["3-height-map.pdf", CAPTIONS]
+    job = FiguresJob(output=tmp_path / "out", model=tmp_path / "leaf.o3l", formats="pdf", only="height-map")
+    assert [path.name for path in job.run().paths] == ["3-height-map.pdf", CAPTIONS]
     leaf.texture.save(tmp_path / "micro.o3l")
     with pytest.raises(InputError, match="no leaf"):
-        FiguresJob(tmp_path / "out", model=tmp_path / "micro.o3l").run(Journal())
+        FiguresJob(output=tmp_path / "out", model=tmp_path / "micro.o3l").run()
     for wrong, words in (({"midrib": tmp_path}, "scan"), ({"model": tmp_path, "midrib": tmp_path}, "midrib, model")):
         with pytest.raises(InputError, match=words):
-            FiguresJob(tmp_path / "out", **wrong)
+            FiguresJob(output=tmp_path / "out", **wrong).run()
     with pytest.raises(InputError, match="folder"):
-        FiguresJob(tmp_path / "leaf.o3l", model=tmp_path / "leaf.o3l").run(Journal())
+        FiguresJob(output=tmp_path / "leaf.o3l", model=tmp_path / "leaf.o3l").run()

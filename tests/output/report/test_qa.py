@@ -12,8 +12,9 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import InputError, check_mesh
+from o3dleaf import InputError, check_report
 from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from o3dleaf.output.report import closeups, overviews, shots
 from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
@@ -133,7 +134,7 @@ class Elements(HTMLParser):
 )
 def test_a_box_is_what_it_is(words, met):
     """A unit cube of twelve right isosceles triangles, whose figures are known."""
-    verdict = check_mesh(o3l.mesh_report(o3d.geometry.TriangleMesh.create_box()), words)
+    verdict = check_report(o3l.mesh_report(o3d.geometry.TriangleMesh.create_box()), words)
     assert verdict.passed is met
     assert verdict.word == ("not asked" if not words else "passed" if met else "failed")
     assert bool(verdict.failures) is not met
@@ -146,20 +147,20 @@ def test_bounds_bind_at_equality_and_break_beyond(broken):
         found = getattr(report, rule.attribute)
         if rule.order in {"is", "none"} or found is None:
             continue
-        assert check_mesh(report, f"{name}={found!r}").passed, name
+        assert check_report(report, f"{name}={found!r}").passed, name
         less, more = (found - 1, found + 1) if rule.kind == "count" else (found * (1 - 1e-9), found * (1 + 1e-9))
         beyond = {"=": (less, more), "≥": (more,), "≤": (less,)}[rule.order]
         for value in beyond:
             if 0 <= value <= 180 and found not in {0, 180}:
-                assert not check_mesh(report, f"{name}={value!r}").passed, name
+                assert not check_report(report, f"{name}={value!r}").passed, name
 
 
 def test_a_failure_says_what_was_wanted_and_found(broken):
-    lines = [str(each) for each in broken.verdict.failures]
+    lines = [str(each) for each in broken.result.failures]
     report = broken.inspection.report
     assert lines[0].startswith(f"watertight: wanted yes, found no (boundary edges: {report.boundary_edges}, ")
     assert lines[-1] == f"components=1: wanted 1, found {report.components}"
-    undefined = check_mesh(report, "genus=0").failures[0]
+    undefined = check_report(report, "genus=0").failures[0]
     assert "none" in undefined.found
 
 
@@ -189,7 +190,7 @@ def test_a_requirement_that_is_none_gets_one_line(words, say):
 def test_what_is_measured_to_must_be_given():
     box = o3d.geometry.TriangleMesh.create_box()
     with pytest.raises(InputError, match="needs a field"):
-        check_mesh(o3l.mesh_report(box), "max-deviation=0.1")
+        check_report(o3l.mesh_report(box), "max-deviation=0.1")
     with pytest.raises(InputError, match="needs a cloud"):
         Examination.of(box, require="unsupported-share=0.1")
 
@@ -227,7 +228,7 @@ def test_a_reduced_mesh_keeps_the_budget_the_area_and_the_worst_values():
 def test_every_planted_defect_has_a_close_up_that_shows_it(broken):
     places = find_places(broken.inspection)
     assert {place.kind for place in places} == PLANTED
-    anatomy = broken.inspection.anatomy
+    anatomy = broken.inspection.measurements
     for place in places:
         assert np.isin(place.rows, place.window).all()
         corners = anatomy.vertices[anatomy.triangles[place.rows]].reshape(-1, 3)
@@ -281,7 +282,7 @@ def test_every_figure_of_the_json_is_on_the_page(page, broken, tmp_path):
     measured = {name for name, value in figures.items() if value is not None} - {"required", "failures"}
     assert {name: shown[name] for name in measured} == {name: figures[name] for name in measured}
     assert figures["verdict"] == "failed"
-    assert figures["required"] == [str(each.requirement) for each in broken.verdict.findings]
+    assert figures["required"] == [str(each.requirement) for each in broken.result.findings]
     for line in figures["required"]:
         assert f"<code>{line}</code>" in text
     assert text.count("✗ not met") == len(figures["failures"]) == 4
@@ -294,8 +295,13 @@ def test_every_defect_is_on_the_page(page):
 
 def test_a_mesh_without_an_area_still_gets_a_page(tmp_path):
     line = ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
-    assert o3l.write_report(tmp_path / "line.html", line, require="no-degenerate-triangles").word == "failed"
+    assert o3l.write_report(line, tmp_path / "line.html", require="no-degenerate-triangles").word == "failed"
     assert "nothing to draw" in (tmp_path / "line.html").read_text(encoding="utf-8")
+
+
+def test_the_mesh_comes_first(tmp_path):
+    with pytest.raises(InputError, match="takes the mesh first"):
+        o3l.write_report(tmp_path / "box.html", o3d.geometry.TriangleMesh.create_box())
 
 
 def test_maps_of_field_and_scan_have_their_colors_and_limits(monkeypatch, tmp_path):
@@ -357,6 +363,27 @@ def test_a_sound_mesh_passes(run, box):
     done = run("qa", box, "--require", "watertight,min-angle=45")
     assert done.returncode == 0
     assert "passed (2 of 2 met)" in done.stdout
+
+
+@pytest.mark.parametrize("writer", ["ours", "Open3D's"])
+def test_the_corners_of_an_stl_are_joined(run, tmp_path, writer):
+    """STL has three vertices a triangle: judged as they stand, a sphere is as many pieces as it has triangles."""
+    mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 20).compute_triangle_normals()
+    if writer == "ours":
+        write_mesh(mesh, tmp_path / "ball.stl")
+    else:
+        o3d.io.write_triangle_mesh(tmp_path / "ball.stl", mesh)
+    read = read_triangle_mesh(tmp_path / "ball.stl")
+    assert len(read.vertices) == len(mesh.vertices)
+    assert not read.has_vertex_normals()
+    corners, same = (np.asarray(each.vertices)[np.asarray(each.triangles)] for each in (mesh, read))
+    np.testing.assert_array_equal(same, corners.astype(np.float32))
+    done = run("qa", tmp_path / "ball.stl", "--require", "watertight,manifold,oriented,components=1")
+    assert (done.returncode, "passed (4 of 4 met)" in done.stdout) == (0, True)
+    done = run("info", tmp_path / "ball.stl", "--json", tmp_path / "ball.json")
+    assert done.returncode == 0
+    said = json.loads((tmp_path / "ball.json").read_text())
+    assert (said["components"], said["vertices"], said["watertight"]) == (1, len(mesh.vertices), True)
 
 
 def test_wrong_input_is_one_line_and_leaves_nothing(run, box, tmp_path):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.core.journal import Journal
-from o3dleaf.output.report.summary import summarise
+from o3dleaf.output.report.summary import summarize
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def blade():
 
 def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
     blade, scan = blade
-    summary = summarise(blade, blade.extract_mesh(0.5), Journal(), {}, scan=scan)
+    summary = summarize(blade, blade.extract_mesh(0.5), {}, scan=scan)
     read = json.loads(json.dumps(summary, allow_nan=False))
     assert read["outline"]["alpha"] == blade.outline.alpha
     assert read["outline"]["alpha_chosen"]
@@ -39,7 +38,7 @@ def test_a_flat_blade_folds_nowhere_and_is_still_json():
     frame = o3l.LeafFrame.fit(scan, [[0, 0, 0], [30, 0, 0], [60, 0, 0]])
     leaf = frame.to_leaf(scan)
     blade = o3l.Blade(frame, o3l.HeightMap.fit(leaf, smoothing=1.0), o3l.AlphaShape(leaf[:, :2]))
-    summary = summarise(blade, blade.extract_mesh(1.0), Journal(), {})
+    summary = summarize(blade, blade.extract_mesh(1.0), {})
     assert json.loads(json.dumps(summary, allow_nan=False))["distortion"]["focal"] is None
     assert "frame" not in summary
     assert summary["height_map"]["robust"] is False

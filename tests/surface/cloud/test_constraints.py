@@ -3,26 +3,31 @@ import pytest
 from scipy.spatial import cKDTree
 
 from cloud_shapes import block, slab, sphere, torus
-from o3dleaf.core.errors import InputError
-from o3dleaf.surface.cloud.constraints import off_surface_constraints
+from o3dleaf import InputError, OrientedCloud, offset_constraints
 from tolerances import NEAREST
+
+
+def constraints(points, normals, distance, **options):
+    """Return those of all points."""
+    return offset_constraints(OrientedCloud.of(points, normals), distance, every=1, **options)
+
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_no_point_is_nearer_to_a_site_than_the_one_it_stands_off_from(shape):
-    points, normals = SHAPES[shape](4000)
-    sites, values, base = off_surface_constraints(points, normals, 0.05)
-    assert cKDTree(points).query(sites)[0] == pytest.approx(np.abs(values), rel=NEAREST)
-    assert np.array_equal(sites, points[base] - values[:, np.newaxis] * normals[base])
+    cloud = OrientedCloud.of(*SHAPES[shape](4000))
+    sites, values, base = offset_constraints(cloud, 0.05, every=1)
+    assert cKDTree(cloud.points).query(sites)[0] == pytest.approx(np.abs(values), rel=NEAREST)
+    assert np.array_equal(sites, cloud.points[base] - values[:, np.newaxis] * cloud.normals[base])
 
 
 def test_sites_keep_to_a_third_of_what_is_between_two_sheets():
     points, normals = slab(8000)
     thickness = np.ptp(points[:, 2])
     faces = np.flatnonzero(np.abs(normals[:, 2]) > 0.5)
-    _, values, base = off_surface_constraints(points, normals, 10 * thickness, floor=0.01)
+    _, values, base = constraints(points, normals, 10 * thickness, floor=0.01)
     inside = np.isin(base, faces) & (values > 0)
     assert np.median(values[inside]) == pytest.approx(thickness / 3, rel=0.2)
     assert values[inside].max() < thickness / 2
@@ -30,8 +35,8 @@ def test_sites_keep_to_a_third_of_what_is_between_two_sheets():
 
 def test_larger_is_inside_and_each_side_can_be_had_alone():
     points, normals = sphere(500)
-    both = off_surface_constraints(points, normals, 0.02)
-    outer, inner = (off_surface_constraints(points, normals, 0.02, sides=side) for side in ("outside", "inside"))
+    both = constraints(points, normals, 0.02)
+    outer, inner = (constraints(points, normals, 0.02, sides=side) for side in ("outside", "inside"))
     assert (np.linalg.norm(outer.sites, axis=1) > 1).all()
     assert (outer.values < 0).all()
     assert (np.linalg.norm(inner.sites, axis=1) < 1).all()
@@ -44,14 +49,14 @@ def test_noise_thicker_than_the_spacing_takes_no_room():
     points, normals = sphere(20000)
     noise = 3 * np.sqrt(4 * np.pi / len(points))
     points += np.random.default_rng(1).normal(size=points.shape) * noise
-    _, values, _ = off_surface_constraints(points, normals, noise)
+    _, values, _ = constraints(points, normals, noise)
     assert np.abs(values) == pytest.approx(np.full(2 * len(points), noise))
 
 
 def test_a_site_without_room_is_left_out():
     points = np.array([[0.0, 0, 0], [0, 0, 0.1]])
     normals = np.array([[0.0, 0, -1], [0, 0, 1]])
-    kept = off_surface_constraints(points, normals, 1.0, floor=0.1)
+    kept = constraints(points, normals, 1.0, floor=0.1)
     assert (kept.values < 0).all()
     assert np.array_equal(kept.base, [0, 1])
 
@@ -59,4 +64,4 @@ def test_a_site_without_room_is_left_out():
 @pytest.mark.parametrize("distance", [0.0, -1.0, np.nan])
 def test_a_distance_that_is_none_is_refused(distance):
     with pytest.raises(InputError, match="distance"):
-        off_surface_constraints(*sphere(20), distance)
+        constraints(*sphere(20), distance)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, estimate_noise, merge_points, samples
-from o3dleaf.surface.cloud.downsample import Merged, leave_out_tails
-from o3dleaf.surface.cloud.point_spacing import cloud_spacing
+from o3dleaf import InputError, OrientedCloud, estimate_noise, samples, voxel_down_sample
+from o3dleaf.surface.cloud.downsample import remove_tails
 from tolerances import MERGED, NOISE_SHARE
 
 
@@ -14,7 +13,7 @@ def test_noise_is_found_in_spacings(ratio):
     """σ from a tenth of the spacing to twice it, on a curved surface, comes back."""
     rng = np.random.default_rng(1)
     points, _ = samples.Sphere().sample(20_000, seed=2)
-    sigma = ratio * cloud_spacing(points).median
+    sigma = ratio * OrientedCloud.of(points).spacing
     noisy = points + rng.normal(size=points.shape) * sigma
     assert estimate_noise(noisy) == pytest.approx(sigma, rel=NOISE_SHARE)
 
@@ -30,7 +29,7 @@ def test_clean_data_have_little_noise():
     """What a quadric cannot follow on a clean sphere is far below the spacing; creases and rims do not count."""
     for solid in (samples.Sphere(), samples.Block()):
         points, _ = solid.sample(5_000, seed=3)
-        assert estimate_noise(points) < 0.01 * cloud_spacing(points).median
+        assert estimate_noise(points) < 0.01 * OrientedCloud.of(points).spacing
 
 
 def test_noise_scales_with_the_cloud():
@@ -53,7 +52,7 @@ def test_merging_keeps_every_point():
     """Weights count the points, and weighted means are those of the cloud: nothing is lost or counted twice."""
     points, normals = samples.Torus().sample(4_000, seed=6)
     points.setflags(write=False)
-    merged = merge_points(points, normals, 0.1)
+    merged = voxel_down_sample(OrientedCloud.of(points, normals), 0.1)
     assert merged.weights.sum() == len(points)
     assert len(merged.points) < len(points) / 2
     np.testing.assert_allclose(merged.weights @ merged.points, points.sum(axis=0), rtol=0, atol=MERGED)
@@ -63,7 +62,7 @@ def test_merging_keeps_every_point():
 def test_merging_is_a_mean_by_voxel_and_facing():
     """A dictionary of voxels, filled point by point, says the same, in the order of the first points."""
     points, normals = samples.WavySheet().sample(500, seed=7)
-    found = merge_points(points, normals, 0.2)
+    found = voxel_down_sample(OrientedCloud.of(points, normals), 0.2)
     groups: dict[tuple[int, ...], list[int]] = {}
     first: dict[tuple[int, ...], int] = {}
     low = points.min(axis=0)
@@ -81,7 +80,7 @@ def test_the_sides_of_a_thin_sheet_are_not_averaged():
     side = np.repeat([-1.0, 1.0], 500)
     points = np.column_stack([rng.uniform(size=(1_000, 2)), 0.001 * side])
     normals = np.column_stack([np.zeros((1_000, 2)), side])
-    merged = merge_points(points, normals, 0.25)
+    merged = voxel_down_sample(OrientedCloud.of(points, normals), 0.25)
     np.testing.assert_allclose(merged.points[:, 2], 0.001 * merged.normals[:, 2], rtol=0, atol=MERGED)
 
 
@@ -90,7 +89,7 @@ def test_voxels_that_cannot_be_meant(size, why):
     """The message names the size and what is wrong with it."""
     points, normals = samples.Sphere().sample(100, seed=9)
     with pytest.raises(InputError, match=why):
-        merge_points(1e6 * points, normals, size)
+        voxel_down_sample(OrientedCloud.of(1e6 * points, normals), size)
 
 
 def test_tails_go_and_thin_parts_stay():
@@ -100,5 +99,5 @@ def test_tails_go_and_thin_parts_stay():
     astray = dense[:20] + [0, 0, 0.02]
     points = np.vstack([dense, astray, thin])
     weights = np.concatenate([np.full(400, 20.0), np.ones(20), np.ones(400)])
-    kept = leave_out_tails(Merged(points, np.tile([0.0, 0, 1], (820, 1)), weights))
+    kept = remove_tails(OrientedCloud.of(points, np.tile([0.0, 0, 1], (820, 1)), weights=weights))
     np.testing.assert_array_equal(kept.points, np.vstack([dense, thin]))

@@ -3,13 +3,18 @@ import open3d as o3d
 import pytest
 
 from cloud_shapes import block, slab, sphere, torus
-from o3dleaf.core.errors import InputError, OrientationError
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.surface.cloud.enclosure import enclosing_signs
-from o3dleaf.surface.cloud.neighbors import nearest_neighbours
+from o3dleaf import (
+    InputError,
+    OrientationError,
+    OrientedCloud,
+    estimate_normals,
+    get_num_threads,
+    orient_normals,
+    preprocess_point_cloud,
+    set_num_threads,
+)
 from o3dleaf.surface.cloud.normals import repair_normals
-from o3dleaf.surface.cloud.orientation import estimate_normals, orient_normals
-from o3dleaf.surface.cloud.oriented_cloud import prepare_cloud
+from o3dleaf.surface.cloud.winding_number import enclosing_signs
 from tolerances import ALMOST_ALL, GROUPS_ANGLE, ON_SURFACE
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
@@ -33,7 +38,7 @@ def moebius(count, half_width):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_all_normals_of_a_closed_surface_point_outward(shape):
     points, normals = SHAPES[shape](5000)
-    cloud = prepare_cloud(points)
+    cloud = preprocess_point_cloud(points)
     assert right(cloud.normals, normals) == 1
     assert cloud.notes == ()
 
@@ -41,7 +46,7 @@ def test_all_normals_of_a_closed_surface_point_outward(shape):
 @pytest.mark.parametrize(("shape", "share"), [("sphere", 0.005), ("torus", 0.005), ("block", 0.002)])
 def test_under_noise_as_thick_as_the_spacing_too(shape, share):
     points, normals = SHAPES[shape](40000)
-    cloud = prepare_cloud(noisy(points, share))
+    cloud = preprocess_point_cloud(noisy(points, share))
     assert right(cloud.normals, normals) >= ALMOST_ALL
     angle = np.degrees(np.arccos(np.median(np.einsum("ij,ij->i", cloud.normals, normals))))
     assert angle < GROUPS_ANGLE
@@ -50,7 +55,7 @@ def test_under_noise_as_thick_as_the_spacing_too(shape, share):
 def test_two_sheets_without_a_rim_face_away_from_one_another():
     points, normals = slab(20000)
     faces = np.abs(normals[:, 2]) > 0.5
-    assert right(prepare_cloud(points[faces]).normals, normals[faces]) >= ALMOST_ALL
+    assert right(preprocess_point_cloud(points[faces]).normals, normals[faces]) >= ALMOST_ALL
 
 
 def test_a_cavity_is_oriented_into_itself_and_separate_bodies_outward():
@@ -58,7 +63,7 @@ def test_a_cavity_is_oriented_into_itself_and_separate_bodies_outward():
     shell = np.concatenate([outer[0], 0.5 * inner[0]]), np.concatenate([outer[1], -inner[1]])
     pair = np.concatenate([outer[0], 0.5 * inner[0] + [1.6, 0, 0]]), np.concatenate([outer[1], inner[1]])
     for points, normals in (shell, pair):
-        assert right(prepare_cloud(points).normals, normals) == 1
+        assert right(preprocess_point_cloud(points).normals, normals) == 1
 
 
 def test_the_winding_number_is_a_half_on_a_closed_surface():
@@ -70,7 +75,7 @@ def test_the_winding_number_is_a_half_on_a_closed_surface():
 
 def test_an_open_sheet_has_one_side_and_a_note():
     x, y = np.random.default_rng(5).uniform(0, 1, (2, 5000))
-    cloud = prepare_cloud(np.column_stack([x, y, 0.2 * np.sin(5 * x) * y]))
+    cloud = preprocess_point_cloud(np.column_stack([x, y, 0.2 * np.sin(5 * x) * y]))
     assert abs(np.sum(np.sign(cloud.normals[:, 2]))) == 5000
     assert "open sheet" in cloud.notes[0]
 
@@ -78,19 +83,19 @@ def test_an_open_sheet_has_one_side_and_a_note():
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
 def test_a_one_sided_sheet_is_refused(half_width, share):
     with pytest.raises(OrientationError, match="Moebius"):
-        prepare_cloud(noisy(moebius(10000, half_width), share))
+        preprocess_point_cloud(noisy(moebius(10000, half_width), share))
 
 
 def test_points_that_fill_a_volume_are_refused():
     with pytest.raises(OrientationError, match="no surface at any scale"):
-        prepare_cloud(np.random.default_rng(6).normal(size=(5000, 3)))
+        preprocess_point_cloud(np.random.default_rng(6).normal(size=(5000, 3)))
 
 
 @pytest.mark.parametrize("spacings", [0.5, 1.0, 2.0])
 def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spacings):
     points, normals = slab(10000, spacings)
     faces = np.abs(normals[:, 2]) > 0.5
-    cloud = prepare_cloud(points[faces])
+    cloud = preprocess_point_cloud(points[faces])
     assert right(cloud.normals, normals[faces]) >= ALMOST_ALL
     assert any("close together" in note for note in cloud.notes)
 
@@ -101,19 +106,19 @@ def test_lines_of_a_scanner_are_a_surface_and_a_curve_is_none():
     lines[:, 0] += np.random.default_rng(9).uniform(0, 1e-3, len(lines))
     true = np.column_stack([-0.3 * y.ravel(), -0.3 * x.ravel(), np.ones(x.size)])
     true /= np.linalg.norm(true, axis=1, keepdims=True)
-    assert np.median(np.abs(np.einsum("ij,ij->i", prepare_cloud(lines).normals, true))) > np.cos(
+    assert np.median(np.abs(np.einsum("ij,ij->i", preprocess_point_cloud(lines).normals, true))) > np.cos(
         np.radians(GROUPS_ANGLE)
     )
     t = np.linspace(0, 6, 3000)
     with pytest.raises(OrientationError, match="along lines"):
-        prepare_cloud(np.column_stack([np.cos(t), np.sin(t), t]))
+        preprocess_point_cloud(np.column_stack([np.cos(t), np.sin(t), t]))
 
 
 def test_two_sheets_within_the_noise_are_not_taken_for_one_without_a_word():
     points, normals = slab(40000)
     points = noisy(points, 0.005)
-    assert any("two sheets" in note for note in prepare_cloud(points).notes)
-    given = prepare_cloud(points, normals=normals)
+    assert any("two sheets" in note for note in preprocess_point_cloud(points).notes)
+    given = preprocess_point_cloud(points, normals=normals)
     assert given.normals == pytest.approx(normals)
     assert any("two sheets" in note for note in given.notes)
 
@@ -123,8 +128,8 @@ def test_a_rigid_motion_commutes(shape):
     points, _ = SHAPES[shape](4000)
     turn = np.linalg.qr(np.random.default_rng(7).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    moved = prepare_cloud(points @ turn.T + [3.0, -2, 1])
-    assert right(moved.normals, prepare_cloud(points).normals @ turn.T) == 1
+    moved = preprocess_point_cloud(points @ turn.T + [3.0, -2, 1])
+    assert right(moved.normals, preprocess_point_cloud(points).normals @ turn.T) == 1
 
 
 def test_not_a_bit_depends_on_the_number_of_threads():
@@ -132,44 +137,44 @@ def test_not_a_bit_depends_on_the_number_of_threads():
     threads = get_num_threads()
     try:
         set_num_threads(1)
-        alone = prepare_cloud(points)
+        alone = preprocess_point_cloud(points)
     finally:
         set_num_threads(threads)
-    assert np.array_equal(alone.normals, prepare_cloud(points).normals)
+    assert np.array_equal(alone.normals, preprocess_point_cloud(points).normals)
 
 
 def test_normals_given_inward_or_at_random_are_turned_outward():
     points, normals = torus(4000)
-    inward = prepare_cloud(points, normals=-normals)
+    inward = preprocess_point_cloud(points, normals=-normals)
     assert inward.normals == pytest.approx(normals)
     assert inward.notes == ("all normals pointed inward and were turned",)
     sign = np.random.default_rng(8).choice([-1.0, 1.0], (4000, 1))
-    assert prepare_cloud(points, normals=sign * normals).normals == pytest.approx(normals)
+    assert preprocess_point_cloud(points, normals=sign * normals).normals == pytest.approx(normals)
 
 
 def test_the_steps_do_alone_what_they_do_together():
     points, _ = block(4000)
-    together = prepare_cloud(points, find_stray=None).normals
+    together = preprocess_point_cloud(points, outliers=None).normals
     estimated = estimate_normals(points)
     assert np.linalg.norm(estimated, axis=1) == pytest.approx(np.ones(4000))
     assert right(orient_normals(points, estimated).normals, together) == 1
-    left = prepare_cloud(points, find_stray=None, orient=None).normals
+    left = preprocess_point_cloud(points, outliers=None, orient=None).normals
     assert np.mean(np.abs(np.einsum("ij,ij->i", left, together)) > 0.999) == 1
 
 
 def test_voxels_average_the_two_sides_of_a_sheet_apart():
     points, normals = slab(20000)
-    cloud = prepare_cloud(points, normals=normals, voxel_size=0.1)
+    cloud = preprocess_point_cloud(points, normals=normals, voxel_size=0.1)
     faces = np.abs(cloud.normals[:, 2]) > 0.9
     half = np.ptp(points[:, 2]) / 2
-    assert cloud.merged == 20000 - len(cloud.points)
+    assert cloud.removed.averaged == 20000 - len(cloud.points)
     assert cloud.points[faces, 2] == pytest.approx(np.sign(cloud.normals[faces, 2]) * half, abs=0.6 * half)
     assert (cloud.points[faces, 2] * cloud.normals[faces, 2] > 0).all()
 
 
 def test_normals_of_another_number_than_the_points_are_refused():
     points, normals = sphere(100)
-    for call in (orient_normals, lambda x, n: prepare_cloud(x, normals=n)):
+    for call in (orient_normals, lambda x, n: preprocess_point_cloud(x, normals=n)):
         with pytest.raises(InputError, match="99 for 100"):
             call(points, normals[1:])
 
@@ -178,18 +183,18 @@ def test_normals_of_another_number_than_the_points_are_refused():
 def test_the_normals_of_real_figures_are_recovered(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"oriented/{name}.ply"))
     given = np.asarray(cloud.normals)
-    assert right(prepare_cloud(np.asarray(cloud.points)).normals, given) >= (0.99 if name == "homer" else 1)
-    assert np.array_equal(prepare_cloud(cloud).normals > 0, given > 0)
+    assert right(preprocess_point_cloud(np.asarray(cloud.points)).normals, given) >= (0.99 if name == "homer" else 1)
+    assert np.array_equal(preprocess_point_cloud(cloud).normals > 0, given > 0)
 
 
 @pytest.mark.parametrize("name", ["leaves/sugarbeet", "leaves/soybean_with_normals", "wheat/wheat_leaf"])
 def test_real_leaves_are_open_sheets(real_scan, name):
     cloud = o3d.io.read_point_cloud(real_scan(f"{name}.ply"))
     cloud.normals = o3d.utility.Vector3dVector()
-    found = prepare_cloud(cloud)
+    found = preprocess_point_cloud(cloud)
     assert "open sheet" in found.notes[0]
-    # Neighbours seen from each point: none is alone on its side.
-    facing = np.einsum("ia,ika->ik", found.normals, found.normals[found.near.row[:, 1:]])
+    # Neighbors seen from each point: none is alone on its side.
+    facing = np.einsum("ia,ika->ik", found.normals, found.normals[found.neighbors.row[:, 1:]])
     assert (facing > 0).any(axis=1).all()
 
 
@@ -197,14 +202,14 @@ def test_the_two_walls_of_a_thin_shell_face_out_of_it_and_into_its_cavity():
     (outer, out), (inner, _) = sphere(8000), sphere(8000, seed=1)
     wall = np.sqrt(4 * np.pi / 8000)
     points = np.concatenate([outer, (1 - wall) * inner])
-    cloud = prepare_cloud(points)
+    cloud = preprocess_point_cloud(points)
     assert right(cloud.normals, np.concatenate([out, -inner])) >= ALMOST_ALL
     assert any("close together" in note for note in cloud.notes)
 
 
 def test_noise_on_a_thin_sheet_is_averaged_on_each_of_its_sides():
     points, normals = slab(5000)
-    cloud = prepare_cloud(noisy(points, 0.005))
+    cloud = preprocess_point_cloud(noisy(points, 0.005))
     assert right(cloud.normals, normals) > 0.99
     angle = np.degrees(np.arccos(np.median(np.einsum("ij,ij->i", cloud.normals, normals))))
     assert angle < GROUPS_ANGLE
@@ -218,6 +223,6 @@ def test_points_lifted_off_a_sheet_are_no_sheet_but_a_patch_is(side, turned):
     points = np.vstack([ticks, patch])
     normals = np.tile([0.0, 0, 1], (len(points), 1))
     normals[400:, 2] = -1
-    found = repair_normals(points, normals, nearest_neighbours(points).row)[0]
+    found = repair_normals(points, normals, OrientedCloud.of(points).neighbors.row).normals
     assert (found[:400, 2] == 1).all()
     assert (found[400:, 2] == (1 if turned else -1)).all()

@@ -129,7 +129,7 @@ def test_fans_that_meet_twice_are_joined_once():
     fans = np.array([(loop[n], loop[(n + 1) % len(loop)], hub) for hub, loop in loops for n in range(len(loop))])
     before, after = EdgeTable.of(fans), EdgeTable.of(join_creases(fans, 6))
     assert sorted(after.count) == sorted(before.count)
-    assert not after.against.any()
+    assert not after.inconsistent.any()
     assert [6, 7] in after.ends.tolist()
 
 

@@ -10,17 +10,22 @@ from scipy.spatial.transform import Rotation
 
 import reference
 from mesh_fields import DEFECTS, Analytic, planted, sphere, torus, wavy_sheets
-from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf import (
+    InputError,
+    MultiscaleLeaf,
+    UnitError,
+    create_blade,
+    create_texture,
+    extract_isosurface,
+    find_defects,
+    inspect_mesh,
+    mesh_report,
+)
+from o3dleaf.core import progress
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.pipeline import create_blade, create_texture
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.mesh.defects import find_defects
 from o3dleaf.surface.mesh.deviation import SUPPORT
-from o3dleaf.surface.mesh.inspection import inspect_mesh
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from tolerances import MESHLAB_AREA, NEWTON_STEP, RIGHT_ANGLE, SCENE, SMALL_ANGLE, TURNED_MESH
 
@@ -79,7 +84,7 @@ def test_the_report_agrees_with_meshlab(name, meshes):
     report, defects, told = found.report, found.defects, lab.counts
     assert report.boundary_edges == told["boundary_edges"]
     assert report.components == told["connected_components_number"]
-    assert len(found.anatomy.edges.ends) == told["edges_number"]
+    assert len(found.measurements.edges.ends) == told["edges_number"]
     assert report.manifold == told["is_mesh_two_manifold"]
     assert report.nonmanifold_vertices == told["non_two_manifold_vertices"]
     # Not its edges: an edge of three triangles it counts twice.
@@ -115,11 +120,11 @@ def assert_apart(vertices, triangles, rows):
 @pytest.mark.parametrize("name", HEALTHY + DEFECTS)
 def test_the_report_agrees_with_open3d(name, meshes):
     found, oracle = inspect_mesh(meshes[name]), build_mesh(*meshes[name])
-    report, edges = found.report, found.anatomy.edges
+    report, edges = found.report, found.measurements.edges
     heavy = oracle.get_non_manifold_edges(allow_boundary_edges=True)
     assert {tuple(pair) for pair in edges.ends[edges.count > 2].tolist()} == {tuple(pair) for pair in heavy}
     if not report.nonmanifold_edges:
-        assert np.flatnonzero(found.anatomy.bowtie).tolist() == sorted(oracle.get_non_manifold_vertices())
+        assert np.flatnonzero(found.measurements.bowtie).tolist() == sorted(oracle.get_non_manifold_vertices())
         assert report.orientable == oracle.is_orientable()
     assert report.watertight == oracle.is_watertight()
     assert report.components == len(oracle.cluster_connected_triangles()[1])
@@ -222,12 +227,12 @@ def test_edges_fans_and_duplicates_are_the_literal_ones():
 def test_rings_walk_along_each_boundary_edge_once(meshes):
     for name in ("open sheets", "moebius", "missing face"):
         found = inspect_mesh(meshes[name])
-        rings, ends = found.defects.rings, found.anatomy.edges.ends
+        rings, ends = found.defects.rings, found.measurements.edges.ends
         walked = [
             frozenset(pair) for ring in rings for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)
         ]
         assert len(walked) == len(set(walked)) == found.report.boundary_edges
-        assert set(walked) == {frozenset(pair) for pair in ends[found.anatomy.edges.count == 1].tolist()}
+        assert set(walked) == {frozenset(pair) for pair in ends[found.measurements.edges.count == 1].tolist()}
         assert len(rings) == found.report.boundary_loops
 
 
@@ -237,7 +242,7 @@ def test_angles_are_those_of_forty_digits():
     corners[:, 2] = corners[:, 1] + 10.0 ** -rng.integers(0, 7, size=(300, 1)) * rng.normal(size=(300, 3))
     found = inspect_mesh((corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)))
     angles = np.array([reference.smallest_angle(*three) for three in corners])
-    assert found.anatomy.smallest_angle == pytest.approx(angles, rel=SMALL_ANGLE)
+    assert found.measurements.smallest_angle == pytest.approx(angles, rel=SMALL_ANGLE)
     for limit in (1, 5, 10, 20):
         assert found.report.to_dict()[f"share_below_{limit}deg"] == np.mean(angles < limit)
     assert found.report.angle_histogram == tuple(np.histogram(angles, bins=60, range=(0, 60))[0])
@@ -324,3 +329,24 @@ def test_what_was_not_asked_is_none_and_the_report_is_flat(ball):
     assert told["extent"] == tuple(np.subtract(told["upper"], told["lower"]))
     with pytest.raises(InputError, match="zero"):
         find_defects(ball, worst=-1)
+
+
+def test_reports_and_defects_are_shown_in_a_line(ball):
+    found = inspect_mesh(planted("duplicated face", ball)[0], sphere(), ball[0])
+    for each in (found.report, found.defects, found.deviation, found.measurements):
+        assert repr(each).startswith(type(each).__name__ + "(")
+        assert len(repr(each)) < 160
+        assert repr(each) in repr(found) or each is found.measurements
+    assert "\n" not in repr(found)
+    assert "2 duplicate" not in repr(found.defects)
+    assert "1 duplicate" in repr(found.defects)
+
+
+@pytest.mark.parametrize("field", [None, sphere()])
+def test_progress_of_a_report_runs_from_stage_to_stage_to_its_end(ball, field):
+    heard = []
+    with progress.listening(lambda done, total: heard.append(done / total)):
+        mesh_report(ball, field)
+        assert heard[-1] == 1
+    assert heard == sorted(heard)
+    assert len(heard) == (5 if field is None else 6)

@@ -1,17 +1,12 @@
-"""Data hold a surface along it: not a flap that curls back over them, nor what runs beside another sheet's."""
+"""Data support a surface along it: not a flap that curls back over them, nor what runs beside another sheet's."""
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from mesh_fields import joined
-from o3dleaf import turned_over
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, OrientedCloud, find_inverted_regions, mesh_report, trim_to_data
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.mesh.mesh_report import mesh_report
-from o3dleaf.surface.reconstruction.along_mesh import Surface, Surroundings, distance_along, vertex_normals
-from o3dleaf.surface.reconstruction.proximity import Data, nearest_of
-from o3dleaf.surface.reconstruction.trim import trim_to_support
+from o3dleaf.surface.reconstruction.along_mesh import MeshNearData, VertexNeighbors, distance_along
 from tolerances import FLAP
 
 SPACING = 0.05
@@ -50,21 +45,22 @@ def sheet(low, high, height=0.0, seed=3):
 def test_a_flap_that_curls_back_over_the_data_goes(height, facing):
     """What is more than three spacings along the mesh from data goes, though all of it is within three in space."""
     points, normals = sheet(0, 1)
-    given = normals if facing else None
+    data = OrientedCloud.of(points, normals if facing else None, spacing=SPACING)
     mesh = ribbon(curl(height * SPACING))
-    cut, _ = mesh_arrays(trim_to_support(mesh, points, SPACING, normals=given, noise=0.0))
+    cut, _ = mesh_arrays(trim_to_data(mesh, data, noise=0.0))
     inner = cut[(cut[:, 1] > 0.2) & (cut[:, 1] < 1.8)]
     # Half a spacing past the data the surface has only begun to turn.
     assert inner[:, 0].max() > 1 - FLAP * SPACING
     flap = inner[inner[:, 2] > 0.9 * height * SPACING]
     assert len(flap) == 0 or flap[:, 0].min() > 1 - FLAP * SPACING
-    assert mesh_report(trim_to_support(mesh, points, SPACING, normals=given, noise=0.0)).components == 1
+    assert mesh_report(trim_to_data(mesh, data, noise=0.0)).components == 1
 
 
 def test_a_flap_nearer_than_a_spacing_cannot_be_told_without_normals():
     points, normals = sheet(0, 1)
     mesh = ribbon(curl(0.5 * SPACING))
-    areas = [mesh_report(trim_to_support(mesh, points, SPACING, normals=n, noise=0.0)).area for n in (normals, None)]
+    clouds = [OrientedCloud.of(points, some, spacing=SPACING) for some in (normals, None)]
+    areas = [mesh_report(trim_to_data(mesh, cloud, noise=0.0)).area for cloud in clouds]
     assert areas[0] < 2.1 + 2 * FLAP * SPACING < 2.9 < areas[1]
 
 
@@ -73,8 +69,8 @@ def test_a_sheet_ends_at_its_own_data_and_not_at_those_of_the_sheet_below():
     above, same = sheet(0, 1, 2 * SPACING, seed=4)
     flat = np.arange(-0.3, 2.3, STEP)
     mesh = joined(ribbon(np.column_stack([flat, 0 * flat])), ribbon(np.column_stack([flat, 0 * flat + 2 * SPACING])))
-    data = np.vstack([below, above]), np.vstack([facing, same])
-    cut, _ = mesh_arrays(trim_to_support(mesh, data[0], SPACING, normals=data[1], noise=0.0))
+    data = OrientedCloud.of(np.vstack([below, above]), np.vstack([facing, same]), spacing=SPACING)
+    cut, _ = mesh_arrays(trim_to_data(mesh, data, noise=0.0))
     middle = cut[np.abs(cut[:, 1] - 1) < 0.8]
     for height, end in ((0, 2), (2 * SPACING, 1)):
         rim = middle[np.abs(middle[:, 2] - height) < 1e-9, 0].max()
@@ -91,10 +87,9 @@ def test_a_two_sided_sheet_without_data_on_its_edge_stays_closed(thickness):
     mesh = ribbon(np.vstack([halves, [1, height] - halves]), closed=True)
     top, up = sheet(0, 1, height)
     bottom, _ = sheet(0, 1, 0.0, seed=5)
-    data, normals = np.vstack([top, bottom]), np.vstack([up, -up])
-    turned = turned_over((mesh[0], mesh[1][:, ::-1]), data, normals)
-    assert not turned.any()
-    report = mesh_report(trim_to_support((mesh[0], mesh[1][:, ::-1]), data, SPACING, normals=normals, noise=0.0))
+    data = OrientedCloud.of(np.vstack([top, bottom]), np.vstack([up, -up]), spacing=SPACING)
+    assert not find_inverted_regions((mesh[0], mesh[1][:, ::-1]), data).any()
+    report = mesh_report(trim_to_data((mesh[0], mesh[1][:, ::-1]), data, noise=0.0))
     assert report.boundary_loops == 2
 
 
@@ -102,29 +97,29 @@ def test_distances_go_along_the_mesh():
     """From one row of data over a flat mesh: Euclid's; back over it on the flap, four spacings and more."""
     vertices, triangles = ribbon(curl(2 * SPACING))
     row = np.column_stack([np.full(41, 0.9), np.linspace(0, 2, 41), np.zeros(41)])
-    data = Data(row, np.full(41, SPACING), cKDTree(row))
-    surface = Surface(vertices, triangles, vertex_normals(vertices, triangles), *nearest_of(data.tree, vertices))
-    found = distance_along(surface, data, 0.0, 20.0)
+    data = OrientedCloud.of(row, spacing=SPACING)
+    mesh = MeshNearData.of(vertices, triangles, data)
+    found = distance_along(mesh, data, 0.0, 20.0)
     flat = vertices[:, 2] == 0
-    np.testing.assert_allclose(found[flat], surface.far[flat] / SPACING, rtol=1e-12)
+    np.testing.assert_allclose(found[flat], mesh.distance[flat] / SPACING, rtol=1e-12)
     above = (vertices[:, 2] == 2 * SPACING) & (np.abs(vertices[:, 0] - 0.9) < SPACING)
-    assert surface.far[above].max() < 3 * SPACING
+    assert mesh.distance[above].max() < 3 * SPACING
     # Euclid's again, from where the sheet has turned; it has come at least two spacings out and two back up.
     assert found[above].min() > 2
-    assert distance_along(surface, data, 0.0, 3.0).max() == 3
+    assert distance_along(mesh, data, 0.0, 3.0).max() == 3
 
 
 def test_the_vertices_beside_each():
     triangles = ribbon(curl(2 * SPACING))[1]
-    beside = Surroundings.of(triangles, triangles.max() + 1)
+    beside = VertexNeighbors.of(triangles, triangles.max() + 1)
     for v in (0, 500, triangles.max()):
         expected = np.setdiff1d(triangles[(triangles == v).any(axis=1)], [v])
-        assert np.array_equal(np.sort(beside.around[beside.begin[v] : beside.begin[v + 1]]), expected)
+        assert np.array_equal(np.sort(beside.neighbors[beside.begin[v] : beside.begin[v + 1]]), expected)
 
 
 def test_normals_that_are_not_the_points():
     points, normals = sheet(0, 1)
     with pytest.raises(InputError, match="normals"):
-        trim_to_support(ribbon(curl(0.1)), points, SPACING, normals=normals[1:])
+        OrientedCloud.of(points, normals[1:])
     with pytest.raises(InputError, match="normals"):
-        turned_over(ribbon(curl(0.1)), points, normals[1:])
+        find_inverted_regions(ribbon(curl(0.1)), points)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from cloud_shapes import torus
+from o3dleaf import create_from_point_cloud_rbfpu
 from o3dleaf.core.journal import Journal
 from o3dleaf.samples.solids import Block
-from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
 from tolerances import LARGEST_STEP_OF_A_BAR
 
 LONG = ("prepare cloud", "merge points", "fit balls", "follow surface", "trim to data", "measure support")
 
 
-class Told(Journal):
-    """Keeps all that the stages say of their progress, as shares."""
+class Reported(Journal):
+    """Keeps all that the stages report of their progress, as shares."""
 
     def __init__(self):
         super().__init__()
@@ -42,9 +42,9 @@ def creased():
 
 
 @pytest.mark.parametrize("cloud", [clean, open_and_noisy, creased])
-def test_every_long_stage_tells_its_steps_never_goes_back_and_ends_at_its_total(cloud):
-    journal = Told()
-    create_from_point_cloud_rbfpu(cloud()[0], journal=journal)
+def test_every_long_stage_reports_its_steps_never_goes_back_and_ends_at_its_total(cloud):
+    with Reported() as journal:
+        create_from_point_cloud_rbfpu(cloud()[0])
     for stage in LONG:
         shares = np.array(journal.shares[stage])
         assert np.all(np.diff(shares) > 0)
@@ -54,8 +54,8 @@ def test_every_long_stage_tells_its_steps_never_goes_back_and_ends_at_its_total(
 
 
 @pytest.mark.parametrize("local", ["mls", "hermite"])
-def test_other_fits_tell_theirs_too(local):
-    journal = Told()
-    create_from_point_cloud_rbfpu(clean()[0], local=local, trim=None, measure=None, journal=journal)
+def test_other_fits_report_theirs_too(local):
+    with Reported() as journal:
+        create_from_point_cloud_rbfpu(clean()[0], local=local, trim=None, measure=None)
     assert np.diff(journal.shares["fit balls"], prepend=0).max() <= LARGEST_STEP_OF_A_BAR
     assert journal.shares["fit balls"][-1] == 1

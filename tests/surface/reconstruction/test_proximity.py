@@ -6,13 +6,21 @@ from matplotlib import colormaps
 from scipy.spatial import cKDTree
 
 from mesh_fields import CENTRE, joined, sphere
+from o3dleaf import (
+    OrientedCloud,
+    PUInterpolant,
+    VertexSupport,
+    distance_mask,
+    extract_isosurface,
+    point_spacing,
+    trim_to_data,
+    vertex_support,
+)
+from o3dleaf.core import progress
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.reconstruction.proximity import local_spacing, near_data, surely_near
-from o3dleaf.surface.reconstruction.trim import trim_to_support
-from o3dleaf.surface.reconstruction.vertex_support import Support, support, support_colours
+from o3dleaf.surface.reconstruction.proximity import conservative_mask
+from o3dleaf.surface.reconstruction.vertex_support import support_colors
 from tolerances import ONE_PASS
 
 
@@ -31,11 +39,11 @@ def places_around(cloud, count=20_000):
 
 
 @pytest.mark.parametrize("factor", [1.0, 4.0])
-def test_near_data_is_what_the_nearest_point_says(factor):
+def test_the_distance_mask_is_what_the_nearest_point_says(factor):
     cloud = uneven()
-    places, steps = places_around(cloud), local_spacing(cloud)
+    places, steps = places_around(cloud), point_spacing(cloud)
     far, nearest = cKDTree(cloud).query(places)
-    found = near_data(cloud, factor=factor)(places)
+    found = distance_mask(cloud, factor=factor)(places)
     assert np.array_equal(found, far <= factor * steps[nearest])
     assert 0 < found.sum() < len(found)
 
@@ -43,7 +51,7 @@ def test_near_data_is_what_the_nearest_point_says(factor):
 @pytest.mark.parametrize("reach", [1e-7, 0.03, 0.5, 20.0])
 def test_what_is_surely_near_is(reach):
     cloud = uneven()
-    places, surely = places_around(cloud), surely_near(cloud, reach)
+    places, surely = places_around(cloud), conservative_mask(cloud, reach)
     assert (cKDTree(cloud).query(places[surely(places)])[0] <= reach).all()
     assert surely(cloud).all() or reach < 1e-6  # so fine a grid has no numbers
 
@@ -52,29 +60,40 @@ def test_most_cells_of_a_surface_are_known_without_a_search():
     cloud = extract_isosurface(sphere(), 0.05)
     vertices, _ = mesh_arrays(cloud)
     shifted = vertices + 0.02
-    assert surely_near(vertices, 0.2)(shifted).mean() > 0.8
+    assert conservative_mask(vertices, 0.2)(shifted).mean() > 0.8
 
 
-def test_neighbours_at_hand_tell_the_same_spacings():
+def test_neighbors_that_are_known_tell_the_same_spacings():
     cloud = uneven()
-    distance, row = cKDTree(cloud).query(cloud, 16)
-    assert np.array_equal(local_spacing(cloud, (distance, row)), local_spacing(cloud))
+    known = OrientedCloud.of(cloud)
+    assert known.neighbors.row.shape == (len(cloud), 16)
+    assert np.array_equal(known.point_spacing, point_spacing(cloud))
+    distance, row = cKDTree(cloud).query(cloud, 13)
+    first = distance[:, 12] * np.sqrt(np.pi / 12)
+    np.testing.assert_array_equal(known.point_spacing, np.median(first[row], axis=1)[row].mean(axis=1))
 
 
 @pytest.mark.parametrize("part", [1.0, 0.2])
-def test_a_tree_at_hand_trims_and_supports_alike(part):
+def test_a_cloud_that_knows_its_tree_trims_and_supports_alike(part):
     ball = extract_isosurface(sphere(), 0.05)
     towards = np.random.default_rng(2).normal(size=(4000, 3))
     cloud = CENTRE + towards / np.linalg.norm(towards, axis=1)[:, np.newaxis]
-    cloud, told = cloud[cloud[:, 2] < part], []
-    one = trim_to_support(ball, cloud, 0.06)
-    other = trim_to_support(ball, cloud, 0.06, tree=cKDTree(cloud), progress=lambda *at: told.append(at))
+    cloud, reported = cloud[cloud[:, 2] < part], []
+    known = OrientedCloud.of(cloud, spacing=0.06)
+    assert known.tree.n == len(cloud)
+    one = trim_to_data(ball, OrientedCloud.of(cloud, spacing=0.06))
+    with progress.listening(lambda *done: reported.append(done)):
+        other = trim_to_data(ball, known)
+    assert reported[-1][0] == reported[-1][1]
     for a, b in zip(mesh_arrays(one), mesh_arrays(other), strict=True):
         assert np.array_equal(a, b)
     assert (len(one.triangles) == len(ball.triangles)) == (part == 1.0)
-    known = support(ball, cloud, sphere(), spacing=0.06, tree=cKDTree(cloud), progress=lambda *at: told.append(at))
-    assert np.array_equal(known.distance, support(ball, cloud, sphere(), spacing=0.06).distance)
-    assert told[-1][0] == told[-1][1]
+    reported.clear()
+    with progress.listening(lambda *done: reported.append(done)):
+        support = vertex_support(ball, known, sphere())
+    alone = vertex_support(ball, OrientedCloud.of(cloud, spacing=0.06), sphere())
+    assert np.array_equal(support.distance, alone.distance)
+    assert reported[-1][0] == reported[-1][1]
 
 
 def test_pieces_that_share_no_vertex_are_still_judged_one_by_one():
@@ -82,7 +101,7 @@ def test_pieces_that_share_no_vertex_are_still_judged_one_by_one():
     lone = ball[0] * 0.3, ball[1]
     towards = np.random.default_rng(2).normal(size=(4000, 3))
     cloud = CENTRE + towards / np.linalg.norm(towards, axis=1)[:, np.newaxis]
-    both = trim_to_support(joined(ball, lone), cloud, 1.0)
+    both = trim_to_data(joined(ball, lone), OrientedCloud.of(cloud, spacing=1.0))
     assert len(both.triangles) == len(ball[1])
 
 
@@ -103,8 +122,8 @@ def test_one_pass_finds_what_two_do():
 
 
 @pytest.mark.parametrize("name", ["viridis", "coolwarm", "tab10"])
-def test_colours_are_the_colour_maps(name):
+def test_colors_are_the_color_maps(name):
     values = np.concatenate([np.linspace(0, 2, 1001), [np.nan, 3.0]])
-    found = support_colours(Support(values, values, values, 1.0), colour_map=name, limits=(0.0, 2.0))
+    found = support_colors(VertexSupport(values, values, values, 1.0), color_map=name, limits=(0.0, 2.0))
     share = np.clip(np.where(np.isnan(values), 2.0, values) / 2.0, 0, 1)
     assert np.array_equal(found, colormaps[name](share)[:, :3].astype(np.float32))

@@ -1,23 +1,25 @@
-"""The steps of the job share what they find, each alone would have found the same, and all say how far they are."""
+"""The steps of the job share what they find, each alone would have found the same, and all report how far they are."""
 
 from contextlib import contextmanager
-from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import open3d as o3d
 import pytest
 
 from cloud_shapes import torus
+from o3dleaf import (
+    OrientedCloud,
+    adaptive_down_sample,
+    create_from_point_cloud_rbfpu,
+    preprocess_point_cloud,
+    trim_to_data,
+)
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.cloud.oriented_cloud import prepare_cloud
-from o3dleaf.surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu
-from o3dleaf.surface.reconstruction.trim import trim_to_support
 
 
-class Told(Journal):
-    """Keeps what the stages say of their progress."""
+class Reported(Journal):
+    """Keeps what the stages report of their progress."""
 
     def __init__(self):
         super().__init__()
@@ -28,20 +30,28 @@ class Told(Journal):
         yield lambda done, total: self.last.__setitem__(name, (done, total))
 
 
+def bare(cloud):
+    """Return the same cloud without anything that was found of it but its spacing, which the order of points tells."""
+    alone = OrientedCloud(cloud.points, cloud.normals, cloud.weights)
+    vars(alone)["spacing"] = cloud.spacing
+    return alone
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_steps_that_share_nothing_make_the_same_mesh(noise):
     points, normals = torus(4000)
     points += noise * np.random.default_rng(0).normal(size=points.shape)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points[points[:, 0] < 0.5]))
     cloud.normals = o3d.utility.Vector3dVector(normals[points[:, 0] < 0.5])
-    journal = Told()
-    shared, _ = create_from_point_cloud_rbfpu(cloud, journal=journal)
-    alone, _ = create_from_point_cloud_rbfpu(
-        cloud,
-        prepare=lambda held: replace(prepare_cloud(held), near=None),
-        trim=partial(trim_to_support),
-        journal=Told(),
-    )
+    with Reported() as journal:
+        shared, _ = create_from_point_cloud_rbfpu(cloud)
+    with Reported():
+        alone, _ = create_from_point_cloud_rbfpu(
+            cloud,
+            prepare=lambda held: bare(preprocess_point_cloud(held)),
+            merge=lambda ready: bare(adaptive_down_sample(ready)),
+            trim=lambda mesh, data: trim_to_data(mesh, bare(data)),
+        )
     for one, other in zip(mesh_arrays(shared), mesh_arrays(alone), strict=True):
         assert np.array_equal(one, other)
     assert np.array_equal(np.asarray(shared.vertex_colors), np.asarray(alone.vertex_colors))

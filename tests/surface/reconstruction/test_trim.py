@@ -4,13 +4,19 @@ import numpy as np
 import pytest
 
 from mesh_fields import joined, sphere
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf import (
+    InputError,
+    OrientedCloud,
+    ReconstructionError,
+    distance_mask,
+    extract_isosurface,
+    mesh_report,
+    point_spacing,
+    trim_to_data,
+)
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.reconstruction.proximity import local_spacing, near_data
-from o3dleaf.surface.reconstruction.trim import cut_below, trim_to_support
+from o3dleaf.surface.reconstruction.trim import cut_below
 from tolerances import BOX_INDEPENDENCE, RIM_OF_DATA, TRIMMED_AREA
 
 
@@ -41,7 +47,7 @@ def rim_of(mesh):
 @pytest.mark.parametrize("ratio", [0.5, 1.5])
 def test_a_random_sheet_ends_at_its_data_and_has_no_hole(given, ratio):
     cloud, spacing = flat(20_000)
-    trimmed = trim_to_support(plane(ratio * spacing), cloud, spacing if given else None)
+    trimmed = trim_to_data(plane(ratio * spacing), OrientedCloud.of(cloud, spacing=spacing if given else None))
     report = mesh_report(trimmed)
     assert (report.components, report.holes, report.boundary_loops, report.manifold) == (1, 0, 1, True)
     beyond = (np.abs(rim_of(trimmed)[:, :2]).max(axis=1) - 1) / spacing
@@ -54,7 +60,7 @@ def test_a_hole_wider_than_the_ball_stays_open_and_a_narrower_one_is_closed():
     cloud, spacing = flat(20_000)
     for radius, holes in ((2.5, 0), (6.0, 1)):
         left = np.linalg.norm(cloud, axis=1) > radius * spacing
-        trimmed = trim_to_support(plane(spacing), cloud[left], spacing)
+        trimmed = trim_to_data(plane(spacing), OrientedCloud.of(cloud[left], spacing=spacing))
         assert mesh_report(trimmed).holes == holes
     inner = rim_of(trimmed)
     inner = inner[np.linalg.norm(inner, axis=1) < 0.5]
@@ -68,7 +74,7 @@ def test_closed_data_leave_a_closed_surface_as_it_is():
     cloud = rng.normal(size=(20_000, 3))
     cloud = cloud / np.linalg.norm(cloud, axis=1)[:, None] + vertices.mean(axis=0)
     for given in (None, np.sqrt(4 * np.pi / 20_000)):
-        found = mesh_arrays(trim_to_support(ball, cloud, given))
+        found = mesh_arrays(trim_to_data(ball, OrientedCloud.of(cloud, spacing=given)))
         assert np.array_equal(found[0], vertices)
         assert np.array_equal(found[1], triangles)
 
@@ -76,9 +82,9 @@ def test_closed_data_leave_a_closed_surface_as_it_is():
 def test_noise_along_the_normal_does_not_pierce():
     cloud, spacing = flat(20_000)
     cloud[:, 2] += np.random.default_rng(2).normal(scale=8 * spacing, size=len(cloud))
-    options = {"factor": 3.0, "margin": 0.5}
-    assert mesh_report(trim_to_support(plane(spacing), cloud, spacing, **options)).holes == 0
-    assert mesh_report(trim_to_support(plane(spacing), cloud, spacing, noise=0.0, **options)).holes > 0
+    data, options = OrientedCloud.of(cloud, spacing=spacing), {"factor": 3.0, "margin": 0.5}
+    assert mesh_report(trim_to_data(plane(spacing), data, **options)).holes == 0
+    assert mesh_report(trim_to_data(plane(spacing), data, noise=0.0, **options)).holes > 0
 
 
 def test_the_ball_rolls_along_the_surface_and_not_across_to_another_sheet():
@@ -86,7 +92,8 @@ def test_the_ball_rolls_along_the_surface_and_not_across_to_another_sheet():
     cloud, spacing = flat(5_000)
     below = plane(spacing, 1.5)
     both = joined(below, plane(spacing, 0.6, 4 * spacing))
-    for one, other in zip(*(mesh_arrays(trim_to_support(mesh, cloud, spacing)) for mesh in (below, both)), strict=True):
+    data = OrientedCloud.of(cloud, spacing=spacing)
+    for one, other in zip(*(mesh_arrays(trim_to_data(mesh, data)) for mesh in (below, both)), strict=True):
         assert np.array_equal(one, other)
 
 
@@ -94,10 +101,11 @@ def test_a_bubble_beside_the_data_is_dropped_and_a_small_piece_with_data_stays()
     cloud, spacing = flat(5_000)
     bubble, triangles = mesh_arrays(extract_isosurface(sphere(), 0.5))
     near = bubble * spacing + [0.3, 0.2, 1.5 * spacing]
-    dropped = trim_to_support(joined(plane(spacing), (near, triangles)), cloud, spacing)
+    dropped = trim_to_data(joined(plane(spacing), (near, triangles)), OrientedCloud.of(cloud, spacing=spacing))
     assert mesh_report(dropped).components == 1
     far = bubble * spacing + [0.3, 0.2, 1.0]
-    kept = trim_to_support(joined(plane(spacing), (far, triangles)), np.concatenate([cloud, far]), spacing)
+    data = OrientedCloud.of(np.concatenate([cloud, far]), spacing=spacing)
+    kept = trim_to_data(joined(plane(spacing), (far, triangles)), data)
     assert mesh_report(kept).components == 2
 
 
@@ -106,18 +114,18 @@ def test_each_part_of_an_uneven_cloud_ends_by_its_own_spacing():
     thin, coarse = flat(20_000 // 32, seed=6, low=0.0)
     cloud = np.concatenate([dense, thin * [-1, 1, 1]])
     assert coarse == pytest.approx(np.sqrt(32) * fine)
-    rim = rim_of(trim_to_support(plane(fine, 1.6), cloud))
+    rim = rim_of(trim_to_data(plane(fine, 1.6), cloud))
     for side, spacing in ((1, fine), (-1, coarse)):
         edge = rim[(side * rim[:, 0] > 0.5) & (np.abs(rim[:, 1]) < 0.8)]
         assert np.abs(np.abs(edge[:, 0]) - 1).mean() < RIM_OF_DATA[0] * spacing
-    step = local_spacing(cloud)
+    step = point_spacing(cloud)
     middle = np.abs(np.abs(cloud[:, 0]) - 0.5) < 0.3
     assert np.median(step[middle & (cloud[:, 0] > 0)]) == pytest.approx(fine, rel=0.1)
     assert np.median(step[middle & (cloud[:, 0] < 0)]) == pytest.approx(coarse, rel=0.1)
 
 
-def test_near_data_reaches_as_far_as_it_says():
-    near = near_data(np.zeros((1, 3)), 0.5, factor=2.0)
+def test_the_distance_mask_reaches_as_far_as_it_says():
+    near = distance_mask(OrientedCloud.of(np.zeros((1, 3)), spacing=0.5), factor=2.0)
     assert near(np.array([[0.99, 0, 0], [1.01, 0, 0]])).tolist() == [True, False]
 
 
@@ -137,10 +145,10 @@ def test_a_cut_is_where_linear_values_are_zero_and_stays_manifold():
 def test_what_cannot_be_trimmed_says_why():
     cloud, spacing = flat(100)
     with pytest.raises(ReconstructionError, match="no part of the mesh"):
-        trim_to_support(plane(0.5), cloud + 100, spacing)
+        trim_to_data(plane(0.5), OrientedCloud.of(cloud + 100, spacing=spacing))
     with pytest.raises(InputError, match="margin: is 3"):
-        trim_to_support(plane(0.5), cloud, spacing, margin=3)
+        trim_to_data(plane(0.5), OrientedCloud.of(cloud, spacing=spacing), margin=3)
     with pytest.raises(InputError, match="13 lie in one place"):
-        local_spacing(np.zeros((20, 3)))
+        point_spacing(np.zeros((20, 3)))
     with pytest.raises(InputError, match="spacing"):
-        trim_to_support(plane(0.5), cloud, np.ones(3))
+        OrientedCloud.of(cloud, spacing=np.ones(3))

@@ -1,15 +1,13 @@
-"""What the data say for a vertex: sums over them, and attributes that a file keeps."""
+"""Support of vertices by data: sums over them, and attributes that a file keeps."""
 
 import numpy as np
 import open3d as o3d
 import pytest
 
 from mesh_fields import CENTRE, Analytic, sphere
-from o3dleaf.core.errors import InputError
+from o3dleaf import InputError, OrientedCloud, color_by_support, extract_isosurface, vertex_support
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_triangle_mesh
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.reconstruction.vertex_support import attach_support, support
+from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from tolerances import FIRST_ORDER, FULL_WEIGHT, RESIDUAL_OF_NOISE, SUPPORT_TWIN
 
 
@@ -24,7 +22,7 @@ def test_support_is_what_literal_sums_say():
     vertices, _ = mesh_arrays(extract_isosurface(sphere(), 0.3))
     vertices = np.concatenate([vertices, [[5.0, 0, 0], [1.3, 0, 0]]])
     cloud, spacing = noisy_sphere(2_000, 0.02), 0.08
-    found = support(vertices, cloud, sphere(), spacing=spacing)
+    found = vertex_support(vertices, OrientedCloud.of(cloud, spacing=spacing), sphere())
     towards = cloud - CENTRE
     off = np.linalg.norm(towards, axis=1)
     feet = CENTRE + towards / off[:, None]
@@ -47,24 +45,24 @@ def test_weight_is_one_where_points_lie_at_one_per_spacing_squared():
     x, y = np.meshgrid(ticks, ticks)
     cloud = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     inside = np.random.default_rng(0).uniform([1, 1, 0], [3, 3, 0], size=(50, 3)) + [0, 0, 0.01]
-    found = support(inside, cloud, flat, spacing=0.1)
+    found = vertex_support(inside, OrientedCloud.of(cloud, spacing=0.1), flat)
     assert found.weight == pytest.approx(1, abs=FULL_WEIGHT)
 
 
 def test_residual_is_the_noise_of_the_data():
     ball, sigma = extract_isosurface(sphere(), 0.05), 0.01
     for field in (None, sphere()):
-        found = support(ball, noisy_sphere(40_000, sigma), field)
+        found = vertex_support(ball, noisy_sphere(40_000, sigma), field)
         assert np.sqrt(np.mean(found.residual**2)) == pytest.approx(sigma, rel=RESIDUAL_OF_NOISE)
     assert found.spacing == pytest.approx(np.sqrt(4 * np.pi / 40_000), rel=0.1)
 
 
 def test_a_file_keeps_support_and_every_digit(tmp_path):
     ball = extract_isosurface(sphere(), 0.2)
-    found = support(ball, noisy_sphere(1_000, 0.01))
-    mesh = attach_support(ball, found, measure="residual")
+    found = vertex_support(ball, noisy_sphere(1_000, 0.01))
+    mesh = color_by_support(ball, found, measure="residual")
     vertices, triangles = mesh_arrays(ball)
-    write_triangle_mesh(tmp_path / "ball.ply", mesh)
+    write_mesh(mesh, tmp_path / "ball.ply")
     read = mesh_arrays(read_triangle_mesh(tmp_path / "ball.ply"))
     assert np.array_equal(read[0], vertices)
     assert np.array_equal(read[1], triangles)
@@ -81,10 +79,10 @@ def test_a_file_keeps_support_and_every_digit(tmp_path):
 
 def test_support_that_cannot_be_says_why():
     ball = extract_isosurface(sphere(), 0.5)
-    found = support(ball, noisy_sphere(100, 0.0))
+    found = vertex_support(ball, noisy_sphere(100, 0.0))
     with pytest.raises(InputError, match="give the field too"):
-        support(np.zeros((4, 3)), noisy_sphere(100, 0.0))
+        vertex_support(np.zeros((4, 3)), noisy_sphere(100, 0.0))
     with pytest.raises(InputError, match="support: is of"):
-        attach_support(extract_isosurface(sphere(), 0.4), found)
+        color_by_support(extract_isosurface(sphere(), 0.4), found)
     with pytest.raises(InputError, match="measure: unknown"):
-        attach_support(ball, found, measure="colour")
+        color_by_support(ball, found, measure="colour")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from o3dleaf.core import progress
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.surface.remeshing import blocks
-from o3dleaf.surface.remeshing.blocks import Charted, work_in_blocks, work_on
+from o3dleaf.surface.remeshing.blocks import Charted, edit_in_blocks, edit_part
 from remesh_fields import charted
 
 SHARES = [0.5, 0.38, 0.62]
@@ -16,12 +17,12 @@ every = pytest.mark.parametrize("share", SHARES)
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch):
-    monkeypatch.setattr(blocks, "MOST", 150)
+    monkeypatch.setattr(blocks, "MAX_TRIANGLES", 150)
 
 
 @pytest.fixture
 def mesh():
-    """Charts and places that differ, vertices that no triangle names, some known to be on the ground."""
+    """Charts and places that differ, vertices that no triangle names, some known to be on the surface."""
     torus = charted("torus, two labels", 10, 0.1)
     rng = np.random.default_rng(0)
     order = rng.permutation(len(torus.places) + 5)
@@ -33,7 +34,7 @@ def mesh():
 
 def rows(mesh):
     """Each triangle as what it is at its corners, with its label, sorted."""
-    at = np.column_stack([mesh.places, mesh.charts, mesh.grounded])[mesh.triangles].reshape(len(mesh.triangles), -1)
+    at = np.column_stack([mesh.places, mesh.charts, mesh.on_surface])[mesh.triangles].reshape(len(mesh.triangles), -1)
     at = np.column_stack([at, mesh.labels])
     return at[np.lexsort(at.T)]
 
@@ -54,13 +55,13 @@ def refine(own, locked):
         np.concatenate([own.charts - 0.01 * free, middle[1]]),
         triangles,
         np.tile(own.labels, 3),
-        np.concatenate([own.grounded | ~locked, np.ones(len(new), dtype=bool)]),
+        np.concatenate([own.on_surface | ~locked, np.ones(len(new), dtype=bool)]),
     )
 
 
 @every
 def test_where_nothing_is_done_the_mesh_is_the_same_up_to_order(mesh, share):
-    found = work_in_blocks(mesh, stay, share)
+    found = edit_in_blocks(mesh, stay, share)
     used = np.unique(mesh.triangles)
     assert np.array_equal(found.places, mesh.places[used])
     assert np.array_equal(found.charts, mesh.charts[used])
@@ -75,10 +76,10 @@ def test_blocks_are_a_partition_and_lock_exactly_what_they_share(mesh, share):
         seen.append((own, locked))
         return own
 
-    work_in_blocks(mesh, note, share)
+    edit_in_blocks(mesh, note, share)
     assert len(seen) > 10
-    assert max(len(own.triangles) for own, _ in seen) <= blocks.MOST
-    assert min(len(own.triangles) for own, _ in seen) > blocks.MOST * 0.3
+    assert max(len(own.triangles) for own, _ in seen) <= blocks.MAX_TRIANGLES
+    assert min(len(own.triangles) for own, _ in seen) > blocks.MAX_TRIANGLES * 0.3
     parts = np.concatenate([rows(own) for own, _ in seen])
     assert np.array_equal(parts[np.lexsort(parts.T)], rows(mesh))
     names = [{row.tobytes() for row in own.places} for own, _ in seen]
@@ -93,7 +94,7 @@ def test_blocks_of_another_share_have_their_borders_elsewhere(mesh):
 
     def locked_in(share):
         found = []
-        work_in_blocks(mesh, lambda own, locked: found.append(own.places[locked]) or own, share)
+        edit_in_blocks(mesh, lambda own, locked: found.append(own.places[locked]) or own, share)
         return {row.tobytes() for part in found for row in part}
 
     sets = [locked_in(share) for share in SHARES]
@@ -104,21 +105,21 @@ def test_blocks_of_another_share_have_their_borders_elsewhere(mesh):
 @every
 def test_what_the_work_adds_is_put_where_it_belongs(mesh, share):
     shared = []
-    work_in_blocks(mesh, lambda own, locked: shared.append(own.places[locked]) or own, share)
+    edit_in_blocks(mesh, lambda own, locked: shared.append(own.places[locked]) or own, share)
     kept = {row.tobytes() for part in shared for row in part}
-    found = work_in_blocks(mesh, refine, share)
+    found = edit_in_blocks(mesh, refine, share)
     used = np.unique(mesh.triangles)
     free = np.array([row.tobytes() not in kept for row in mesh.places])
     moved = replace(
         mesh,
         places=mesh.places + 0.01 * free[:, np.newaxis],
         charts=mesh.charts - 0.01 * free[:, np.newaxis],
-        grounded=mesh.grounded | free,
+        on_surface=mesh.on_surface | free,
     )
     assert 100 < free[used].sum() < len(used) - 100
     assert np.array_equal(found.places[: len(used)], moved.places[used])
     assert np.array_equal(found.charts[: len(used)], moved.charts[used])
-    assert np.array_equal(found.grounded[: len(used)], moved.grounded[used])
+    assert np.array_equal(found.on_surface[: len(used)], moved.on_surface[used])
     whole = refine(mesh, ~free)
     assert len(found.places) == len(used) + len(mesh.triangles)
     assert np.array_equal(rows(found), rows(whole))
@@ -130,22 +131,22 @@ def test_the_result_does_not_depend_on_threads(mesh, share):
     try:
         for count in (1, 2, 4):
             set_num_threads(count)
-            found.append(work_in_blocks(mesh, refine, share))
+            found.append(edit_in_blocks(mesh, refine, share))
     finally:
         set_num_threads(threads)
     for other in found[1:]:
-        for name in ("places", "charts", "triangles", "labels", "grounded"):
+        for name in ("places", "charts", "triangles", "labels", "on_surface"):
             assert np.array_equal(getattr(found[0], name), getattr(other, name))
 
 
 def test_work_on_some_triangles_leaves_all_else_bit_for_bit(mesh):
     chosen = mesh.places[mesh.triangles].mean(axis=1)[:, 0] > 0.3
-    found = work_on(mesh, chosen, refine)
+    found = edit_part(mesh, chosen, refine)
     rest = replace(mesh, triangles=mesh.triangles[~chosen], labels=mesh.labels[~chosen])
     count = len(rest.triangles)
     # Vertices are renumbered, places stay.
     part = replace(found, triangles=found.triangles[:count], labels=found.labels[:count])
-    for name in ("places", "charts", "grounded"):
+    for name in ("places", "charts", "on_surface"):
         assert np.array_equal(getattr(part, name)[part.triangles], getattr(rest, name)[rest.triangles])
     assert np.array_equal(part.labels, rest.labels)
     assert len(found.triangles) == count + 3 * chosen.sum()
@@ -155,8 +156,8 @@ def test_work_on_some_triangles_leaves_all_else_bit_for_bit(mesh):
 
 
 def test_progress_counts_blocks(mesh):
-    calls = []
-    work_in_blocks(mesh, stay, 0.5, lambda done, total: calls.append((done, total)))
-    total = calls[0][1]
-    assert calls == [(k + 1, total) for k in range(total)]
-    assert total > 10
+    calls, count = [], []
+    with progress.listening(lambda done, total: calls.append(done / total)):
+        edit_in_blocks(mesh, lambda own, locked: count.append(own) or own, 0.5)
+    assert calls == pytest.approx([(k + 1) / len(count) for k in range(len(count))], abs=1 / progress.WHOLE)
+    assert len(count) > 10

@@ -10,7 +10,7 @@ from o3dleaf.surface.remeshing.blocks import Charted
 from o3dleaf.surface.remeshing.halfedge_loops import (
     CREASE,
     LOCKED,
-    MOST_AROUND,
+    MAX_VALENCE,
     SMOOTH,
     after,
     before,
@@ -21,18 +21,18 @@ from o3dleaf.surface.remeshing.halfedge_loops import (
     flip,
     split,
 )
-from o3dleaf.surface.remeshing.submesh import Piece
+from o3dleaf.surface.remeshing.submesh import Submesh
 from remesh_fields import NAMES, charted
 
 
-def piece_of(name, size, locked=0.0, seed=0):
+def submesh_of(name, size, locked=0.0, seed=0):
     mesh = charted(name, size)
     chosen = np.random.default_rng(seed).random(len(mesh.places)) < locked
-    return Piece(mesh, chosen), chosen
+    return Submesh(mesh, chosen), chosen
 
 
 def triangles_of(mesh):
-    corners = mesh[0].reshape(-1, 3)
+    corners = mesh.origin.reshape(-1, 3)
     return corners[corners[:, 0] >= 0]
 
 
@@ -55,10 +55,10 @@ def check_soundness(mesh, labels):
     assert np.all(sharp[used][kind[used] == SMOOTH] == 0)
     assert np.all(sharp[used][kind[used] == CREASE] == 2)
     assert np.all(kind[np.concatenate([origin[there[~inner]], ends[~inner]])] == LOCKED)
-    count, halves = np.bincount(origin[there], minlength=len(kind)), np.empty(MOST_AROUND, dtype=np.int64)
+    count, halves = np.bincount(origin[there], minlength=len(kind)), np.empty(MAX_VALENCE, dtype=np.int64)
     for v in used[kind[used] != LOCKED]:
         around = halves[: fan(mesh, v, halves)]
-        assert len(around) == (count[v] if count[v] <= MOST_AROUND else 0)
+        assert len(around) == (count[v] if count[v] <= MAX_VALENCE else 0)
         assert np.all(origin[around] == v)
         assert np.array_equal(origin[before(around[0])], origin[after(around[1])])
 
@@ -66,32 +66,32 @@ def check_soundness(mesh, labels):
 @pytest.mark.parametrize("name", NAMES)
 def test_thousands_of_edits_leave_a_sound_manifold_of_the_same_kind(name):
     """Locked vertices and the border keep their names, creases go on between the labels."""
-    piece, locked = piece_of(name, 2, 0.05)
-    rng, mesh, vertices, triangles = np.random.default_rng(1), piece.mesh, piece.vertices, piece.triangles
+    submesh, locked = submesh_of(name, 2, 0.05)
+    rng, mesh, vertices, triangles = np.random.default_rng(1), submesh.mesh, submesh.vertices, submesh.triangles
     first = triangles_of(mesh)
-    kind_of = mesh_report((piece.places, first))
-    around, halves, done = *(np.empty(MOST_AROUND, dtype=np.int64) for _ in range(2)), np.zeros(3, dtype=int)
+    kind_of = mesh_report((submesh.places, first))
+    around, halves, done = *(np.empty(MAX_VALENCE, dtype=np.int64) for _ in range(2)), np.zeros(3, dtype=int)
     for n in range(6000):
-        h = rng.choice(np.flatnonzero(mesh[0] >= 0))
+        h = rng.choice(np.flatnonzero(mesh.origin >= 0))
         # Dense at first, then as sparse as can be, then dense again.
         edit = rng.choice(3, p=[0.2, 0.4, 0.4] if n % 3000 < 1500 else [0.6, 0.4, 0.0])
         if edit == 0 and (count := can_collapse(mesh, h, around, halves)):
             collapse(mesh, h, around, count)
         elif edit == 1 and can_flip(mesh, h, halves):
             flip(mesh, h)
-        elif edit == 2 and mesh[1][h] >= 0 and triangles + 2 < len(piece.labels) and vertices < len(piece.places):
-            mesh[4][vertices] = CREASE if mesh[2][h] else SMOOTH
-            piece.labels[triangles : triangles + 2] = piece.labels[h // 3], piece.labels[mesh[1][h] // 3]
+        elif edit == 2 and mesh.twin[h] >= 0 and triangles + 2 < len(submesh.labels) and vertices < len(submesh.places):
+            mesh.kind[vertices] = CREASE if mesh.crease[h] else SMOOTH
+            submesh.labels[triangles : triangles + 2] = submesh.labels[h // 3], submesh.labels[mesh.twin[h] // 3]
             split(mesh, h, vertices, triangles)
             vertices, triangles = vertices + 1, triangles + 2
         else:
             continue
         done[edit] += 1
         if done.sum() % 300 == 0:
-            check_soundness(mesh, piece.labels)
+            check_soundness(mesh, submesh.labels)
     assert done.min() > 100
     assert done.sum() > 1000
-    check_soundness(mesh, piece.labels)
+    check_soundness(mesh, submesh.labels)
     last = triangles_of(mesh)
     report = mesh_report((rng.random((vertices, 3)), last))
     for figure in ("components", "boundary_edges", "boundary_loops", "genus", "manifold", "oriented"):
@@ -108,9 +108,9 @@ def test_an_edit_is_refused_where_brute_force_says_that_the_surface_would_not_be
     """Beyond that, where what is locked, on a crease or unknown forbids it."""
     answers = {True: 0, False: 0}
     for seed in range(3):
-        piece, _ = piece_of(name, int("four" in name), locked, seed)
-        rng, mesh = np.random.default_rng(seed), piece.mesh
-        around, halves = (np.empty(MOST_AROUND, dtype=np.int64) for _ in range(2))
+        submesh, _ = submesh_of(name, int("four" in name), locked, seed)
+        rng, mesh = np.random.default_rng(seed), submesh.mesh
+        around, halves = (np.empty(MAX_VALENCE, dtype=np.int64) for _ in range(2))
         for _ in range(25):
             origin, twin, crease, _, kind = mesh
             now = triangles_of(mesh)
@@ -156,18 +156,18 @@ def turned(triangles):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_split_puts_a_vertex_on_the_edge(name):
-    piece, _ = piece_of(name, 0)
-    mesh = piece.mesh
+    submesh, _ = submesh_of(name, 0)
+    mesh = submesh.mesh
     for step in range(20):
         now = triangles_of(mesh)
-        h = np.flatnonzero(mesh[1] >= 0)[7 * step % len(now)]
-        vertex, triangle = piece.vertices + step, piece.triangles + 2 * step
-        expected = reference.halved(now, mesh[0][h], mesh[0][after(h)], vertex)
-        mesh[4][vertex] = CREASE if mesh[2][h] else SMOOTH
-        piece.labels[triangle : triangle + 2] = piece.labels[h // 3], piece.labels[mesh[1][h] // 3]
+        h = np.flatnonzero(mesh.twin >= 0)[7 * step % len(now)]
+        vertex, triangle = submesh.vertices + step, submesh.triangles + 2 * step
+        expected = reference.halved(now, mesh.origin[h], mesh.origin[after(h)], vertex)
+        mesh.kind[vertex] = CREASE if mesh.crease[h] else SMOOTH
+        submesh.labels[triangle : triangle + 2] = submesh.labels[h // 3], submesh.labels[mesh.twin[h] // 3]
         split(mesh, h, vertex, triangle)
         assert turned(triangles_of(mesh)) == turned(expected)
-        check_soundness(mesh, piece.labels)
+        check_soundness(mesh, submesh.labels)
 
 
 def wheel(spokes):
@@ -180,17 +180,17 @@ def wheel(spokes):
     return np.vstack([ring, [[0, 0, 1], [0, 0, -1]]]), np.vstack([inner, below])
 
 
-@pytest.mark.parametrize("spokes", [MOST_AROUND, MOST_AROUND + 1])
+@pytest.mark.parametrize("spokes", [MAX_VALENCE, MAX_VALENCE + 1])
 def test_around_a_vertex_with_too_many_triangles_nothing_is_done(spokes):
     vertices, triangles = wheel(spokes)
     labels = np.zeros(len(triangles), dtype=np.uint8)
-    mesh = Piece(Charted.of(vertices, vertices, triangles, labels), np.zeros(len(vertices), dtype=bool)).mesh
-    around, halves = (np.empty(MOST_AROUND, dtype=np.int64) for _ in range(2))
-    tip = mesh[3][spokes]
-    assert fan(mesh, spokes, halves) == (spokes if spokes <= MOST_AROUND else 0)
-    assert can_collapse(mesh, tip, around, halves) == (spokes if spokes <= MOST_AROUND else 0)
+    mesh = Submesh(Charted.of(vertices, vertices, triangles, labels), np.zeros(len(vertices), dtype=bool)).mesh
+    around, halves = (np.empty(MAX_VALENCE, dtype=np.int64) for _ in range(2))
+    tip = mesh.outgoing[spokes]
+    assert fan(mesh, spokes, halves) == (spokes if spokes <= MAX_VALENCE else 0)
+    assert can_collapse(mesh, tip, around, halves) == (spokes if spokes <= MAX_VALENCE else 0)
     # An edge of the ring: swapped it would join the tips.
-    assert can_flip(mesh, after(tip), halves) is (spokes <= MOST_AROUND)
+    assert can_flip(mesh, after(tip), halves) is (spokes <= MAX_VALENCE)
 
 
 def test_triangles_that_no_surface_has_are_refused():
@@ -203,5 +203,5 @@ def test_triangles_that_no_surface_has_are_refused():
     more = np.vstack([vertices, [[9.0, 9, 9]]])
     for bad in (fin, turned_one, twice):
         with pytest.raises(InputError, match="clean it first") as caught:
-            Piece(Charted.of(more, more, bad, np.zeros(len(bad), np.uint8)), np.zeros(count + 1, bool))
+            Submesh(Charted.of(more, more, bad, np.zeros(len(bad), np.uint8)), np.zeros(count + 1, bool))
         assert "\n" not in str(caught.value)

@@ -4,42 +4,51 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf.surface.remeshing import pass_loops
+from o3dleaf.surface.remeshing import edit_loops, move_loops
 from o3dleaf.surface.remeshing.halfedge_loops import (
     CREASE,
     LOCKED,
-    MOST_AROUND,
+    MAX_VALENCE,
     SMOOTH,
     after,
     before,
     can_collapse,
     can_flip,
 )
+from o3dleaf.surface.remeshing.limits import Limits
 from o3dleaf.surface.remeshing.shape_loops import square_to_segment, square_to_triangle
-from o3dleaf.surface.remeshing.submesh import Piece
+from o3dleaf.surface.remeshing.submesh import Submesh
 from remesh_fields import NAMES, charted
 from tolerances import SCORE
 
-LIMITS = [(0.5, 0.6, 0.1, 9.0), (0.26, 0.2, 0.05, 0.8), (0.05, -0.2, 1.0, 9.0), (0.3, 0.95, 1.0, 9.0)]
+LIMITS = [
+    Limits(shortest=0.2, longest=longest, deviation=deviation, quality=quality, min_cosine=least)
+    for quality, least, deviation, longest in [
+        (0.5, 0.6, 0.1, 9.0),
+        (0.26, 0.2, 0.05, 0.8),
+        (0.05, -0.2, 1.0, 9.0),
+        (0.3, 0.95, 1.0, 9.0),
+    ]
+]
 every = pytest.mark.parametrize("limits", LIMITS, ids=str)
 
 
-def pieces(size=1, noise=0.25):
+def submeshes(size=1, noise=0.25):
     for seed, name in enumerate(NAMES):
         mesh = charted(name, size, noise, seed)
-        yield Piece(mesh, np.random.default_rng(seed).random(len(mesh.places)) < 0.05)
+        yield Submesh(mesh, np.random.default_rng(seed).random(len(mesh.places)) < 0.05)
 
 
 def room():
-    return (np.empty(MOST_AROUND, dtype=np.int64) for _ in range(2)), np.empty((2, MOST_AROUND, 3))
+    return (np.empty(MAX_VALENCE, dtype=np.int64) for _ in range(2)), np.empty((2, MAX_VALENCE, 3))
 
 
 def copied(mesh):
-    return tuple(part.copy() for part in mesh)
+    return type(mesh)(*(part.copy() for part in mesh))
 
 
 def triangles_of(mesh):
-    corners = mesh[0].reshape(-1, 3)
+    corners = mesh.origin.reshape(-1, 3)
     return corners[corners[:, 0] >= 0]
 
 
@@ -79,18 +88,18 @@ def keep_facing(old, old_labels, new, new_labels, flat):
 
 @every
 def test_a_collapse_is_done_where_its_rules_allow_it(limits):
-    fair, flat, deviation, longest = limits
+    fair, flat, deviation, longest = limits.quality, limits.min_cosine, limits.deviation, limits.longest
     answers = {True: 0, False: 0}
-    for piece in pieces():
-        mesh, place, label = piece.mesh, piece.places, piece.labels
+    for submesh in submeshes():
+        mesh, place, label = submesh.mesh, submesh.places, submesh.labels
         (around, halves), normals = room()
-        for h in np.random.default_rng(0).permutation(3 * piece.triangles)[:60]:
-            origin, crease, kind = mesh[0], mesh[2], mesh[4]
+        for h in np.random.default_rng(0).permutation(3 * submesh.triangles)[:60]:
+            origin, crease, kind = mesh.origin, mesh.crease, mesh.kind
             if origin[h] < 0:
                 continue
             count = can_collapse(mesh, h, around, halves)
             if not count:
-                assert not pass_loops.try_collapse(mesh, label, place, h, limits, around, halves, normals)
+                assert not edit_loops.try_collapse(mesh, label, place, h, limits, around, halves, normals)
                 continue
             v, w, fan = origin[h], origin[after(h)], around[:count].copy()
             now = triangles_of(mesh)
@@ -105,29 +114,29 @@ def test_a_collapse_is_done_where_its_rules_allow_it(limits):
             fate = keep_facing(old.values(), label[[*old]], new, label[left], flat)
             fate = fate and all(np.linalg.norm(place[x] - place[w]) <= longest for c in corners for x in c)
             fate = fate and min(square_to_triangle(place[v], *place[c]) for c in corners) <= deviation**2
-            spike = crease[before(h)] or crease[after(mesh[1][h])]
+            spike = crease[before(h)] or crease[after(mesh.twin[h])]
             if kind[v] == CREASE and not spike:
                 other = next(origin[after(t)] for t in fan if crease[t] and origin[after(t)] != w)
                 fate = fate and square_to_segment(place[v], place[w], place[other]) <= deviation**2
             if improved is None:
                 continue
             fate = fate and improved
-            assert pass_loops.try_collapse(mesh, label, place, h, limits, around, halves, normals) == fate
+            assert edit_loops.try_collapse(mesh, label, place, h, limits, around, halves, normals) == fate
             answers[fate] += 1
     assert min(answers.values()) > 10
 
 
 @every
 def test_a_swap_is_done_where_its_rules_allow_it(limits):
-    _, flat, deviation, longest = limits
+    flat, deviation, longest = limits.min_cosine, limits.deviation, limits.longest
     answers = {True: 0, False: 0}
-    for piece in pieces():
-        mesh, place = piece.mesh, piece.places
+    for submesh in submeshes():
+        mesh, place = submesh.mesh, submesh.places
         (_, halves), _ = room()
-        for h in np.random.default_rng(0).permutation(3 * piece.triangles)[:80]:
-            origin, twin = mesh[0], mesh[1]
+        for h in np.random.default_rng(0).permutation(3 * submesh.triangles)[:80]:
+            origin, twin = mesh.origin, mesh.twin
             if not can_flip(mesh, h, halves):
-                assert not pass_loops.try_flip(mesh, place, h, limits, halves)
+                assert not edit_loops.try_flip(mesh, place, h, limits, halves)
                 continue
             a, b, c, d = origin[h], origin[after(h)], origin[before(h)], origin[before(twin[h])]
             now = triangles_of(mesh)
@@ -141,20 +150,20 @@ def test_a_swap_is_done_where_its_rules_allow_it(limits):
             fate = fate and np.linalg.norm(place[c] - place[d]) <= longest
             across = np.cross(place[b] - place[a], place[d] - place[c])
             fate = fate and abs(across @ (place[c] - place[a])) <= deviation * np.linalg.norm(across)
-            assert pass_loops.try_flip(mesh, place, h, limits, halves) == fate
+            assert edit_loops.try_flip(mesh, place, h, limits, halves) == fate
             answers[bool(fate)] += 1
     assert min(answers.values()) > 10
 
 
 @every
 def test_a_vertex_moves_where_its_rules_allow_it(limits):
-    fair, flat, _, longest = limits
+    fair, flat, longest = limits.quality, limits.min_cosine, limits.longest
     answers = {True: 0, False: 0}
-    for seed, piece in enumerate(pieces()):
-        mesh, place, label = piece.mesh, piece.places, piece.labels
+    for seed, submesh in enumerate(submeshes()):
+        mesh, place, label = submesh.mesh, submesh.places, submesh.labels
         rng = np.random.default_rng(seed)
         now = triangles_of(mesh)
-        for v in rng.permutation(np.flatnonzero(mesh[4][: piece.vertices] != LOCKED))[:40]:
+        for v in rng.permutation(np.flatnonzero(mesh.kind[: submesh.vertices] != LOCKED))[:40]:
             point = place[v] + rng.choice([0.03, 0.15]) * rng.normal(size=3)
             there = place.copy()
             there[v] = point
@@ -167,7 +176,7 @@ def test_a_vertex_moves_where_its_rules_allow_it(limits):
             fate = improved and keep_facing(old, label[fan], new, label[fan], flat)
             fate = fate and max(np.linalg.norm(place[x] - point) for t in fan for x in now[t] if x != v) <= longest
             moved = np.ones(1, dtype=bool)
-            pass_loops.move_vertices(mesh, label, place, np.array([v]), point[np.newaxis], limits, 0.0, moved)
+            move_loops.move_vertices(mesh, label, place, np.array([v]), point[np.newaxis], limits, moved)
             assert moved[0] == fate
             assert np.array_equal(place, there if fate else np.where(place == point, np.nan, place))
             answers[bool(fate)] += 1
@@ -176,15 +185,15 @@ def test_a_vertex_moves_where_its_rules_allow_it(limits):
 
 @every
 def test_a_split_is_done_where_its_rules_allow_it(limits):
-    fair, flat, _, _ = limits
+    fair, flat = limits.quality, limits.min_cosine
     answers = {True: 0, False: 0}
-    for seed, piece in enumerate(pieces()):
-        mesh, place, label = piece.mesh, piece.places, piece.labels
+    for seed, submesh in enumerate(submeshes()):
+        mesh, place, label = submesh.mesh, submesh.places, submesh.labels
         rng = np.random.default_rng(seed)
-        vertex, triangle = piece.vertices, piece.triangles
-        for h in rng.permutation(np.flatnonzero(mesh[1] >= 0))[:40]:
-            a, b = mesh[0][h], mesh[0][after(h)]
-            pair = [mesh[0][t // 3 * 3 : t // 3 * 3 + 3] for t in (h, mesh[1][h])]
+        vertex, triangle = submesh.vertices, submesh.triangles
+        for h in rng.permutation(np.flatnonzero(mesh.twin >= 0))[:40]:
+            a, b = mesh.origin[h], mesh.origin[after(h)]
+            pair = [mesh.origin[t // 3 * 3 : t // 3 * 3 + 3] for t in (h, mesh.twin[h])]
             point = (place[a] + place[b]) / 2 + 0.12 * rng.normal(size=3)
             there = place.copy()
             there[vertex] = point
@@ -194,17 +203,17 @@ def test_a_split_is_done_where_its_rules_allow_it(limits):
             pairs = [(part, c) for two, c in zip(parts, pair, strict=True) for part in two]
             facing = min(cosine(normal(there[part]), normal(place[c])) for part, c in pairs)
             fate = facing >= flat and (least >= fair or least >= 0.5 * worst)
-            sharp, labels = mesh[2][h], [label[h // 3], label[mesh[1][h] // 3]]
+            sharp, labels = mesh.crease[h], [label[h // 3], label[mesh.twin[h] // 3]]
             expected = reference.halved(triangles_of(mesh), a, b, vertex) if fate else triangles_of(mesh)
             halves = np.array([h])
-            done = pass_loops.split_edges(mesh, label, place, halves, point[np.newaxis], limits, vertex, triangle)
+            done = edit_loops.split_edges(mesh, label, place, halves, point[np.newaxis], limits, vertex, triangle)
             assert done == fate
             assert turned(triangles_of(mesh)) == turned(expected)
             answers[bool(fate)] += 1
             if fate:
                 assert np.array_equal(place, there)
                 assert halves[0] == 0
-                assert mesh[4][vertex] == (CREASE if sharp else SMOOTH)
+                assert mesh.kind[vertex] == (CREASE if sharp else SMOOTH)
                 assert label[triangle : triangle + 2].tolist() == labels
                 vertex, triangle = vertex + 1, triangle + 2
     assert min(answers.values()) > 10
@@ -217,21 +226,21 @@ def turned(triangles):
 def test_of_several_splits_those_that_are_done_come_first():
     """Rows of what was done, in their order; vertices and triangles are numbered without gaps."""
     mesh = charted("sphere", 1)
-    piece = Piece(mesh, np.zeros(len(mesh.places), dtype=bool))
-    halves = np.empty(3 * piece.triangles, dtype=np.int64)
-    halves = halves[: pass_loops.mark_long(piece.mesh, piece.places, 0.1, halves)][:4].copy()
-    ends = piece.mesh[0][halves], piece.mesh[0][[after(h) for h in halves]]
-    points = (piece.places[ends[0]] + piece.places[ends[1]]) / 2
+    submesh = Submesh(mesh, np.zeros(len(mesh.places), dtype=bool))
+    halves = np.empty(3 * submesh.triangles, dtype=np.int64)
+    halves = halves[: edit_loops.mark_long(submesh.mesh, submesh.places, 0.1, halves)][:4].copy()
+    ends = submesh.mesh.origin[halves], submesh.mesh.origin[[after(h) for h in halves]]
+    points = (submesh.places[ends[0]] + submesh.places[ends[1]]) / 2
     # Beyond the opposite corner: the triangles there would fold.
-    points[1] += 3 * (piece.places[piece.mesh[0][before(halves[1])]] - points[1])
+    points[1] += 3 * (submesh.places[submesh.mesh.origin[before(halves[1])]] - points[1])
     expected = points[[0, 2, 3]]
-    n, m = piece.vertices, piece.triangles
-    done = pass_loops.split_edges(piece.mesh, piece.labels, piece.places, halves, points, LIMITS[2], n, m)
+    n, m = submesh.vertices, submesh.triangles
+    done = edit_loops.split_edges(submesh.mesh, submesh.labels, submesh.places, halves, points, LIMITS[2], n, m)
     assert done == 3
     assert halves[:3].tolist() == [0, 2, 3]
-    assert np.array_equal(piece.places[n : n + 3], expected)
-    assert np.array_equal(np.unique(triangles_of(piece.mesh)), np.arange(n + 3))
-    assert len(triangles_of(piece.mesh)) == m + 6
+    assert np.array_equal(submesh.places[n : n + 3], expected)
+    assert np.array_equal(np.unique(triangles_of(submesh.mesh)), np.arange(n + 3))
+    assert len(triangles_of(submesh.mesh)) == m + 6
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -239,36 +248,36 @@ def test_of_several_splits_those_that_are_done_come_first():
 def test_no_pass_makes_the_worst_score_worse(name, limits):
     """Unless it stays fair; and where a pass has found nothing to do it finds nothing the next time."""
     mesh = charted(name, 2, 0.2)
-    piece = Piece(mesh, np.zeros(len(mesh.places), dtype=bool))
-    arrays = piece.mesh
+    submesh = Submesh(mesh, np.zeros(len(mesh.places), dtype=bool))
+    arrays = submesh.mesh
     rng = np.random.default_rng(0)
 
     def move():
-        rows = np.flatnonzero((arrays[3] >= 0) & (arrays[4] != LOCKED))
-        points = piece.places[rows] + 0.05 * rng.normal(size=(len(rows), 3))
+        rows = np.flatnonzero((arrays.outgoing >= 0) & (arrays.kind != LOCKED))
+        points = submesh.places[rows] + 0.05 * rng.normal(size=(len(rows), 3))
         moved = np.empty(len(rows), dtype=bool)
-        pass_loops.move_vertices(arrays, piece.labels, piece.places, rows, points, limits, 0.0, moved)
+        move_loops.move_vertices(arrays, submesh.labels, submesh.places, rows, points, limits, moved)
         return moved.sum()
 
     def collapse():
-        return pass_loops.collapse_short(arrays, piece.labels, piece.places, np.arange(len(arrays[0])), 0.2, limits)
+        return edit_loops.collapse_short(arrays, submesh.labels, submesh.places, np.arange(len(arrays.origin)), limits)
 
     def flip():
-        return pass_loops.flip_edges(arrays, piece.places, limits, 40)
+        return edit_loops.flip_edges(arrays, submesh.places, limits, 40)
 
     def cure():
-        return pass_loops.cure_slivers(arrays, piece.labels[: piece.triangles], piece.places, limits, 40)
+        return edit_loops.improve_slivers(arrays, submesh.labels[: submesh.triangles], submesh.places, limits, 40)
 
     def whole():
         now = triangles_of(arrays)
-        return score(now, np.arange(len(now)), piece.places)
+        return score(now, np.arange(len(now)), submesh.places)
 
     worst = whole()
     for work in (flip, cure, move, collapse, flip, cure):
-        before_it, count = arrays[0].copy(), len(triangles_of(arrays))
+        before_it, count = arrays.origin.copy(), len(triangles_of(arrays))
         done = work()
-        assert work is move or (done > 0) == (not np.array_equal(arrays[0], before_it))
-        assert whole() >= min(limits[0], worst) - SCORE
+        assert work is move or (done > 0) == (not np.array_equal(arrays.origin, before_it))
+        assert whole() >= min(limits.quality, worst) - SCORE
         if work is collapse:
             assert len(triangles_of(arrays)) == count - 2 * done
         if work in (flip, cure):
@@ -277,9 +286,9 @@ def test_no_pass_makes_the_worst_score_worse(name, limits):
 
 
 def test_long_edges_are_marked_that_are_the_longest_of_both_triangles():
-    for piece in pieces(2):
-        mesh, place = piece.mesh, piece.places
-        origin, twin = mesh[0][: 3 * piece.triangles], mesh[1]
+    for submesh in submeshes(2):
+        mesh, place = submesh.mesh, submesh.places
+        origin, twin = mesh.origin[: 3 * submesh.triangles], mesh.twin
         ends = origin, origin.reshape(-1, 3)[:, [1, 2, 0]].ravel()
         length = np.linalg.norm(place[ends[0]] - place[ends[1]], axis=1)
         limit = np.median(length)
@@ -290,7 +299,7 @@ def test_long_edges_are_marked_that_are_the_longest_of_both_triangles():
             if h < twin[h] and length[h] > limit and length[h] == longest[h // 3] == longest[twin[h] // 3]
         ]
         halves = np.empty(len(origin), dtype=np.int64)
-        found = halves[: pass_loops.mark_long(mesh, place, limit, halves)]
+        found = halves[: edit_loops.mark_long(mesh, place, limit, halves)]
         assert found.tolist() == expected
         assert len(found) > 5
 
@@ -299,10 +308,10 @@ def test_of_equal_edges_no_two_of_one_triangle_are_marked():
     for name in ("sheet", "tetrahedron"):
         mesh = charted(name, 1)
         places = np.round(mesh.places * [1, 1, 0 if name == "sheet" else 1], 9)
-        piece = Piece(type(mesh).of(places, places, mesh.triangles, mesh.labels), np.zeros(len(places), dtype=bool))
-        halves = np.empty(3 * piece.triangles, dtype=np.int64)
-        found = halves[: pass_loops.mark_long(piece.mesh, piece.places, 1e-3, halves)]
-        both = np.concatenate([found // 3, piece.mesh[1][found] // 3])
+        submesh = Submesh(type(mesh).of(places, places, mesh.triangles, mesh.labels), np.zeros(len(places), dtype=bool))
+        halves = np.empty(3 * submesh.triangles, dtype=np.int64)
+        found = halves[: edit_loops.mark_long(submesh.mesh, submesh.places, 1e-3, halves)]
+        both = np.concatenate([found // 3, submesh.mesh.twin[found] // 3])
         assert len(found) > 0
         assert len(np.unique(both)) == len(both)
 
@@ -310,11 +319,11 @@ def test_of_equal_edges_no_two_of_one_triangle_are_marked():
 @pytest.mark.parametrize("share", [1.0, 0.7])
 def test_shifts_lead_to_the_middle_of_the_triangles_along_the_surface_and_along_creases(share):
     kinds = []
-    for piece in pieces():
-        mesh, place = piece.mesh, piece.places
+    for submesh in submeshes():
+        mesh, place = submesh.mesh, submesh.places
         now, (origin, _, crease, _, kind) = triangles_of(mesh), mesh
-        shifts = np.full((piece.vertices, 3), np.nan)
-        pass_loops.fill_shifts(mesh, place, share, shifts)
+        shifts = np.full((submesh.vertices, 3), np.nan)
+        move_loops.fill_shifts(mesh, place, share, shifts)
         for v, shift in enumerate(shifts):
             expected = np.zeros(3)
             if kind[v] == CREASE:
@@ -333,8 +342,8 @@ def test_shifts_lead_to_the_middle_of_the_triangles_along_the_surface_and_along_
 
 
 def test_tries_are_shares_of_the_edges_out_of_the_corners_of_triangles_that_are_not_fair():
-    for piece in pieces():
-        mesh, place = piece.mesh, piece.places
+    for submesh in submeshes():
+        mesh, place = submesh.mesh, submesh.places
         now, (origin, _, crease, _, kind) = triangles_of(mesh), mesh
         bad = {v for t in range(len(now)) if score(now, [t], place) < 0.3 for v in now[t]}
         expected = [
@@ -343,10 +352,10 @@ def test_tries_are_shares_of_the_edges_out_of_the_corners_of_triangles_that_are_
             for h in np.flatnonzero(origin == v)
             if kind[v] == SMOOTH or (kind[v] == CREASE and crease[h])
         ]
-        counted = pass_loops.fill_tries(mesh, place, 0.3, 0.1, np.empty(0, dtype=np.int64), np.empty((0, 3)))
+        counted = move_loops.fill_tries(mesh, place, 0.3, 0.1, np.empty(0, dtype=np.int64), np.empty((0, 3)))
         assert counted == len(expected)
         rows, shifts = np.empty(counted, dtype=np.int64), np.empty((counted, 3))
-        assert pass_loops.fill_tries(mesh, place, 0.3, 0.1, rows, shifts) == counted
+        assert move_loops.fill_tries(mesh, place, 0.3, 0.1, rows, shifts) == counted
         wanted = np.array([np.append(v, 0.1 * (place[w] - place[v])) for v, w in expected])
         found = np.column_stack([rows, shifts])
         assert found[np.lexsort(found.T)] == pytest.approx(wanted[np.lexsort(wanted.T)], abs=SCORE)

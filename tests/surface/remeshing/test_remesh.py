@@ -7,15 +7,21 @@ from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
 import reference
-from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf import (
+    InputError,
+    LabelledMesh,
+    extract_isosurface,
+    get_num_threads,
+    mesh_report,
+    remesh,
+    set_num_threads,
+)
+from o3dleaf.core import progress
+from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.surface.mesh.crossings import find_crossings
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.remeshing import blocks
-from o3dleaf.surface.remeshing.projection_target import FieldGround, MeshGround
-from o3dleaf.surface.remeshing.remesh import remesh, remesh_charted
+from o3dleaf.surface.remeshing.projection_target import FieldTarget, MeshTarget
+from o3dleaf.surface.remeshing.remesh import remesh_charted
 from remesh_fields import VOLUMES, angles, charted, edge_lengths, turned
 from tolerances import (
     ANGLE_SHARES,
@@ -32,7 +38,11 @@ GENUS = {"sphere": 0, "torus": 1, "ellipsoid": 0}
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch):
-    monkeypatch.setattr(blocks, "MOST", 900)
+    monkeypatch.setattr(blocks, "MAX_TRIANGLES", 900)
+
+
+def labelled(vertices, triangles, labels):
+    return LabelledMesh(build_mesh(vertices, triangles), labels)
 
 
 def cubes_of(name, step, seed=0):
@@ -174,7 +184,11 @@ def cube(times):
 @pytest.mark.parametrize("edge", [0.3, 0.1])
 def test_a_cube_with_its_faces_labelled_keeps_its_corners_and_edges(edge):
     vertices, triangles, labels = cube(4)
-    found, corners = mesh_arrays(remesh((vertices, triangles), edge, labels=labels))
+    parts = remesh(labelled(vertices, triangles, labels), edge)
+    found, corners = mesh_arrays(parts.mesh)
+    sides = found[corners].mean(axis=1)
+    # Beside an edge of the cube a triangle's middle is nearer to its own face than to any other.
+    assert (np.abs(sides - [0.5] * 3).argmax(axis=1) == parts.labels // 2).all()
     report = check_good(found, corners)
     assert report.volume == pytest.approx(1, rel=REMESHED_VOLUME)
     assert {tuple(p) for p in np.ndindex(2, 2, 2)} <= {tuple(p) for p in found.tolist()}
@@ -189,7 +203,7 @@ def test_a_cube_with_its_faces_labelled_keeps_its_corners_and_edges(edge):
 
 def test_a_mesh_of_a_few_large_triangles_comes_to_the_edges_asked_for():
     vertices, triangles, labels = cube(0)
-    found = mesh_arrays(remesh((vertices, triangles), 0.07, labels=labels))
+    found = mesh_arrays(remesh(labelled(vertices, triangles, labels), 0.07).mesh)
     assert check_good(*found).volume == pytest.approx(1, rel=REMESHED_VOLUME)
     check_lengths(*found, 0.07)
 
@@ -199,7 +213,7 @@ def test_labels_go_on_and_their_border_keeps_its_course():
     vertices, triangles = mesh_arrays(o3d.geometry.TriangleMesh.create_sphere(1, 16))
     upper = (vertices[triangles].mean(axis=1)[:, 2] > 0).astype(np.uint8)
     mesh = blocks.Charted.of(vertices, vertices, triangles, upper)
-    found = remesh_charted(mesh, MeshGround(mesh.places, mesh.triangles), 0.4)
+    found = remesh_charted(mesh, MeshTarget(mesh.places, mesh.triangles), 0.4)
     creases = []
     for part in (mesh, found):
         both = [reference.border(part.triangles[part.labels == label]) for label in (0, 1)]
@@ -224,9 +238,9 @@ def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
     field, (vertices, triangles) = cubes_of("torus", 0.1)
     found = []
     for factor in (1.0, 2.0**20, 2.0**-20):
-        ground = MeshGround(factor * vertices, triangles)
+        ground = MeshTarget(factor * vertices, triangles)
         if with_field:
-            ground = FieldGround(
+            ground = FieldTarget(
                 lambda x, factor=factor: (factor * field(x / factor), field.gradient(x / factor)), factor * 0.05
             )
         mesh = blocks.Charted.of(factor * vertices, factor * vertices, triangles, np.zeros(len(triangles), np.uint8))
@@ -287,7 +301,8 @@ def test_the_input_is_not_touched_and_may_come_in_any_form():
 def test_progress_runs_from_nothing_to_all():
     field, mesh = cubes_of("sphere", 0.06)
     calls = []
-    remesh(mesh, 0.06, field, progress=lambda done, total: calls.append(done / total))
+    with progress.listening(lambda done, total: calls.append(done / total)):
+        remesh(mesh, 0.06, field)
     assert calls == sorted(calls)
     assert 0 < calls[0] < 0.2
     assert calls[-1] == 1
@@ -308,10 +323,10 @@ def test_what_cannot_be_remeshed_is_refused_in_one_line():
         (((vertices, triangles), np.nan), {}, "target_edge"),
         (((vertices, triangles), 0.5), {"deviation": -0.1}, "deviation"),
         (((vertices, triangles), 0.5), {"isovalue": np.nan}, "isovalue"),
-        (((vertices, triangles), 0.5), {"labels": np.zeros(3, dtype=int)}, "labels"),
-        (((vertices, triangles), 0.5), {"labels": np.zeros(20)}, "labels"),
-        (((vertices, triangles), 0.5), {"labels": np.full(20, 8)}, "labels"),
-        (((vertices, triangles), 0.5), {"labels": np.full(20, -1)}, "labels"),
+        ((labelled(vertices, triangles, np.zeros(3, dtype=int)), 0.5), {}, "labels"),
+        ((labelled(vertices, triangles, np.zeros(20)), 0.5), {}, "labels"),
+        ((labelled(vertices, triangles, np.full(20, 8)), 0.5), {}, "labels"),
+        ((labelled(vertices, triangles, np.full(20, -1)), 0.5), {}, "labels"),
     ]
     for arguments, options, cause in cases:
         with pytest.raises(InputError, match=cause) as caught:

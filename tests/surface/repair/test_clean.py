@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay, cKDTree
-from typer.testing import CliRunner
 
 from mesh_fields import sphere, wavy_sheets
 from o3dleaf import (
@@ -18,11 +17,9 @@ from o3dleaf import (
     simplify_mesh,
     surface_distance,
 )
-from o3dleaf.commands.cli import app
-from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.repair.clean import FOLD_ANGLE, Cleaning, CleaningRun
+from o3dleaf.surface.repair.clean import FOLD_ANGLE, Cleaning
 from o3dleaf.surface.repair.editable_mesh import EditableMesh
 from o3dleaf.surface.repair.flips import folded_edges
 from o3dleaf.surface.repair.repairs import weld
@@ -326,37 +323,6 @@ def test_colours_and_labels_stay_with_their_places(ball):
     assert set(left[len(kept) :]) <= set(labels[beside])
     with pytest.raises(InputError, match="one a triangle"):
         clean_mesh(LabelledMesh(mesh, labels[1:]))
-
-
-def test_the_command_shows_before_and_after(ball, tmp_path):
-    dirty, clean = tmp_path / "dirty.ply", tmp_path / "clean.ply"
-    vertices, triangles = ball
-    mesh = build_mesh(vertices, np.concatenate([np.delete(triangles, [0, 3], axis=0), triangles[8:10]]))
-    mesh.paint_uniform_color([0.2, 0.4, 0.6])
-    o3d.io.write_triangle_mesh(str(dirty), mesh)
-    arguments = ["clean", dirty, "--largest-hole", "5", "--triangles", "200", "--quiet", "-o", clean]
-    assert CliRunner().invoke(app, [str(each) for each in arguments]).exit_code == 0
-    found = o3d.io.read_triangle_mesh(str(clean))
-    assert (len(found.triangles), found.is_watertight()) == (200, True)
-    arguments[-3:] = ["-o", clean]
-    arguments[4:6] = []
-    said = CliRunner().invoke(app, [str(each) for each in arguments]).stdout
-    table = {line[:22].strip(): line[22:].split() for line in said.splitlines()}
-    assert table["duplicate triangles"] == ["2", "0"]
-    assert table["boundary edges"] == [str(mesh_report(mesh).boundary_edges), "0"]
-    assert table["triangles"] == ["320", "320"]
-    kept = np.asarray(o3d.io.read_triangle_mesh(str(clean)).vertex_colors)
-    assert np.allclose(kept, [0.2, 0.4, 0.6])
-
-
-def test_a_run_keeps_labels_and_measures_what_simplifying_moved(ball):
-    labels = np.where(ball[0][ball[1]].mean(axis=1)[:, 2] > 0, 2, 0)
-    job = CleaningRun({"largest_hole": 5.0}, {"target_triangles": 160, "target_edge": None, "deviation": None})
-    mesh, left = job.run(build_mesh(ball[0], ball[1][2:]), labels[2:], Journal())
-    assert (len(left), set(left), mesh_report(mesh).watertight) == (len(mesh.triangles), {0, 2}, True)
-    assert job.table()[-1].split()[-1] == f"{job.distance:.6g}"
-    assert [report.triangles for report in job.reports] == [318, 320, 160]
-    assert 0 < job.distance < 0.2
 
 
 def lines(mesh, labels):

@@ -1,0 +1,127 @@
+"""`o3dleaf clean`: a mesh cleaned, simplified on request, and compared with what it was."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from o3dleaf.core.job import LongJob, argument, option, output
+from o3dleaf.core.journal import stage
+
+if TYPE_CHECKING:
+    from o3dleaf.surface.mesh.mesh_report import MeshReport
+
+FIGURES = (
+    "vertices",
+    "triangles",
+    "components",
+    "boundary_edges",
+    "holes",
+    "nonmanifold_edges",
+    "nonmanifold_vertices",
+    "inconsistent_edges",
+    "self_intersections",
+    "degenerate_triangles",
+    "duplicate_triangles",
+    "min_angle_deg",
+    "area",
+)
+"""Of `MeshReport`: what a table of before and after shows."""
+
+UNIT = "the mesh's unit"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CleaningOptions:
+    """The arguments of `clean_mesh`."""
+
+    merge: float = option(0.0, "Join vertices up to this far apart", unit=UNIT)
+    smallest_component: float = option(0.0, "Drop pieces of less than this diameter", unit=UNIT)
+    smallest_area: float = option(0.0, "Drop pieces of less than this area", unit=f"the square of {UNIT}")
+    fewest_triangles: int = option(0, "Drop pieces of fewer triangles.")
+    largest_hole: float = option(0.0, "Close holes up to this perimeter", unit=UNIT)
+    smallest_height: float = option(0.0, "Flip away triangles of at most this height", unit=UNIT)
+    fold_angle: float = option(1.0, "Neighbors that meet at less than this are folded (0: none)", unit="degrees")
+    untangle: bool = option(False, "Remove triangles that cross others.")
+    orient: bool = option(True, "Turn triangles that run against their neighbors.")
+
+    def cleaning(self) -> dict[str, Any]:
+        """Return the arguments by name."""
+        return {each.name: getattr(self, each.name) for each in fields(CleaningOptions)}
+
+
+@dataclass(frozen=True)
+class CleanJob(CleaningOptions, LongJob):
+    """Clean a mesh, and simplify it on request; nothing gets worse, and labels and the lines between them stay."""
+
+    mesh: Path = argument("Mesh to clean: PLY, OBJ, STL or OFF.", reads=True)
+    output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
+    triangles: int | None = option(None, "Then simplify to about so many triangles.")
+    edge: float | None = option(None, "Or to this mean edge", unit=UNIT)
+    deviation: float | None = option(None, "Simplify while the surface is off by no more", unit=UNIT)
+
+    def check(self) -> None:
+        """Refuse a size below zero."""
+        from o3dleaf.surface.repair.clean import Cleaning
+
+        super().check()
+        Cleaning(**self.cleaning())
+
+    def work(self) -> "Comparison":
+        """Write the mesh with its labels, if it has any, and return what it was and is."""
+        from o3dleaf.io.triangle_mesh import read_mesh, write_mesh
+        from o3dleaf.output.export.consumers import export_mesh
+        from o3dleaf.surface.mesh.mesh_report import mesh_report
+        from o3dleaf.surface.mesh.surface_distance import surface_distance
+        from o3dleaf.surface.repair.clean import clean_mesh
+        from o3dleaf.surface.repair.simplify import simplify_mesh
+
+        given = read_mesh(self.mesh)
+        with stage("clean"):
+            cleaned = result = clean_mesh(given, **self.cleaning())
+        meshes, distance = [given, cleaned], None
+        simplifying: dict[str, Any] = {
+            "target_triangles": self.triangles,
+            "target_edge": self.edge,
+            "deviation": self.deviation,
+        }
+        if any(each is not None for each in simplifying.values()):
+            with stage("simplify"):
+                result = simplify_mesh(cleaned, **simplifying)
+                meshes, distance = [*meshes, result], surface_distance(cleaned.mesh, result.mesh)
+        with stage("report"):
+            reports = [mesh_report(each.mesh) for each in meshes]
+        if result.labels is None:
+            write_mesh(result.mesh, self.output)
+        else:
+            export_mesh(result, self.output)
+        return Comparison(reports, distance)
+
+    def lines(self, summary: "Comparison") -> list[str]:
+        """Return the table of before and after; nothing if quiet."""
+        return [] if self.quiet else summary.table()
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What a mesh was and is.
+
+    Attributes
+    ----------
+    reports : list of MeshReport
+        Of the mesh as it came, cleaned, and simplified.
+    distance : float, optional
+        Between the cleaned and the simplified surface.
+    """
+
+    reports: "list[MeshReport]"
+    distance: float | None = None
+
+    def table(self) -> list[str]:
+        """Return lines that compare the reports, and the distance."""
+        heads = ("before", "cleaned", "simplified")[: len(self.reports)]
+        lines = ["".join([f"{'':<22}", *(f"{head:>14}" for head in heads)])]
+        for name in FIGURES:
+            values = (getattr(each, name) for each in self.reports)
+            cells = (f"{each:>14,.6g}" if isinstance(each, float) else f"{each:>14,}" for each in values)
+            lines.append("".join([f"{name.replace('_', ' '):<22}", *cells]))
+        return lines + ([] if self.distance is None else [f"{'moved by simplifying':<22}{self.distance:>14,.6g}"])

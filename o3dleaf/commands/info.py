@@ -1,0 +1,68 @@
+"""`o3dleaf info`: what a file holds."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from o3dleaf.core.atomic_files import write_json
+from o3dleaf.core.job import Job, UnitOption, argument, option
+
+VOLUMES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".gz")
+"""Suffixes of volumes; a folder is one too."""
+
+
+@dataclass(frozen=True)
+class InfoJob(UnitOption, Job):
+    """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
+
+    file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
+    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not say it)", unit="unit")
+    json: Path | None = option(None, "Write it as JSON too.", writes=())
+
+    def work(self) -> dict[str, Any]:
+        """Return what the file holds, as plain values; lengths in `unit`."""
+        is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
+        held = self.volume() if is_volume else self.geometry()
+        if self.json is not None:
+            write_json(held, self.json)
+        return held
+
+    def volume(self) -> dict[str, Any]:
+        """Return what a volume holds."""
+        from o3dleaf.leaf.ct.formats import read_volume
+
+        volume = read_volume(self.file, spacing=self.voxel_spacing, unit=self.unit)
+        return {
+            "kind": "volume",
+            "shape": list(volume.shape),
+            "spacing": volume.spacing.tolist(),
+            "bounds": volume.bounds.tolist(),
+            "unit": volume.unit,
+            "intensity": [float(volume.data.min()), float(volume.data.max())],
+            "threshold": volume.threshold(),
+        }
+
+    def geometry(self) -> dict[str, Any]:
+        """Return what a mesh or a point cloud holds."""
+        import numpy as np
+        import open3d as o3d
+
+        from o3dleaf.io.geometry import read_geometry
+        from o3dleaf.surface.mesh.mesh_report import mesh_report
+
+        read = read_geometry(self.file)
+        if isinstance(read, o3d.geometry.TriangleMesh):
+            return {"kind": "mesh"} | mesh_report(read, unit=self.unit).to_dict()
+        points = np.asarray(read.points)
+        return {
+            "kind": "point cloud",
+            "points": len(points),
+            "normals": read.has_normals(),
+            "bounds": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
+            "median_spacing": float(np.median(np.asarray(read.compute_nearest_neighbor_distance()))),
+            "unit": self.unit,
+        }
+
+    def lines(self, summary: dict[str, Any]) -> list[str]:
+        """Return a line a figure."""
+        return [f"{name:>24}  {value}" for name, value in summary.items()]

@@ -1,0 +1,85 @@
+"""`o3dleaf patch`: a micro-CT volume fitted once, and the options of all commands that read one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.job import LongJob, argument, option, output
+from o3dleaf.core.journal import stage
+from o3dleaf.leaf.options import TextureOptions
+
+if TYPE_CHECKING:
+    from o3dleaf.leaf.ct.volume import Volume
+    from o3dleaf.leaf.texture.patches import PatchBlend
+    from o3dleaf.leaf.texture.tiling import TiledField
+
+MODEL = ".o3l"
+"""Suffix of the files that hold what was fitted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CtOptions(TextureOptions):
+    """How a micro-CT volume is read, and what is made of it."""
+
+    ct_unit: str | None = option(None, "Unit to take the volume in: lengths that its file states are converted.")
+    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not say it)", unit="ct-unit")
+
+    def read_volume(self, path: Path) -> "Volume":
+        """Return the volume of a file."""
+        from o3dleaf.leaf.ct.formats import read_volume
+
+        return read_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit)
+
+    def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
+        """Return the volume of a file, or the texture of a model file."""
+        from o3dleaf.leaf.models import load_texture
+
+        return load_texture(path) if path.suffix.lower() == MODEL else self.read_volume(path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockOption:
+    """One period of the micro-structure as a solid of its own."""
+
+    tile_solid: Path | None = option(
+        None,
+        "Write one flat period as a closed block too; opposite sides match.",
+        writes="o3dleaf.io.triangle_mesh:SUFFIXES",
+    )
+
+
+@dataclass(frozen=True)
+class PatchJob(CtOptions, BlockOption, LongJob):
+    """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
+
+    volume: Path = argument("Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...", reads=True)
+    output: Path = output((MODEL,))
+    spacing: float | None = option(None, "Mesh step of the block of --tile-solid", unit="ct-unit")
+
+    def check(self) -> None:
+        """Refuse a block without a step."""
+        super().check()
+        if (self.tile_solid is None) != (self.spacing is None):
+            raise InputError("tile-solid, spacing: the block needs a step and the step a block; give both or none")
+
+    def work(self) -> "TiledField":
+        """Write the model and the block, and return the texture."""
+        from o3dleaf.io.triangle_mesh import write_mesh
+        from o3dleaf.leaf.meshing import extract_flat_tile
+        from o3dleaf.leaf.pipeline import create_texture
+
+        with stage("read"):
+            volume = self.read_volume(self.volume)
+        texture = create_texture(volume, options=self)
+        with stage("write model"):
+            texture.save(self.output)
+        if self.tile_solid is not None and self.spacing is not None:
+            with stage("write tile"):
+                write_mesh(extract_flat_tile(texture, 1.0, self.spacing), self.tile_solid)
+        return texture
+
+    def line(self, summary: "TiledField") -> str:
+        """Return the size of the tile, and how well its sides match."""
+        tile, energy = summary.tile.tolist(), summary.seam_energy()
+        return f"{self.output}: tile {tile} {summary.unit or ''}, seam energy {energy.total:.3g}"

@@ -1,0 +1,71 @@
+"""`o3dleaf qa`: a mesh examined against what it must be."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from o3dleaf.core.job import LongJob, UnitOption, argument, option
+from o3dleaf.core.journal import stage
+
+if TYPE_CHECKING:
+    from o3dleaf.output.report.examine import Examination
+
+FAILED = 1
+"""Exit code of a mesh that is not what it must be."""
+
+
+@dataclass(frozen=True)
+class QaJob(UnitOption, LongJob):
+    """Judge a mesh: figures, defects, requirements; exit code 1 if one is not met."""
+
+    mesh: Path = argument("Mesh to judge: PLY, OBJ, STL or OFF.", reads=True)
+    field: Path | None = option(None, "Model that it is a surface of (.o3l), to measure to.", reads=True)
+    cloud: Path | None = option(None, "Scan to measure to, in the mesh's unit.", reads=True)
+    require: str = option("", "What it must be: 'watertight,manifold,oriented,components=1,min-angle=10', ...")
+    html: Path | None = option(None, "Write a report with pictures, one file.", writes=(".html", ".htm"))
+    json: Path | None = option(None, "Write figures and verdict as JSON.", writes=())
+
+    def check(self) -> None:
+        """Refuse a requirement that there is not, or that needs a file which is not given."""
+        from o3dleaf.core.units import check_unit
+        from o3dleaf.output.report.requirements import parse_requirements, require_inputs
+
+        super().check()
+        given = {"field": self.field is not None, "cloud": self.cloud is not None}
+        require_inputs(parse_requirements(self.require), given)
+        check_unit(self.unit)
+
+    def work(self) -> "Examination":
+        """Examine the mesh, and write what was found as a page and as JSON."""
+        from o3dleaf.io.point_cloud import read_point_cloud
+        from o3dleaf.io.triangle_mesh import read_triangle_mesh
+        from o3dleaf.leaf.models import load
+        from o3dleaf.output.report.examine import Examination, require_field
+
+        with stage("read"):
+            mesh = read_triangle_mesh(self.mesh)
+            model = None if self.field is None else require_field(load(self.field), str(self.field))
+            scan = None if self.cloud is None else read_point_cloud(self.cloud, least=2)
+        examined = Examination.of(mesh, field=model, cloud=scan, unit=self.unit, require=self.require)
+        if self.html is not None:
+            examined.write_html(self.html, self.mesh.name)
+        if self.json is not None:
+            examined.write_json(self.json)
+        return examined
+
+    def lines(self, summary: "Examination") -> list[str]:
+        """Return the figures, each failure in a line, and the verdict; of a quiet job no figures."""
+        from o3dleaf.output.report.words import in_words
+
+        report, result = summary.inspection.report, summary.result
+        lines = [
+            f"{name:>24}  {in_words(name, value, report.unit)}"
+            for name, value in report.to_dict().items()
+            if not self.quiet and value is not None and name != "angle_histogram"
+        ]
+        lines += [f"{'not met':>24}  {each}" for each in result.failures]
+        return [*lines, f"{'verdict':>24}  {result}"]
+
+    def exit_code(self, summary: "Examination") -> int:
+        """Return 1 for a mesh that is not what it must be."""
+        return 0 if summary.result.passed else FAILED

@@ -1,0 +1,42 @@
+"""`o3dleaf sample`: the synthetic samples as files, and the option of commands that take them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from o3dleaf.core.job import Job, argument, option
+
+
+@dataclass(frozen=True)
+class SampleJob(Job):
+    """Write a synthetic scan, its midrib and a micro-CT volume, with a page that says what they are."""
+
+    folder: Path = argument("Folder to write into.")
+    seed: int = option(0, "Seed of the synthetic leaf.")
+
+    def work(self) -> list[Path]:
+        """Write the samples, and return their files."""
+        from o3dleaf.core.atomic_files import make_folder
+        from o3dleaf.samples.files import write_samples
+
+        return write_samples(make_folder(self.folder), seed=self.seed)
+
+    def lines(self, summary: list[Path]) -> list[str]:
+        """Return the files."""
+        return [str(path) for path in summary]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampleOption:
+    """The samples, for commands that work without any file of one's own."""
+
+    samples: Path = option(Path("data_samples"), "Folder of the samples; made anew if not there.")
+
+    def find_samples(self, output: Path) -> tuple[Path, Path, Path]:
+        """Return the files of scan, midrib and volume; written into a folder of `output` if they are not there."""
+        from o3dleaf.samples.files import MIDRIB, PATCH, SCAN, write_samples
+
+        names, folder = (SCAN, MIDRIB, PATCH), self.samples
+        if not all((folder / name).is_file() for name in names):
+            folder = output / "data_samples"
+            write_samples(folder)
+        return folder / SCAN, folder / MIDRIB, folder / PATCH

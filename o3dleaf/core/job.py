@@ -1,0 +1,204 @@
+"""A job on files: a frozen dataclass whose fields are the options of its command.
+
+::
+
+    @dataclass(frozen=True)
+    class PaintJob(LongJob):
+        '''Paint a mesh.'''
+
+        mesh: Path = argument("Mesh to paint.", reads=True)
+        output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
+        color: str = option("green", "Color of the paint.", choices=("green", "brown"))
+        width: float | None = option(None, "Width of the brush; by default that of the mesh", unit="the mesh's unit")
+
+        def work(self) -> int: ...
+
+The line of a field is all that there is to an option: `o3dleaf.commands.cli` makes the command line of it, `Job.check`
+refuses what it does not allow, and nothing hands it on by name. Nothing heavy is imported here, nor in a module that
+declares a job: ``o3dleaf --help`` imports them all. Tables of suffixes and choices are named as ``module:NAME``.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import Field, dataclass, field, fields
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+from o3dleaf.core.atomic_files import require_apart, require_writable
+
+REQUIRED = ...
+"""Default of an option that must be given."""
+
+Names = str | tuple[str, ...]
+"""Some names, or where a table of them stands, ``module:NAME``."""
+
+
+@dataclass(frozen=True)
+class Option:
+    """What a command line has to know of a field.
+
+    Attributes
+    ----------
+    text : str
+        The help.
+    flags : tuple of str
+        Such as ("--output", "-o"), where they are not the field's own name.
+    positional : bool
+    kind : type, optional
+        What the command line takes, where it is not the field's type.
+    parse : callable, optional
+        ``parse(given)`` makes the field's value of that.
+    choices : tuple of str or "module:NAME", optional
+        The words that there are.
+    reads : bool
+        Whether it names a file, or files, to be read.
+    writes : tuple of str or "module:NAME", optional
+        Whether it names a file to be written, and the suffixes that it may have; an empty tuple allows any.
+    """
+
+    text: str
+    flags: tuple[str, ...] = ()
+    positional: bool = False
+    kind: Any = None
+    parse: Callable[[Any], Any] | None = None
+    choices: Names = ()
+    reads: bool = False
+    writes: Names | None = None
+
+
+def option(default: Any, text: str, *flags: str, unit: str | None = None, **more: Any) -> Any:
+    """Return a field that is an option; `more` are attributes of `Option`, `unit` ends the help."""
+    known = Option(f"{text}, in {unit}." if unit else text, flags, **more)
+    metadata = {"option": known}
+    return field(metadata=metadata) if default is REQUIRED else field(default=default, metadata=metadata)
+
+
+def argument(text: str, *, default: Any = REQUIRED, **more: Any) -> Any:
+    """Return a field that is an argument without a name."""
+    return option(default, text, positional=True, **more)
+
+
+def output(suffixes: Names) -> Any:
+    """Return the field of the file that a job is about to write."""
+    return option(REQUIRED, "File to write.", "--output", "-o", writes=suffixes)
+
+
+def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
+    """Return the options of a job by name: its own first, those that jobs share last."""
+    known = {each.name: each for each in fields(job)}
+    names = [name for kind in job.__mro__ for name in vars(kind).get("__annotations__", ())]
+    return {
+        name: (known[name], known[name].metadata["option"])
+        for name in names
+        if name in known and "option" in known[name].metadata
+    }
+
+
+def table(names: Names) -> tuple[str, ...]:
+    """Return names, read from where their table stands."""
+    found = resolve_name(names) if isinstance(names, str) else names
+    return (found,) if isinstance(found, str) else tuple(found)
+
+
+@dataclass(frozen=True)
+class Job(ABC):
+    """What a command is asked to do; its docstring and its fields are the command's help."""
+
+    @abstractmethod
+    def work(self) -> Any:
+        """Do it, and return a summary of what was done."""
+
+    def run(self) -> Any:
+        """Refuse what cannot be done, then do the work and return its summary."""
+        self.check()
+        return self.work()
+
+    def check(self) -> None:
+        """Raise `InputError`, before any work, for what would fail after it; a job adds what it knows."""
+        from o3dleaf.core.checks import require_choice  # noqa: PLC0415 - NumPy, which the help does without
+
+        written = self.outputs()
+        require_apart((path for path, _ in written), self.inputs())
+        for path, suffixes in written:
+            require_writable(path, table(suffixes))
+        for name, (_, known) in options_of(type(self)).items():
+            for value in _each(getattr(self, name)):
+                if known.choices:
+                    require_choice(value, table(known.choices), spelled(name, known))
+
+    def inputs(self) -> list[Path]:
+        """Return the files that are read."""
+        known = options_of(type(self))
+        return [path for name, (_, one) in known.items() if one.reads for path in _each(getattr(self, name))]
+
+    def outputs(self) -> list[tuple[Path, Names]]:
+        """Return the files that are written, each with the suffixes that it may have."""
+        known = options_of(type(self))
+        written = [(name, one.writes) for name, (_, one) in known.items() if one.writes is not None]
+        return [(path, suffixes) for name, suffixes in written for path in _each(getattr(self, name))]
+
+    def line(self, summary: Any) -> str:
+        """Return what the terminal says at the end; nothing by default."""
+        del summary
+        return ""
+
+    def lines(self, summary: Any) -> list[str]:
+        """Return the lines that the terminal shows at the end."""
+        line = self.line(summary)
+        return [line] if line else []
+
+    def exit_code(self, summary: Any) -> int:
+        """Return the exit code of the command: 0."""
+        del summary
+        return 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LongJob(Job):
+    """A job that takes a while: on several threads, with its progress shown."""
+
+    threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
+    quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
+
+    def lines(self, summary: Any) -> list[str]:
+        """Return the lines that the terminal shows at the end; none if quiet."""
+        return [] if self.quiet else super().lines(summary)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitOption:
+    """The unit of files that do not say theirs."""
+
+    unit: str | None = option(None, "Unit of the coordinates: m, cm, mm, um or nm.")
+
+
+def spelled(name: str, known: Option) -> str:
+    """Return the name of an option as a user writes it, without its dashes."""
+    return (known.flags[0] if known.flags else name).lstrip("-").replace("_", "-")
+
+
+def number_or_word(text: str) -> float | str:
+    """Return a number for a text that is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def words_of(text: str) -> list[str]:
+    """Return the words of a text, between commas or blanks."""
+    return text.replace(",", " ").split()
+
+
+def corners_of(numbers: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the lower and the upper corner of a box whose numbers stand in a row."""
+    half = len(numbers) // 2
+    return numbers[:half], numbers[half:]
+
+
+def _each(value: Any) -> Iterable[Any]:
+    """Return what an option holds: nothing, one value, or several."""
+    if value is None:
+        return ()
+    return value if isinstance(value, list | tuple) else (value,)

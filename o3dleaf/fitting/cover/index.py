@@ -1,0 +1,128 @@
+"""Which balls contain a point: a tree of boxes, each with the list of the balls that reach into it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.fitting.cover import ball_loops
+from o3dleaf.fitting.cover.ball_loops import BoxTree, Images
+from o3dleaf.fitting.cover.tree import build_tree
+from o3dleaf.fitting.rbf.tail import IntArray
+
+FOLD_BLOCK = 1 << 15
+MEMBER_BLOCKS = 16
+"""Blocks that points are sorted into balls in; each keeps a number for each ball."""
+
+
+@dataclass(frozen=True, eq=False)
+class BallIndex:
+    """Images of balls over a box, found by the points that they contain.
+
+    An image is a ball and a displacement s: a plain cover has one image a ball with s = 0, a tiled
+    one has several, so that tiling copies neither points nor coefficients (paper, section 2.6).
+    Points anywhere are first folded into the box: by whole periods where an axis repeats, else to
+    the nearest point of the box.
+
+    Attributes
+    ----------
+    bounds : (2, d) ndarray
+        The box whose points can be looked up.
+    period : (d,) ndarray
+        Period of each axis, 0 where it does not repeat.
+    balls : (K,) int64 ndarray
+        The ball of each image.
+    shifts : (K, d) ndarray
+        The displacement of each image.
+    centers, radii : (K, d), (K,) ndarrays
+        Where the images lie.
+    tree : BoxTree
+        Boxes, each leaf with the list of the images that reach into it.
+    """
+
+    bounds: FloatArray
+    period: FloatArray
+    balls: IntArray
+    shifts: FloatArray
+    centers: FloatArray = field(metadata={"stored": "centres"})
+    radii: FloatArray
+    tree: BoxTree
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tree", BoxTree(*self.tree))  # a plain tuple in a file
+
+    def __repr__(self) -> str:
+        return f"BallIndex({len(self.balls):,} images of balls in {self.bounds.shape[1]}-D)"
+
+    @classmethod
+    def build(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":
+        """Index the balls (M, d), (M,) over `bounds`, one image each."""
+        shifts = np.zeros_like(centers)
+        tree = build_tree(centers, radii, bounds)
+        return cls(bounds, np.zeros(centers.shape[1]), np.arange(len(centers)), shifts, centers, radii, tree)
+
+    @classmethod
+    def periodic(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray, period: FloatArray) -> "BallIndex":
+        """Index all images, under shifts by whole `period` (d,), that reach into the cell `bounds`; 0: not periodic."""
+        repeats = np.zeros(len(period), dtype=np.int64)
+        moving = period > 0
+        lowest, highest = (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
+        reach = np.maximum(bounds[1] - lowest, highest - bounds[0])
+        repeats[moving] = np.ceil(reach[moving] / period[moving]).astype(np.int64)
+        steps = np.stack(np.meshgrid(*[np.arange(-n, n + 1) for n in repeats], indexing="ij"), axis=-1)
+        shifts = (steps.reshape(-1, len(period)) * period)[:, None, :]
+        moved = centers + shifts
+        gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
+        step, balls = np.nonzero(np.linalg.norm(gap, axis=2) < radii)
+        balls = balls.astype(np.int64)
+        images = np.ascontiguousarray(moved[step, balls])
+        tree = build_tree(images, radii[balls], bounds)
+        return cls(bounds, period, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
+
+    @property
+    def images(self) -> Images:
+        """The images, as the compiled loops take them."""
+        return Images(self.balls, self.centers, self.radii)
+
+    @property
+    def domain(self) -> FloatArray:
+        """(2, d) the box, without end along the axes that repeat."""
+        box = self.bounds.copy()
+        box[0, self.period > 0], box[1, self.period > 0] = -np.inf, np.inf
+        return box
+
+    def fold(self, points: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return the (n, d) points folded into the box, and the (n,) tree leaf of each."""
+        folded, leaves = np.empty_like(points), np.empty(len(points), dtype=np.int64)
+
+        def task(start: int, stop: int) -> None:
+            ball_loops.fold(start, stop, points, self.bounds, self.period, self.tree, folded, leaves)
+
+        run_blocks(task, len(points), FOLD_BLOCK)
+        return folded, leaves
+
+    def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
+        counting, filling = progress.split(1, 1)
+        _, leaves = self.fold(points)
+        block = max(1, -(-len(points) // MEMBER_BLOCKS))
+        heads = np.zeros((MEMBER_BLOCKS, len(self.radii)), dtype=np.int64)
+
+        def count(start: int, stop: int) -> None:
+            ball_loops.count_members(start, stop, points, leaves, self.tree, self.images, heads[start // block])
+
+        with counting:
+            run_blocks(count, len(points), block, reports=True)
+        offsets = np.concatenate([[0], np.cumsum(heads.sum(axis=0))])
+        # The points of an earlier block come first.
+        heads[:] = offsets[:-1] + np.cumsum(heads, axis=0) - heads
+        rows = np.empty(offsets[-1], dtype=np.int64)
+
+        def fill(start: int, stop: int) -> None:
+            ball_loops.fill_members(start, stop, points, leaves, self.tree, self.images, heads[start // block], rows)
+
+        with filling:
+            run_blocks(fill, len(points), block, reports=True)
+        return offsets, rows

@@ -1,0 +1,272 @@
+r"""A cover of a lattice of voxels: balls that sit alike on it have the same voxels, seen from their centers.
+
+The lattice is cut into tiles of a few voxels, each with its ball. Seen from its center, a ball in the
+interior contains the same voxels as any other, one at a face the same as all others at that face: a
+*class*.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_rigid_motion, as_step
+from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.rbf.tail import IntArray
+
+FACE = 1e-6
+"""Share of a voxel that a box may reach beyond the lattice: the rounding of a box computed from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelLattice:
+    """Where the voxels of an array lie: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    spacing, start : (d,) ndarrays
+    turn : (d, d) ndarray
+        Identity where there is no rigid motion.
+    origin : (d,) ndarray
+        Position of the first voxel, motion included.
+    moved : bool
+        Whether there is a motion.
+    """
+
+    shape: tuple[int, ...]
+    spacing: FloatArray
+    start: FloatArray
+    turn: FloatArray
+    origin: FloatArray
+    moved: bool
+
+    @classmethod
+    def of(
+        cls,
+        shape: tuple[int, ...],
+        spacing: float | npt.ArrayLike,
+        origin: npt.ArrayLike | None,
+        transform: npt.ArrayLike | None,
+    ) -> "VoxelLattice":
+        """Return the lattice of an array, or raise `InputError`."""
+        dimension = len(shape)
+        step = as_step(spacing, dimension)
+        start = np.zeros(dimension) if origin is None else as_points(origin, "origin", dim=dimension)[0]
+        if transform is None:
+            return cls(shape, step, start, np.eye(dimension), start, False)
+        turn, shift = as_rigid_motion(transform, dimension)
+        return cls(shape, step, start, turn, turn @ start + shift, True)
+
+    @property
+    def steps(self) -> FloatArray:
+        """(d, d) displacement from a voxel to the next along each axis, one a row."""
+        return self.spacing[:, np.newaxis] * self.turn.T
+
+    def box(self, bounds: npt.ArrayLike | None) -> FloatArray:
+        """Return the box to cover, or raise `InputError` where it reaches beyond the voxels' faces."""
+        sides = np.array(self.shape)
+        if bounds is None:
+            if self.moved:
+                raise InputError(
+                    "bounds: are needed with a transform; give a box within the turned voxels (inscribed_box)"
+                )
+            return np.array([self.origin, self.origin + np.diag(self.steps) * (sides - 1)])
+        box = as_bounds(bounds, len(sides))
+        corners = np.array(list(product(*box.T)))
+        voxels = (corners - self.origin) @ np.linalg.inv(self.steps)
+        if np.any(voxels < -0.5 - FACE) or np.any(voxels > sides - 0.5 + FACE):
+            raise InputError("bounds: reach beyond the voxels; give a smaller box (inscribed_box finds the largest)")
+        return box
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelCover:
+    """Balls around the tiles of a lattice, sorted into classes of balls that contain alike voxels.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Voxels of the lattice along each axis.
+    steps : (d, d) ndarray
+        Displacement from a voxel to the next along each axis, one a row, in the unit of the field.
+    tile : (d,) int64 ndarray
+        Voxels of a tile along each axis, at level 0; at level l its side is 2ˡ times as long, and
+        every 2ˡth voxel along each axis counts.
+    starts, levels : (M, d), (M,) int64 ndarrays
+        First voxel and level of each ball's tile.
+    overlap : float
+        Radius of a ball over half the diagonal of its tile.
+    classes : (M,) int64 ndarray
+        The class of each ball.
+    keys : (C, 1 + 2 d) int64 ndarray
+        Level of each class, and how many voxels its balls find before and after their tile along each axis.
+    """
+
+    shape: tuple[int, ...]
+    steps: FloatArray
+    tile: IntArray
+    starts: IntArray
+    levels: IntArray
+    overlap: float
+    classes: IntArray
+    keys: IntArray
+
+    @classmethod
+    def fit(
+        cls,
+        shape: tuple[int, ...],
+        steps: FloatArray,
+        most: int,
+        overlap: float,
+        mask: npt.NDArray[np.bool_] | None = None,
+    ) -> "VoxelCover":
+        """Tile a lattice so that a ball contains at most `most` voxels.
+
+        Where a `mask` of the lattice's shape is given, tiles that contain none of its voxels are merged,
+        2 by 2 along each axis, as long as the lattice is large enough.
+        """
+        spacing = np.linalg.norm(steps, axis=1)
+        tile = _tile(np.array(shape), spacing, most, overlap)
+        starts, levels = _all_tiles(shape, tile) if mask is None else _merged_tiles(mask, tile)
+        reach = _reach(tile, spacing, overlap)
+        first, stride = starts + _shift(levels), (1 << levels)[:, np.newaxis]
+        before = np.minimum(first // stride, reach)
+        after = np.minimum((np.array(shape) - 1 - first) // stride - (tile - 1), reach)
+        keys, classes = np.unique(np.column_stack([levels, before, after]), axis=0, return_inverse=True)
+        return cls(shape, steps, tile, starts, levels, overlap, classes.ravel(), keys)
+
+    def reaching(self, low: FloatArray, high: FloatArray, origin: FloatArray) -> "VoxelCover":
+        """Return the cover without the balls that do not reach into a box of the field's coordinates."""
+        centers = self.centers(origin)
+        gap = np.maximum(np.maximum(low - centers, centers - high), 0.0)
+        kept = np.linalg.norm(gap, axis=1) < self.radii
+        used, classes = np.unique(self.classes[kept], return_inverse=True)
+        parts = self.starts[kept], self.levels[kept], self.overlap, classes.ravel(), self.keys[used]
+        return VoxelCover(self.shape, self.steps, self.tile, *parts)
+
+    def centers(self, origin: FloatArray) -> FloatArray:
+        """Return the (M, d) centers of the balls, `origin` being the position of voxel (0, 0, 0)."""
+        middle = self.starts + (self.tile * (1 << self.levels)[:, np.newaxis] - 1) / 2
+        return origin + _moved(middle, self.steps)
+
+    @property
+    def radii(self) -> FloatArray:
+        """(M,) radii of the balls."""
+        radii: FloatArray = np.asarray(self._radius * (1 << self.levels), dtype=np.float64)
+        return radii
+
+    @property
+    def _radius(self) -> float:
+        """Radius of a ball of level 0."""
+        diagonal = np.linalg.norm(self.tile * np.linalg.norm(self.steps, axis=1))
+        return self.overlap * float(diagonal) / 2
+
+    def voxels(self, number: int) -> IntArray:
+        """Return the (n, d) voxels, counted from the first of its tile, that a ball of a class contains."""
+        dimension = len(self.shape)
+        level, before, after = (
+            self.keys[number, 0],
+            self.keys[number, 1 : 1 + dimension],
+            self.keys[number, 1 + dimension :],
+        )
+        axes = [np.arange(-low, side + high) for low, side, high in zip(before, self.tile, after, strict=True)]
+        voxels = (np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension) << level) + _shift(level)
+        inside = np.linalg.norm(self._from_center(voxels, level), axis=1) <= self._radius * (1 << level)
+        contained: IntArray = voxels[inside]
+        return contained
+
+    def points(self, number: int, voxels: IntArray) -> FloatArray:
+        """Return the (d, n) unit coordinates of a class's `voxels`, in the directions of the field's axes."""
+        level = self.keys[number, 0]
+        offsets = self._from_center(voxels, level)
+        local: FloatArray = np.ascontiguousarray(offsets.T) / (self._radius * (1 << level))
+        return local
+
+    def _from_center(self, voxels: IntArray, level: int) -> FloatArray:
+        middle = (self.tile * (1 << level) - 1) / 2
+        return _moved(voxels - middle, self.steps)
+
+
+def _moved(voxels: npt.NDArray[Any], steps: FloatArray) -> FloatArray:
+    """Return the displacements of (n, d) steps along the lattice; not by BLAS, whose bits depend on its threads."""
+    moved: FloatArray = np.einsum("ia,ab->ib", voxels, steps)
+    return moved
+
+
+def _shift(level: Any) -> Any:
+    """Return the first voxel of a tile that counts: of every 2ˡ, the middle one."""
+    shift = (1 << level) // 2
+    return shift[:, np.newaxis] if np.ndim(shift) else shift
+
+
+def _reach(tile: IntArray, spacing: FloatArray, overlap: float) -> IntArray:
+    """Return how many voxels a ball reaches beyond its tile along each axis; a quarter allows for `_shift`."""
+    radius = overlap * np.linalg.norm(tile * spacing) / 2
+    return np.floor(radius / spacing - (tile - 1) / 2 + 0.25).astype(np.int64)
+
+
+def _tile(shape: IntArray, spacing: FloatArray, most: int, overlap: float) -> IntArray:
+    """Return the sides of the largest nearly cubic tile whose ball contains at most `most` voxels."""
+    tile = np.ones(len(shape), dtype=np.int64)
+    growing = tile < shape
+    while growing.any():
+        axis = int(np.argmin(np.where(growing, tile * spacing, np.inf)))
+        larger = tile.copy()
+        larger[axis] += 1
+        if _count(larger, shape, spacing, overlap) > most:
+            break
+        tile = larger
+        growing = tile < shape
+    return tile
+
+
+def _count(tile: IntArray, shape: IntArray, spacing: FloatArray, overlap: float) -> int:
+    """Return how many voxels the ball of a tile in the middle of the lattice contains."""
+    radius = overlap * np.linalg.norm(tile * spacing) / 2
+    squares = []
+    for side, size, step in zip(tile, shape, spacing, strict=True):
+        reach = 0 if side == size else int(radius / step) + 1
+        squares.append(((np.arange(-reach, side + reach) - (side - 1) / 2) * step) ** 2)
+    total = squares[0]
+    for square in squares[1:]:
+        total = np.add.outer(total, square)
+    return int(np.sum(total <= radius**2))
+
+
+def _all_tiles(shape: tuple[int, ...], tile: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the starts of tiles that cover the lattice; the last along an axis is moved back to lie within."""
+    axes = [np.minimum(np.arange(0, size, side), size - side) for size, side in zip(shape, tile, strict=True)]
+    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(shape))
+    return starts, np.zeros(len(starts), dtype=np.int64)
+
+
+def _merged_tiles(mask: npt.NDArray[np.bool_], tile: IntArray) -> tuple[IntArray, IntArray]:
+    """Return starts and levels of tiles: as large as can be where no voxel is marked, whole in the lattice."""
+    table = np.zeros([size + 1 for size in mask.shape], dtype=np.int64)
+    table[(slice(1, None),) * mask.ndim] = mask
+    for axis in range(mask.ndim):
+        np.cumsum(table, axis=axis, out=table)
+    whole = np.array(mask.shape) // tile
+    merged = np.zeros(-(-np.array(mask.shape) // tile), dtype=bool)
+    done: list[tuple[IntArray, int]] = []
+    for level in range(int(np.log2(whole.min())), 0, -1):
+        places = np.argwhere(np.ones(whole >> level, dtype=bool)) << level
+        free = ~merged[tuple(places.T)] & ~_marked(table, places * tile, tile << level)
+        inside = np.array(list(product(range(1 << level), repeat=mask.ndim)))
+        merged[tuple((places[free, np.newaxis] + inside).reshape(-1, mask.ndim).T)] = True
+        done.append((places[free] * tile, level))
+    starts, _ = _all_tiles(mask.shape, tile)
+    done.append((starts[~merged.ravel()], 0))
+    return np.concatenate([s for s, _ in done]), np.concatenate([np.full(len(s), level) for s, level in done])
+
+
+def _marked(table: IntArray, starts: IntArray, sides: IntArray) -> npt.NDArray[np.bool_]:
+    """Return which boxes of voxels contain a marked one, by the table of sums over all boxes from the first voxel."""
+    total = np.zeros(len(starts), dtype=np.int64)
+    for corner in product((0, 1), repeat=len(sides)):
+        sign = (-1) ** (len(sides) - sum(corner))
+        total += sign * table[tuple((starts + np.array(corner) * sides).T)]
+    return total > 0

@@ -1,0 +1,37 @@
+"""The blend of balls that compiled loops know how to evaluate, over fixed blocks of queries."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.fitting.cover.ball_loops import order_by_leaf
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local import blend_loops
+from o3dleaf.fitting.rbf.evaluation_loops import jet_size
+
+BLEND_BLOCK = 4096
+
+
+def blend_balls(model: NamedTuple, index: BallIndex, queries: FloatArray, level: int) -> FloatArray:
+    """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box.
+
+    Parameters
+    ----------
+    model : NamedTuple
+        The balls, of a type that `blend_loops.ball_jets` is overloaded for.
+    index : BallIndex
+    queries : (n, d) ndarray
+    level : {0, 1, 2}
+        The highest order of the derivatives.
+    """
+    folded, leaves = index.fold(queries)
+    order = order_by_leaf(leaves, len(index.tree.axes))
+    jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
+
+    def task(start: int, stop: int) -> None:
+        blend_loops.blend(start, stop, order, folded, leaves, index.tree, index.images, model, level, jets)
+
+    run_blocks(task, len(queries), BLEND_BLOCK)
+    return jets

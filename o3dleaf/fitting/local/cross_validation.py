@@ -1,0 +1,52 @@
+"""Errors at points left out of the fit, group by group, without refitting: by which smoothing is compared."""
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.local import fit_loops
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.smoothing_selection import each_ball
+from o3dleaf.fitting.local.weight_loops import wendland
+from o3dleaf.fitting.rbf.smoothing import SplineModel
+
+
+def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> FloatArray:
+    r"""Return :math:`f_j - F^{(-I)}(x_j)`, with the whole group I of point j left out of every ball's fit.
+
+    Groups of one, where the data have none, give leave-one-out errors. On scattered scans, neighboring points share
+    their errors, and only groups wider than that sharing (stretches of a leaf) distinguish smoothing from
+    following it. NaN where no ball keeps enough points without the group.
+
+    .. math:: e_I = (B_{II})^{-1} (B f)_I, \qquad B = Q_2 \bigl(Q_2^T (A + D)\, Q_2\bigr)^{-1} Q_2^T
+
+    in each ball, blended with the partition of unity (Wahba 1990, chapter 4, for groups of one).
+
+    Parameters
+    ----------
+    cover : Cover
+    data : ScatteredData
+        Its groups may have any numbers.
+    model : SplineModel
+        Of the fit.
+    """
+    points, values, exponents = data.points, data.weighted, model.exponents
+    groups = np.arange(len(points)) if data.groups is None else data.groups
+    diagonals, power = model.smoothing.diagonals(cover.counts), model.kernel.power
+
+    def errors_of(ball: int) -> FloatArray:
+        errors: FloatArray = fit_loops.ball_held_out(ball, values, cover.balls, exponents, power, diagonals, groups)
+        return errors
+
+    with single_threaded_blas():
+        errors_of_balls = each_ball(errors_of, np.arange(len(cover.radii)))
+    total, blended = np.zeros(len(points)), np.zeros(len(points))
+    for ball, errors in enumerate(errors_of_balls):
+        known = ~np.isnan(errors)
+        rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]][known]
+        tau = np.linalg.norm(points[rows] - cover.centers[ball], axis=1) / cover.radii[ball]
+        weight = np.array([wendland(t) for t in tau])
+        total[rows] += weight
+        blended[rows] += weight * errors[known]
+    return np.where(total > 0, blended / np.where(total > 0, total, 1.0), np.nan)

@@ -1,0 +1,122 @@
+"""The compiled loops of fits of values, ball by ball: splines, their spectra and their held-out errors."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.fitting.cover.ball_loops import rows_of
+from o3dleaf.fitting.rbf.held_out_loops import held_out
+from o3dleaf.fitting.rbf.radial_loops import put
+from o3dleaf.fitting.rbf.shared_error_loops import shared_squares
+from o3dleaf.fitting.rbf.solve_loops import solve_local
+from o3dleaf.fitting.rbf.spectrum_loops import held_out_squares, spectra
+from o3dleaf.fitting.rbf.tail import IntArray
+
+
+class WeightedValues(NamedTuple):
+    """Points (n, d), their values (n,) and weights (n,)."""
+
+    points: FloatArray
+    values: FloatArray
+    weights: FloatArray
+
+
+class Tails(NamedTuple):
+    """Exponents (q, d) of the tail's monomials, lowest degree first, and how many of them each ball has, (M,)."""
+
+    exponents: IntArray
+    terms: IntArray
+
+
+class SplineArrays(NamedTuple):
+    """Splines of all balls, end to end; see `o3dleaf.fitting.local.splines.LocalSplines`."""
+
+    sites: FloatArray
+    weights: FloatArray
+    tails: FloatArray
+    ranks: IntArray
+    dropped: IntArray
+
+
+@njit(nogil=True, cache=True)
+def gather(points, values, rows, center, radius):
+    """Return the unit coordinates (d, n) and the values of the points `rows` of a ball."""
+    count, dimension = rows.size, center.size
+    local = np.empty((dimension, count))
+    data = np.empty(count)
+    for j in range(count):
+        data[j] = values[rows[j]]
+        for axis in range(dimension):
+            local[axis, j] = (points[rows[j], axis] - center[axis]) / radius
+    return local, data
+
+
+@njit(nogil=True, cache=True)
+def fit_balls(start, stop, data, balls, tail, power, smoothing, fitted):
+    """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit.
+
+    Tail coefficients that a ball has no terms for stay as they are.
+    """
+    dimension = balls.centers.shape[1]
+    for ball in range(start, stop):
+        first, last = balls.offsets[ball], balls.offsets[ball + 1]
+        rows, radius = balls.members[first:last], balls.radii[ball]
+        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+        diagonal = smoothing[ball] / radius**power / data.weights[rows]
+        exponents = tail.exponents[: tail.terms[ball]]
+        lam, coefficients, rank, lost = solve_local(local, values, exponents, power, diagonal)
+        put(local.ravel(), fitted.sites[dimension * first : dimension * last])
+        put(lam, fitted.weights[first:last])
+        put(coefficients, fitted.tails[ball])
+        fitted.ranks[ball] = rank
+        fitted.dropped[ball] = lost
+
+
+@njit(nogil=True, cache=True)
+def ball_spectrum(ball, data, balls, exponents, power):
+    """Return the spectrum of one ball's weighted system, in unit coordinates."""
+    rows = rows_of(balls, ball)
+    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    eigenvalues, coefficients = spectra(local, values.reshape(1, -1), np.sqrt(data.weights[rows]), exponents, power)
+    return eigenvalues, coefficients[0]
+
+
+@njit(nogil=True, cache=True)
+def local_groups(rows, groups):
+    """Return the place in `rows`, rising, of the row that names each row's group; −1 where it is not among them."""
+    places = np.searchsorted(rows, groups[rows])
+    for j in range(places.size):
+        if places[j] == rows.size or rows[places[j]] != groups[rows[j]]:
+            places[j] = -1
+    return places
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out_squares(ball, data, balls, exponents, power, groups, trials, max_size):
+    """Return one ball's `held_out_squares`, and its sums of blocks of up to `max_size` rows and their numbers."""
+    rows = rows_of(balls, ball)
+    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    blocks, counts = np.zeros((max_size, trials.size, max_size, max_size)), np.zeros(max_size)
+    roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
+    squares, weight = held_out_squares(local, values, roots, exponents, power, named, trials, blocks, counts)
+    return squares, weight, blocks, counts
+
+
+@njit(nogil=True, cache=True)
+def ball_shared_squares(ball, data, balls, exponents, power, groups, trials, inverses):
+    """Return one ball's `shared_squares`."""
+    rows = rows_of(balls, ball)
+    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    named = local_groups(rows, groups)
+    return shared_squares(local, values, np.sqrt(data.weights[rows]), exponents, power, named, trials, inverses)
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out(ball, data, balls, exponents, power, smoothing, groups):
+    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.fitting.rbf.held_out_loops`."""
+    rows = rows_of(balls, ball)
+    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    diagonal = smoothing[ball] / balls.radii[ball] ** power / data.weights[rows]
+    return held_out(local, values, exponents, power, diagonal, groups[rows])

@@ -1,0 +1,104 @@
+"""The protocol of local fits: scattered data and a cover in, what is blended of its balls out."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_normals, as_points, as_rows, as_values, as_weights
+from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.fit_loops import WeightedValues
+from o3dleaf.fitting.local.oriented_loops import OrientedPoints
+from o3dleaf.fitting.rbf.tail import IntArray
+
+POINTS_PER_BALL = (200, 400)
+"""Of splines of values, and of fits that do not say."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScatteredData:
+    """What is fitted: values at points and, as far as there are any, weights, groups and normals.
+
+    Attributes
+    ----------
+    points, values : (n, d), (n,) ndarrays
+    weights : (n,) ndarray or None
+        Above 0: the smoothing at a point is divided by its weight.
+    groups : (n,) int64 ndarray or None
+        Points of one group share their error, and are left out together. The number of a group is the row of one of
+        its points: the measured one, which the others were made from.
+    normals : (n, d) ndarray or None
+        Outward unit normals of a surface on which the value is zero.
+    """
+
+    points: FloatArray
+    values: FloatArray
+    weights: FloatArray | None = None
+    groups: IntArray | None = None
+    normals: FloatArray | None = None
+
+    @classmethod
+    def of(
+        cls,
+        points: npt.ArrayLike,
+        values: npt.ArrayLike,
+        *,
+        weights: npt.ArrayLike | None = None,
+        groups: npt.ArrayLike | None = None,
+        normals: npt.ArrayLike | None = None,
+    ) -> "ScatteredData":
+        """Return data of any arrays, or raise `InputError`; normals may have any length above 0."""
+        sites = as_points(points, least=1)
+        return cls(
+            sites,
+            as_values(values, len(sites)),
+            None if weights is None else as_weights(weights, len(sites)),
+            None if groups is None else as_rows(groups, len(sites)),
+            None if normals is None else as_normals(normals, sites),
+        )
+
+    @classmethod
+    def on_surface(cls, points: npt.ArrayLike, normals: npt.ArrayLike) -> "ScatteredData":
+        """Return oriented points of a surface, where the value is zero."""
+        sites = as_points(points, least=1)
+        return cls(sites, np.zeros(len(sites)), normals=as_normals(normals, sites))
+
+    @cached_property
+    def weighted(self) -> WeightedValues:
+        """Points, values and weights, 1 where there are none, as the compiled loops take them."""
+        return WeightedValues(
+            self.points, self.values, np.ones(len(self.points)) if self.weights is None else self.weights
+        )
+
+    @property
+    def oriented(self) -> OrientedPoints:
+        """Points and normals, as the compiled loops take them, or `InputError` where there are no normals."""
+        if self.normals is None:
+            raise InputError("normals: are none, and this fit needs them; give one for each point")
+        return OrientedPoints(self.points, self.normals)
+
+
+class LocalFits(Protocol):
+    """The local fits of a cover: all that the partition of unity needs to know of them."""
+
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries."""
+        ...
+
+
+@runtime_checkable
+class Fitter(Protocol):
+    """A way to fit the balls of a cover: `Hermite`, `CurlFree`, `MovingLeastSquares`, `CreasedSplines` or your own."""
+
+    @property
+    def points_per_ball(self) -> int | tuple[int, int]:
+        """The points of a ball, where the caller does not say, as in `PUInterpolant.fit`."""
+        ...
+
+    def fit(self, cover: Cover, data: ScatteredData) -> LocalFits:
+        """Fit every ball of the cover to its points."""
+        ...

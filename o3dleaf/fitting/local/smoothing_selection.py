@@ -1,0 +1,133 @@
+"""How much each ball is smoothed, where the data are to say it: one value for all, or each ball's own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.local import fit_loops
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, SplineModel, choose_by_gcv, trial_values
+from o3dleaf.fitting.rbf.tail import IntArray
+
+T = TypeVar("T")
+
+GCV_BALLS = 32
+"""Balls whose pooled score chooses the smoothing; an eigen-decomposition costs ten factorizations."""
+
+GROUP = 3
+"""Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
+
+LESS, MORE = 10.0, 100.0
+"""How far below and above the value that balls agree on one of them may choose."""
+
+NOISY = 0.5
+"""Share of a point's error that the pooled fit must leave beside the surface for balls to have a choice."""
+
+
+def choose_smoothing(
+    cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray
+) -> tuple[Smoothing, FloatArray | None]:
+    """Return the smoothing, its value chosen, and each ball's own value instead where they choose for themselves.
+
+    "gcv" takes what a fixed sample of balls agrees on, "gcv-per-ball" what each ball chooses: 0
+    where the tail takes all the degrees of freedom of its points, so that nothing can be smoothed. Where the data
+    have groups it is what `SharedErrors.each` says, each point being left out with its whole group.
+
+    Parameters
+    ----------
+    cover : Cover
+    data : ScatteredData
+    model : SplineModel
+        Of the fit.
+    terms : (M,) int64 ndarray
+        How many of the monomials the tail of each ball has.
+    """
+    smoothing = model.smoothing
+    if not isinstance(smoothing.value, str):
+        return smoothing, None
+    values, exponents, power = data.weighted, model.exponents, model.kernel.power
+
+    def spectrum(ball: int) -> Spectrum:
+        tail, count = exponents[: terms[ball]], int(cover.counts[ball])
+        eigenvalues, coefficients = fit_loops.ball_spectrum(ball, values, cover.balls, tail, power)
+        return Spectrum(eigenvalues / (smoothing.scale(count) / cover.radii[ball] ** power), coefficients, count)
+
+    every = np.arange(len(cover.radii))
+    sample = np.unique(np.linspace(0, len(every) - 1, GCV_BALLS).round().astype(np.int64))
+    if data.groups is not None:
+        trials = trial_values(Spectrum.pooled(each_ball(spectrum, sample[:: max(1, len(sample) // 4)])))
+        shared = SharedErrors(cover, data, model, terms)
+        pooled, blocks = shared.pooled(sample, trials)
+        return (pooled, None) if smoothing.value == "gcv" else (smoothing, shared.each(pooled, trials, blocks))
+    if smoothing.value == "gcv":
+        return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, sample))), None
+    return smoothing, np.array(each_ball(lambda ball: _own_value(spectrum(ball)), every, reports=True))
+
+
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """The choice where the points of a group share their error; the parameters of `choose_smoothing`."""
+
+    cover: Cover
+    data: ScatteredData
+    model: SplineModel
+    terms: IntArray
+
+    def pooled(self, sample: IntArray, trials: FloatArray) -> tuple[Smoothing, FloatArray]:
+        """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
+
+        The blocks (g, m, g, g) are the mean s B_II of groups of 1, ..., g rows; of groups that no ball has, one.
+        """
+        each = each_ball(lambda ball: fit_loops.ball_held_out_squares(*self._system(ball, trials, GROUP)), sample)
+        squares, weight, blocks, counts = (sum(part[k] for part in each) for k in range(4))
+        mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]
+        for size in range(GROUP):
+            unknown = np.arange(GROUP) > (size if counts[size] else -1)
+            mean[size][:, unknown, unknown] = 1.0
+        return self.model.smoothing.chosen_from(trials, squares, weight), mean
+
+    def each(self, pooled: Smoothing, trials: FloatArray, blocks: FloatArray) -> FloatArray:
+        """Return each ball's own value, from a tenth to a hundred times the pooled one, by the means of the blocks.
+
+        A pooled fit that nearly goes through the data has found no noise, and nothing to choose: all take its value.
+        """
+        chosen = cast("float", pooled.value)
+        count = len(self.cover.radii)
+        if blocks[0, np.searchsorted(trials, chosen), 0, 0] < NOISY:
+            return np.full(count, chosen)
+        near = np.flatnonzero((trials >= chosen / LESS) & (trials <= chosen * MORE))
+        inverses, candidates = np.linalg.inv(blocks[:, near]), trials[near]
+
+        def value_of(ball: int) -> float:
+            squares, weight = fit_loops.ball_shared_squares(*self._system(ball, candidates, inverses))
+            return cast("float", pooled.chosen_from(candidates, squares, weight).value) if weight else chosen
+
+        return np.array(each_ball(value_of, np.arange(count), reports=True))
+
+    def _system(self, ball: int, trials: FloatArray, last: object) -> tuple[Any, ...]:
+        """Return what the compiled loops take of a ball, with `trials` in its unit coordinates, up to their `last`."""
+        cover, power = self.cover, self.model.kernel.power
+        scaled = trials * self.model.smoothing.scale(int(cover.counts[ball])) / cover.radii[ball] ** power
+        tail = self.model.exponents[: self.terms[ball]]
+        return ball, self.data.weighted, cover.balls, tail, power, self.data.groups, scaled, last
+
+
+def _own_value(spectrum: Spectrum) -> float:
+    return choose_by_gcv(spectrum) if np.any(spectrum.eigenvalues > 0) else 0.0
+
+
+def each_ball(work: Callable[[int], T], balls: IntArray, *, reports: bool = False) -> list[T]:
+    """Return what `work` says of each ball, in their order, on all threads; see `run_blocks` for `reports`."""
+    results: dict[int, T] = {}
+
+    def task(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            results[k] = work(int(balls[k]))
+
+    run_blocks(task, len(balls), 1, reports=reports)
+    return [results[k] for k in range(len(balls))]

@@ -1,0 +1,168 @@
+"""Splines of values: one smoothed polyharmonic spline a ball, in unit coordinates."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local import fit_loops
+from o3dleaf.fitting.local.blend_loops import SplineBalls
+from o3dleaf.fitting.local.blending import blend_balls
+from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
+from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, SplineModel, as_smoothing
+from o3dleaf.fitting.rbf.tail import IntArray
+
+BATCH_SIZE = 4
+"""Balls that are fitted in one compiled call: between calls threads wait for one another."""
+
+
+@dataclass(frozen=True)
+class Splines:
+    """Splines of values, as `PUInterpolant.fit` makes them where nothing else is asked for, with its options."""
+
+    kernel: str | Polyharmonic = "cubic"
+    degree: int | None = None
+    smoothing: SmoothingValue | None = None
+    rho: SmoothingValue | None = None
+    points_per_ball: int | tuple[int, int] = POINTS_PER_BALL
+
+    def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines":
+        """Fit every ball of the cover."""
+        return fit_splines(cover, data, self.model(data.points.shape[1]))
+
+    def model(self, dimension: int) -> SplineModel:
+        """Return kernel, degree and smoothing for points of a dimension, or raise `InputError` or `IllPosedError`."""
+        kernel = as_kernel(self.kernel, dimension)
+        return SplineModel(kernel, as_degree(self.degree, kernel), as_smoothing(kernel, self.smoothing, self.rho))
+
+
+def fit_splines(cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray | None = None) -> "LocalSplines":
+    """Fit a spline to the points of every ball.
+
+    Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them.
+    """
+    count, total, dimension = len(cover.radii), int(cover.offsets[-1]), data.points.shape[1]
+    exponents, values = model.exponents, data.weighted
+    fitted = SplineArrays(
+        np.empty(dimension * total),
+        np.empty(total),
+        np.zeros((count, len(exponents))),
+        np.empty(count, dtype=np.int64),
+        np.empty(count, dtype=np.int64),
+    )
+    tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
+    # Balls that choose for themselves take about as long for it as for their fit, a sample of them nothing.
+    choosing, solving = progress.split(model.smoothing.value == "gcv-per-ball", 1)
+    with single_threaded_blas():
+        with choosing:
+            smoothing, per_ball = choose_smoothing(cover, data, model, tail.terms)
+        diagonals, power = smoothing.diagonals(cover.counts, per_ball), model.kernel.power
+
+        def task(start: int, stop: int) -> None:
+            fit_loops.fit_balls(start, stop, values, cover.balls, tail, power, diagonals, fitted)
+
+        with solving:
+            run_blocks(task, count, BATCH_SIZE, reports=True)
+    sites, weights, tails, ranks, dropped = fitted
+    kept = None if data.weights is None else data.weights[cover.members]
+    places = dimension * cover.offsets[:-1]
+    return LocalSplines(
+        model.kernel,
+        smoothing,
+        cover.offsets,
+        places,
+        sites,
+        weights,
+        tails,
+        exponents,
+        ranks,
+        dropped,
+        per_ball,
+        kept,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class LocalSplines:
+    """One smoothed polyharmonic spline a ball, in unit coordinates, stored end to end for the compiled blend.
+
+    Attributes
+    ----------
+    kernel : Polyharmonic
+    smoothing : Smoothing
+        With its value chosen, where it was "gcv"; the word is left where it was "gcv-per-ball".
+    offsets, places : (M + 1,), (M,) int64 ndarrays
+        Ball i has the weights ``offsets[i]:offsets[i + 1]``, and its points from ``places[i]`` on.
+    sites, weights, tails : (·,), (total,), (M, q) ndarrays
+        Points as (d, N_i) blocks, λ, and the tail's coefficients. Balls on a lattice share blocks.
+    exponents : (q, d) int64 ndarray
+    ranks, dropped : (M,) int64 ndarrays
+        Rank of each ball's tail on its points; directions of its system that coinciding points left out.
+    smoothing_per_ball : (M,) ndarray or None
+        Each ball's own value of the smoothing, where it was "gcv-per-ball".
+    point_weights : (total,) ndarray or None
+        The weights of the points of each ball, where there were any.
+    """
+
+    kernel: Polyharmonic
+    smoothing: Smoothing
+    offsets: IntArray
+    places: IntArray
+    sites: FloatArray
+    weights: FloatArray
+    tails: FloatArray
+    exponents: IntArray
+    ranks: IntArray
+    dropped: IntArray
+    smoothing_per_ball: FloatArray | None = field(default=None, metadata={"stored": "amounts"})
+    point_weights: FloatArray | None = field(default=None, metadata={"stored": "trust"})
+
+    def __repr__(self) -> str:
+        return f"LocalSplines({self.kernel}, {len(self.tails):,} balls)"
+
+    @property
+    def diagonals(self) -> FloatArray:
+        """(M,) the number s on the diagonal of each ball, in the data's unit."""
+        return self.smoothing.diagonals(np.diff(self.offsets), self.smoothing_per_ball)
+
+    def ball(self, ball: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the (d, N) points of a ball in its unit coordinates, their (N,) λ and their (N,) weights."""
+        first, last = self.offsets[ball], self.offsets[ball + 1]
+        dimension, place = self.kernel.dimension, self.places[ball]
+        points = self.sites[place : place + dimension * (last - first)].reshape(dimension, last - first)
+        weights = np.ones(last - first) if self.point_weights is None else self.point_weights[first:last]
+        return points, self.weights[first:last], weights
+
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box.
+
+        Raises
+        ------
+        InputError
+            If second derivatives are asked for of a kernel that has none.
+        """
+        return blend_balls(self.balls(level, dtype), index, queries, level)
+
+    def balls(self, level: int, dtype: np.dtype[Any]) -> SplineBalls:
+        """Return what the compiled blend reads, or raise `InputError` where the kernel lacks the derivatives."""
+        if level == 2:
+            require_twice_differentiable(self.kernel)
+        sites, weights = (self.sites, self.weights) if dtype == np.float64 else self._single
+        widest = int(np.diff(self.offsets).max())
+        power, exponents = self.kernel.power, self.exponents
+        return SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
+
+    @cached_property
+    def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Sites and weights in single precision."""
+        return self.sites.astype(np.float32), self.weights.astype(np.float32)

@@ -1,0 +1,95 @@
+"""The plane row by row: what of the tile is in each place of the outline, held for two rows of places at a time."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar, cast
+
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.instancing.components import PlacedTile, find_components
+from o3dleaf.leaf.instancing.footprint import Footprint
+from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
+from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
+from o3dleaf.leaf.instancing.tile import Tile
+
+Place = tuple[int, int]
+"""Number of a tile along and across."""
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Window(NamedTuple):
+    """A row of places and the row after it, whose vertices the triangles of the first one use.
+
+    Attributes
+    ----------
+    placed : dict
+        The tile in each place of both rows, in order.
+    row : list of places
+        Those of the first row.
+    """
+
+    placed: dict[Place, PlacedTile]
+    row: list[Place]
+
+    def neighbors(self, place: Place) -> dict[int, Place]:
+        """Return the neighbors that a tile's triangles use vertices of, by shift (bits: along, across)."""
+        places = {shift: (place[0] + (shift & 1), place[1] + (shift >> 1)) for shift in (1, 2, 3)}
+        return {shift: neighbor for shift, neighbor in places.items() if neighbor in self.placed}
+
+
+class TilePlacer:
+    """Places a tile, or its reduced form, wherever an outline has room for it.
+
+    Parameters
+    ----------
+    tile : Tile
+    footprint : Footprint
+    closed : bool
+        Whether the outline cuts a solid, or two sheets.
+    reduced : ReducedTile, optional
+        What stands for the tiles that the outline does not cut.
+    """
+
+    def __init__(self, tile: Tile, footprint: Footprint, *, closed: bool, reduced: ReducedTile | None) -> None:
+        self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
+        nx, ny, _ = tile.lattice.shape
+        (first_i, first_j), (last_i, last_j) = footprint.box.tolist()
+        # Vertices in the last column belong to the tile that begins there.
+        self._rows = range(first_i // nx, last_i // nx + 1)
+        self._columns = range(first_j // ny, last_j // ny + 1)
+        self._whole: PlacedTile | None = None
+
+    def windows(self) -> Iterator[Window]:
+        """Yield every row of places with the row after it."""
+        placed: dict[Place, PlacedTile] = {}
+        for p in self._rows:
+            places = [(row, q) for row in (p, p + 1) for q in self._columns if (row, q) not in placed]
+            tiles = map_in_threads(self._place, places)
+            placed = {place: tile for place, tile in placed.items() if place[0] >= p}
+            placed |= {place: tile for place, tile in zip(places, tiles, strict=True) if tile is not None}
+            placed = dict(sorted(placed.items()))
+            yield Window(placed, [place for place in placed if place[0] == p])
+
+    def _place(self, place: Place) -> PlacedTile | None:
+        """Return the tile in one place with its components; those of the whole tile are found once."""
+        placement = (place_solid if self.closed else place_sheets)(self.tile, self.footprint, place)
+        if placement is None:
+            return None
+        if not placement.is_whole:
+            return find_components(placement)
+        if self.reduced is not None:
+            placement = place_reduced(placement, self.reduced)
+        if self._whole is None:
+            self._whole = find_components(placement)
+        return PlacedTile(placement, self._whole.components, self._whole.count)
+
+
+def map_in_threads(function: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Return the results of a function for each item, computed on all threads."""
+    results: list[R | None] = [None] * len(items)
+
+    def work(first: int, _: int) -> None:
+        results[first] = function(items[first])
+
+    run_blocks(work, len(items), 1)
+    return cast("list[R]", results)

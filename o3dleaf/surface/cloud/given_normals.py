@@ -1,0 +1,106 @@
+"""Normals that came with a cloud: completed, and repaired where points and neighbors contradict them."""
+
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import OrientationError
+from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
+from o3dleaf.surface.cloud.normals import repair_normals
+from o3dleaf.surface.cloud.orientation import OPEN, Orientation, orient_surfels
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.surfels import Surfels
+from o3dleaf.surface.cloud.winding_number import enclosing_signs
+
+CONTRADICTED = 0.03
+"""Share of opposed neighbors from which on sides are found anew: Homer, whose parts nearly touch, has 0.001."""
+AGREED = 0.7
+"""Length of the mean of a group's unit normals from which on one that opposes it is wrong."""
+SPLIT = 0.5
+"""Distance between the points of either side, over their spread, from which on they are two sheets within the noise,
+and their normals no mistake."""
+
+
+def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> Orientation:
+    """Return unit normals (n, 3) out of those given, repaired where points and neighbors contradict them.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+    given : (n, 3) ndarray
+        Of any length, or missing: zero or not finite.
+    orient : bool
+        Whether sides may be changed.
+    """
+    points, rows, surfels = cloud.points, cloud.neighbors.row, cloud.surfels
+    unit, missing = _completed(points, given, rows)
+    notes = (f"{missing} normals were missing and were found",) if missing else ()
+    if not orient:
+        return Orientation(unit, notes)
+    repaired, conflict = repair_normals(points, unit, rows)
+    repaired = _with_groups(surfels, repaired)
+    turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
+    if conflict > CONTRADICTED:
+        unit, more = _oriented_anew(points, unit, surfels)
+    else:
+        unit, more = repaired, ((f"{turned} normals were turned, contradicted by their neighbors",) if turned else ())
+    if _point_inward(surfels, unit):
+        unit, more = -unit, (*more, "all normals pointed inward and were turned")
+    return Orientation(unit, notes + more)
+
+
+def _group_means(surfels: Surfels, unit: FloatArray) -> FloatArray:
+    """Return the mean (m, 3) of the cloud's unit normals over each surfel."""
+    count = surfels.total(np.ones(len(unit)))
+    return np.column_stack([surfels.total(unit[:, a]) for a in range(3)]) / count[:, np.newaxis]
+
+
+def _with_groups(surfels: Surfels, unit: FloatArray) -> FloatArray:
+    """Return unit normals (n, 3), turned where the others of their group agree on the other side."""
+    mean = _group_means(surfels, unit)
+    agreed = (np.linalg.norm(mean, axis=1) > AGREED)[surfels.group]
+    wrong = agreed & (np.einsum("ij,ij->i", unit, mean[surfels.group]) < 0)
+    return np.where(wrong, -1.0, 1.0)[:, np.newaxis] * unit
+
+
+def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
+    """Return whether unit normals (n, 3) of the cloud's points enclose a volume from the wrong side."""
+    area = surfels.total(surfels.spacing**2)
+    mean = _group_means(surfels, unit)
+    enclosure = enclosing_signs(surfels.points, mean, area, np.zeros(len(mean), np.int64))
+    return float(enclosure.sign[0]) < 0 and float(enclosure.winding[0]) > OPEN
+
+
+def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:
+    """Return unit normals, the missing ones those of planes through neighbors, and how many were."""
+    finite = np.isfinite(given).all(axis=1, keepdims=True)
+    length: FloatArray = np.asarray(np.linalg.norm(np.where(finite, given, 0.0), axis=1))
+    known = length > 0
+    unit = np.where(known[:, np.newaxis], given, 0.0) / np.where(known, length, 1.0)[:, np.newaxis]
+    missing = np.flatnonzero(~known)
+    if len(missing):
+        with progress.silent():
+            plane = fit_planes(points, rows[missing]).normal
+        agreement = np.einsum("ia,ija->i", plane, unit[rows[missing]])  # missing ones are zero and do not count
+        unit[missing] = np.where(agreement < 0, -1.0, 1.0)[:, np.newaxis] * plane
+    return unit, len(missing)
+
+
+def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
+    """Return normals that contradict one another with sides found anew, unless they are of two sheets in the noise."""
+    try:
+        outward, notes = orient_surfels(points, surfels)
+    except OrientationError as problem:
+        return Orientation(unit, (f"normals contradict one another and were kept as they are ({problem})",))
+    agreement = np.einsum("ij,ij->i", unit, outward)
+    turned = np.asarray(agreement < 0)
+    height = np.einsum("ij,ij->i", points - surfels.points[surfels.group], outward)
+    spread = float(np.std(height))
+    if len(surfels.points) < len(points) and 0 < turned.sum() < len(points):
+        apart = float(np.mean(height[~turned]) - np.mean(height[turned]))
+        if apart > SPLIT * spread:
+            return Orientation(unit, ("two sheets lie within the noise: normals were kept as they are",))
+    sign = np.where(turned, -1.0, 1.0)[:, np.newaxis]
+    return Orientation(
+        sign * unit, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were turned", *notes)
+    )

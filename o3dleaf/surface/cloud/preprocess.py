@@ -1,0 +1,215 @@
+"""Any point cloud made ready for a surface: faulty points go, and every point has an outward normal."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_positive
+from o3dleaf.core.cloud_arrays import CloudLike, held_normals, held_points
+from o3dleaf.core.errors import InputError
+from o3dleaf.surface.cloud.downsample import voxel_down_sample
+from o3dleaf.surface.cloud.given_normals import check_normals
+from o3dleaf.surface.cloud.neighbors import IndexArray
+from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
+from o3dleaf.surface.cloud.outliers import detect_outliers
+
+UNUSABLE = 0.1
+"""Share of given normals on the wrong side of a noisy cloud beyond which their directions are not used either."""
+SHARES = (3, 5, 3, 5, 4)
+"""About how long the steps of preprocessing take: sorting, outliers, planes, sides, and the order restored."""
+MIN_POINTS = 10
+"""Fewer points do not determine a quadratic, let alone a surface."""
+
+Detect = Callable[[OrientedCloud], npt.NDArray[np.bool_]]
+Estimate = Callable[[OrientedCloud], npt.ArrayLike]
+Orient = Callable[[OrientedCloud], Orientation]
+
+
+def preprocess_point_cloud(
+    cloud: CloudLike,
+    *,
+    normals: npt.ArrayLike | None = None,
+    voxel_size: float | None = None,
+    outliers: Detect | None = detect_outliers,
+    estimate: Estimate | None = None,
+    orient: Orient | None = orient_normals,
+) -> OrientedCloud:
+    """Return a cloud without non-finite, repeated and stray points, each with its outward normal.
+
+    Parameters
+    ----------
+    cloud : (n, 3) array_like or Open3D point cloud
+        Points that are removed are counted.
+    normals : (n, 3) array_like, optional
+        Normals in place of those of the cloud. Given normals are kept as far as their neighbors agree
+        with them: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
+        point inward; where they contradict one another throughout, their sides are found anew.
+    voxel_size : float, optional
+        Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
+    outliers : callable, optional
+        ``outliers(cloud) -> (n,) mask`` of points that belong to no surface; None keeps everything.
+    estimate : callable, optional
+        ``estimate(cloud) -> (n, 3)`` unit normals of either sign, where the cloud has none; left out, `orient` finds
+        both directions and sides.
+    orient : callable, optional
+        ``orient(cloud) -> Orientation``, of a cloud with the normals estimated, if any; None leaves normals as they
+        were given or estimated.
+
+    Raises
+    ------
+    InputError
+        If too few points are left.
+    OrientationError
+        If the points do not say which side is outside.
+    """
+    points = _as_rows(held_points(cloud), "cloud")
+    normals = held_normals(cloud) if normals is None else normals
+    given = None if normals is None else _as_rows(normals, "normals")
+    if given is not None and len(given) != len(points):
+        raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
+    if voxel_size is not None:
+        require_positive(voxel_size, "voxel_size")
+    sorting, finding, measuring, siding, ending = progress.split(*SHARES)
+    with sorting:
+        usable = _Usable.of(points, _weights_of(cloud, len(points)))
+    with finding:
+        usable = usable.without(outliers, len(points))
+    with measuring:
+        _ = usable.cloud.spacing  # and with it the neighbors and planes that the sides are found by
+    with siding:
+        orientation = _find_normals(usable.cloud, None if given is None else given[usable.rows], estimate, orient)
+    with ending:
+        oriented = usable.cloud.with_normals(*orientation)
+        if voxel_size is None:
+            return usable.restored(oriented)
+        averaged = voxel_down_sample(oriented.take(np.argsort(usable.rows)), voxel_size)
+        _require_enough(len(averaged), len(oriented))
+        return averaged
+
+
+def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -> OrientedCloud:
+    """Return the points of a cloud, in their order, without non-finite, repeated and stray ones, which are counted.
+
+    Parameters
+    ----------
+    cloud : (n, 3) array_like or Open3D point cloud
+    outliers : callable, optional
+        ``outliers(cloud) -> (n,) mask`` of points that belong to no surface; None keeps everything.
+
+    Raises
+    ------
+    InputError
+        If too few points are left.
+    """
+    points = _as_rows(held_points(cloud), "cloud")
+    usable = _Usable.of(points, _weights_of(cloud, len(points))).without(outliers, len(points))
+    return usable.restored(usable.cloud)
+
+
+class _Usable(NamedTuple):
+    """The usable points of a cloud in the order of a tree: neighbors are close in memory, and loops twice as fast.
+
+    Attributes
+    ----------
+    cloud : OrientedCloud
+        Without normals.
+    rows : (n,) ndarray
+        Of the points in the cloud that they come from.
+    tree : scipy.spatial.cKDTree or None
+        Of the points in their first order, where it is known.
+    """
+
+    cloud: OrientedCloud
+    rows: IndexArray
+    tree: cKDTree | None
+
+    @classmethod
+    def of(cls, points: FloatArray, weights: FloatArray) -> "_Usable":
+        """Leave out what is not finite, and repeated."""
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        distinct = finite[_first_of_each(points[finite])]
+        _require_enough(len(distinct), len(points))
+        tree = cKDTree(points[distinct])
+        rows = distinct[tree.indices]
+        removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))
+        return cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
+
+    def without(self, outliers: Detect | None, count: int) -> "_Usable":
+        """Leave out what a step takes for outliers, of `count` points in all."""
+        if outliers is None:
+            return self
+        stray = as_mask(outliers(self.cloud), (len(self.cloud),), "outliers")
+        if not stray.any():
+            return self
+        _require_enough(int(np.sum(~stray)), count)
+        removed = self.cloud.removed._replace(outliers=int(stray.sum()))
+        return _Usable(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
+
+    def restored(self, cloud: OrientedCloud) -> OrientedCloud:
+        """Return a cloud of these points in their first order."""
+        return cloud.reordered(np.argsort(self.rows), self.tree)
+
+
+def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:
+    """Return an (n, 3) float64 array, of which values may be NaN."""
+    rows = np.asarray(array)
+    as_points(np.zeros(rows.shape), name, dim=3)
+    return np.asarray(rows, dtype=np.float64)
+
+
+def _weights_of(cloud: CloudLike, count: int) -> FloatArray:
+    return cloud.weights if isinstance(cloud, OrientedCloud) else np.broadcast_to(1.0, count)
+
+
+def _first_of_each(points: FloatArray) -> IndexArray:
+    """Return the rows, in order, at which each distinct point of `points` (n, 3) stands first."""
+    order = np.argsort(points[:, 0], kind="stable")
+    equal = points[order[1:], 0] == points[order[:-1], 0]
+    shared = np.zeros(len(order), dtype=bool)
+    shared[:-1] |= equal
+    shared[1:] |= equal
+    doubtful = np.sort(order[shared])  # most clouds have few points that share an x
+    order = doubtful[np.lexsort(points[doubtful].T)]
+    repeated = order[1:][(points[order[1:]] == points[order[:-1]]).all(axis=1)]  # stable: the first one comes first
+    kept = np.ones(len(points), dtype=bool)
+    kept[repeated] = False
+    return np.flatnonzero(kept)
+
+
+def _require_enough(count: int, whole: int) -> None:
+    if count < MIN_POINTS:
+        raise InputError(
+            f"cloud: {count} of {whole} points are left without repeated, stray and non-finite ones; "
+            f"a surface needs {MIN_POINTS}; is it damaged?"
+        )
+
+
+def _find_normals(
+    cloud: OrientedCloud, given: FloatArray | None, estimate: Estimate | None, orient: Orient | None
+) -> Orientation:
+    """Return outward normals: those given where they can be used, else those that the steps find."""
+    if given is None:
+        return _find_anew(cloud, estimate, orient)
+    unit, notes = check_normals(cloud, given, orient=orient is not None)
+    turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(given), unit) < 0))
+    noisy = len(cloud.surfels.points) < len(cloud)
+    if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
+        return Orientation(unit, notes)
+    unit, more = _find_anew(cloud, estimate, orient)
+    note = f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew"
+    return Orientation(unit, (note, *more))
+
+
+def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:
+    """Return the normals that two steps find of a cloud without any."""
+    if orient is None and estimate is None:
+        return Orientation(estimate_normals(cloud), ())
+    if estimate is not None:
+        cloud = cloud.with_normals(as_points(estimate(cloud), "normals", dim=3))
+    return Orientation(cloud.require_normals(), ()) if orient is None else orient(cloud)

@@ -1,0 +1,192 @@
+"""The compiled loops of sheets: the smooth ones that the measured points of a ball fall into."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.surface.creases.quadric_loops import OUTLIER, SLACK, measure, misfit, product
+
+MIN_SMOOTH = 8
+"""Points away from any crease that a sheet begins with: more than a quadric has coefficients."""
+
+ROUNDS = 4
+"""Times that doubtful points choose their sheet and the sheets' quadrics are fitted again."""
+
+ONE_SHEET = 1.5
+"""Two sheets are one if a quadric's misfit to both is below so many of the larger of their own, and `SLACK`."""
+
+OPPOSITE = -0.5
+"""Cosine below which a neighbor's normal is the other side of a thin sheet, which makes no crease here."""
+
+
+@njit(nogil=True, cache=True)
+def average_alike(start, stop, normals, neighbors, cosine, averaged):
+    """Write the (n, 3) unit means of the normals of points and of those of their neighbors that agree with them."""
+    for i in range(start, stop):
+        mean, own = averaged[i], normals[i]
+        mean[:] = own
+        for j in neighbors[i]:
+            if product(own, normals[j]) >= cosine:
+                for axis in range(3):
+                    mean[axis] += normals[j, axis]
+        mean /= math.sqrt(product(mean, mean))
+
+
+@njit(nogil=True, cache=True)
+def find_smooth(start, stop, normals, neighbors, cosine, smooth):
+    """Mark the points that all neighbors agree with, those on the other side of a thin sheet aside."""
+    for i in range(start, stop):
+        smooth[i] = True
+        for j in neighbors[i]:
+            agree = product(normals[i], normals[j])
+            if OPPOSITE < agree < cosine:
+                smooth[i] = False
+
+
+@njit(nogil=True, cache=True)
+def squared_distance(one, other):
+    """Return the square of the distance of two points of three coordinates."""
+    return (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
+
+
+@njit(nogil=True, cache=True)
+def place_of(rows, row):
+    """Return the place of a row among rising rows, or −1."""
+    place = np.searchsorted(rows, row)
+    return place if place < rows.size and rows[place] == row else -1
+
+
+@njit(nogil=True, cache=True)
+def connect(rows, measured, labels):
+    """Label the smooth points of rising `rows` by the components that neighbors join, −1 elsewhere; return how many."""
+    normals, neighbors, smooth = measured.normals, measured.neighbors, measured.smooth
+    labels[:] = -1
+    stack = np.empty(rows.size, dtype=np.int64)
+    count = 0
+    for seed in range(rows.size):
+        if labels[seed] != -1 or not smooth[rows[seed]]:
+            continue
+        labels[seed], stack[0], depth = count, seed, 1
+        size = 0
+        while depth > 0:
+            depth -= 1
+            point = rows[stack[depth]]
+            size += 1
+            for other in neighbors[point]:
+                if smooth[other] and product(normals[point], normals[other]) >= measured.cosine:
+                    place = place_of(rows, other)
+                    if place >= 0 and labels[place] == -1:
+                        labels[place], stack[depth] = count, place
+                        depth += 1
+        if size >= MIN_SMOOTH:
+            count += 1
+        else:
+            labels[labels == count] = -2
+    return count
+
+
+@njit(nogil=True, cache=True)
+def blunt_pair(labels, distances, outward, count, cosine):
+    """Return two sheets that turn by less than the angle where one comes nearest to the other, or −1 twice."""
+    for one in range(count):
+        for other in range(count):
+            least, nearest = np.inf, -1
+            for i in range(labels.size):
+                if labels[i] == other and abs(distances[one, i]) < least:
+                    least, nearest = abs(distances[one, i]), i
+            if one != other and nearest >= 0 and product(outward[one, nearest], outward[other, nearest]) > cosine:
+                return one, other
+    return -1, -1
+
+
+@njit(nogil=True, cache=True)
+def relabel(labels, gone, into, last):
+    """Give the points of one sheet to another, and its number to the last one."""
+    for i in range(labels.size):
+        if labels[i] == gone:
+            labels[i] = into
+    for i in range(labels.size):
+        if labels[i] == last:
+            labels[i] = gone
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def unite(points, normals, labels, count):
+    """Unite sheets that one quadric fits as well as each its own; return how many are left."""
+    own = np.array([misfit(points, normals, labels == sheet)[0] for sheet in range(count)])
+    first = 0
+    while first < count - 1:
+        other = first + 1
+        while other < count:
+            together, scale = misfit(points, normals, (labels == first) | (labels == other))
+            if together > ONE_SHEET * max(own[first], own[other]) + SLACK * scale:
+                other += 1
+                continue
+            count -= 1
+            relabel(labels, other, first, count)
+            own[other], own[first] = own[count], together
+            other = first + 1
+        first += 1
+    return count
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def find_sheets(rows, measured):
+    """Return the (n,) sheet of each point, whether it lies on it, (sheets, n) distances and (sheets, n, 3) normals.
+
+    Sheets begin as connected smooth points; then a doubtful point goes to the sheet whose quadric it lies on. What
+    lies on none begins one more: a sheet that has only a corner in here has no smooth points. Sheets that do not turn
+    where they meet are one. Where smooth points make one sheet at most there is no other, and no more is found out.
+    """
+    labels = np.empty(rows.size, dtype=np.int64)
+    cosine = 2.0 * measured.cosine * measured.cosine - 1.0  # of the whole angle
+    count = connect(rows, measured, labels)
+    x, n = measured.points[rows], measured.normals[rows]
+    count = unite(x, n, labels, count) if count > 1 else count
+    distances, outward = np.zeros((count + 1, rows.size)), np.zeros((count + 1, rows.size, 3))
+    doubtful, lying = labels < 0, labels >= 0
+    if count < 2:
+        return labels, lying, distances[:count], outward[:count]
+    count = place_doubtful(x, n, labels, lying, distances, outward, count)
+    one, other = blunt_pair(labels, distances, outward, count, cosine)
+    while one >= 0:
+        one, other = min(one, other), max(one, other)
+        count -= 1
+        relabel(labels, other, one, count)
+        for sheet in range(count):
+            measure(x, n, lying & (labels == sheet), distances[sheet], outward[sheet])
+        one, other = blunt_pair(labels, distances, outward, count, cosine)
+    for sheet in range(count):
+        own = labels == sheet
+        sure = own & ~doubtful
+        if not np.any(sure):
+            continue
+        within = OUTLIER * math.sqrt(np.mean(distances[sheet][sure] ** 2)) + SLACK * np.max(np.abs(distances))
+        for i in range(rows.size):
+            if own[i]:
+                lying[i] = abs(distances[sheet, i]) <= within
+    return labels, lying, distances[:count], outward[:count]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def place_doubtful(points, normals, labels, lying, distances, outward, count):
+    """Give the points that lie on no sheet yet to the nearest one or, once, to one more; return how many there are."""
+    doubtful = ~lying
+    within, more = np.zeros(count + 1), count + 1
+    for _ in range(ROUNDS):
+        for sheet in range(count):
+            within_reach = measure(points, normals, lying & (labels == sheet), distances[sheet], outward[sheet])
+            within[sheet] = within_reach if within[sheet] == 0.0 else within[sheet]
+        for i in range(labels.size):
+            if doubtful[i]:
+                labels[i] = 0
+                for sheet in range(1, count):
+                    if abs(distances[sheet, i]) < abs(distances[labels[i], i]):
+                        labels[i] = sheet
+                lying[i] = abs(distances[labels[i], i]) <= within[labels[i]]
+        if count < more and np.sum(~lying) >= MIN_SMOOTH:
+            labels[~lying] = count
+            lying[:] = True
+            count = more
+    return count

@@ -1,0 +1,60 @@
+"""``o3dleaf clean``: a mesh cleaned, simplified on request, and compared with what it was."""
+
+import inspect
+from dataclasses import fields
+
+import numpy as np
+import open3d as o3d
+import pytest
+from typer.testing import CliRunner
+
+import o3dleaf as o3l
+from o3dleaf.commands.clean import CleaningOptions, CleanJob
+from o3dleaf.commands.cli import app
+from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return mesh_arrays(o3d.geometry.TriangleMesh.create_icosahedron(1.0).subdivide_loop(2))
+
+
+def test_the_command_shows_before_and_after(ball, tmp_path):
+    dirty, clean = tmp_path / "dirty.ply", tmp_path / "clean.ply"
+    vertices, triangles = ball
+    mesh = build_mesh(vertices, np.concatenate([np.delete(triangles, [0, 3], axis=0), triangles[8:10]]))
+    mesh.paint_uniform_color([0.2, 0.4, 0.6])
+    o3d.io.write_triangle_mesh(str(dirty), mesh)
+    arguments = ["clean", dirty, "--largest-hole", "5", "--triangles", "200", "--quiet", "-o", clean]
+    assert CliRunner().invoke(app, [str(each) for each in arguments]).exit_code == 0
+    found = o3d.io.read_triangle_mesh(str(clean))
+    assert (len(found.triangles), found.is_watertight()) == (200, True)
+    arguments[-3:] = ["-o", clean]
+    arguments[4:6] = []
+    said = CliRunner().invoke(app, [str(each) for each in arguments]).stdout
+    table = {line[:22].strip(): line[22:].split() for line in said.splitlines()}
+    assert table["duplicate triangles"] == ["2", "0"]
+    assert table["boundary edges"] == [str(o3l.mesh_report(mesh).boundary_edges), "0"]
+    assert table["triangles"] == ["320", "320"]
+    kept = np.asarray(o3d.io.read_triangle_mesh(str(clean)).vertex_colors)
+    assert np.allclose(kept, [0.2, 0.4, 0.6])
+
+
+def test_a_job_keeps_labels_and_measures_what_simplifying_moved(ball, tmp_path):
+    labels = np.where(ball[0][ball[1]].mean(axis=1)[:, 2] > 0, 2, 0)
+    given = o3l.LabelledMesh(build_mesh(ball[0], ball[1][2:]), labels[2:].astype(np.uint8))
+    o3l.export_mesh(given, tmp_path / "dirty.ply")
+    job = CleanJob(tmp_path / "dirty.ply", tmp_path / "clean.ply", largest_hole=5.0, triangles=160)
+    comparison, written = job.run(), o3l.read_mesh(tmp_path / "clean.ply")
+    mesh, left = written.mesh, written.labels
+    assert (len(left), set(left), o3l.mesh_report(mesh).watertight) == (len(mesh.triangles), {0, 2}, True)
+    assert comparison.table()[-1].split()[-1] == f"{comparison.distance:.6g}"
+    assert [report.triangles for report in comparison.reports] == [318, 320, 160]
+    assert 0 < comparison.distance < 0.2
+
+
+def test_the_options_are_the_arguments_of_clean_mesh():
+    arguments = list(inspect.signature(o3l.clean_mesh).parameters.values())[1:]
+    assert {each.name: each.default for each in arguments} == {
+        each.name: each.default for each in fields(CleaningOptions)
+    }

@@ -1,0 +1,104 @@
+"""A command is made of the fields of its job: an option is one line in one place."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from o3dleaf.commands.cli import JOBS, add_command, job_of
+from o3dleaf.commands.leaf import LeafJob
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.job import Job, argument, option, options_of, output, spelled, table
+
+
+@dataclass(frozen=True)
+class ShadedLeafJob(LeafJob):
+    """A leaf with one option more, and without the work."""
+
+    shade: float = option(0.5, "How dark the picture is", unit="percent of black")  # the one line
+
+    def work(self):
+        return self.settings
+
+    def line(self, summary):
+        return f"shade is {summary['shade']}"
+
+
+@dataclass(frozen=True)
+class PaintJob(Job):
+    """Paint meshes."""
+
+    meshes: list[Path] = argument("Meshes to paint.", reads=True)
+    output: Path = output((".ply",))
+    color: str = option("green", "Color of the paint.", "--in", choices=("green", "brown"))
+    dots: tuple[float, ...] = option(
+        (), "Where to leave out.", kind=list[str], parse=lambda texts: tuple(map(float, texts))
+    )
+    mask: Path | None = option(None, "What to leave out.", reads=True)
+    log: Path | None = option(None, "A log too.", writes=())
+
+    def work(self):
+        self.output.write_text(self.color)
+        return len(self.meshes)
+
+
+def invoke(job, *words):
+    program = typer.Typer()
+    add_command(program, "it", job)
+    return CliRunner().invoke(program, [str(word) for word in words], env={"COLUMNS": "200", "TERMINAL_WIDTH": "200"})
+
+
+def test_a_new_option_of_leaf_is_one_line(tmp_path):
+    """It is in the help with its unit and default, in the job, and among the settings that the summary keeps."""
+    said = " ".join(re.sub("[│╭╮╰╯─]", " ", invoke(ShadedLeafJob, "--help").stdout).split())
+    assert "--shade <float> How dark the picture is, in percent of black. [default: 0.5]" in said
+    done = invoke(ShadedLeafJob, tmp_path / "scan.ply", "-o", tmp_path / "leaf.ply", "--shade", 0.25, "--threads", 1)
+    assert (done.exit_code, done.stdout) == (0, "shade is 0.25\n")
+    assert set(ShadedLeafJob(Path("scan.ply"), Path("leaf.ply")).settings) == {*options_of(LeafJob), "shade"} - {
+        "threads",
+        "quiet",
+    }
+
+
+def test_a_command_line_becomes_the_job():
+    given = {"meshes": [Path("a.ply")], "output": Path("b.ply"), "color": "brown", "dots": ["1", "2.5"], "mask": None}
+    job = job_of(PaintJob, given)
+    assert job == PaintJob([Path("a.ply")], Path("b.ply"), "brown", (1.0, 2.5))
+    assert job_of(PaintJob, given | {"dots": []}).dots == ()
+
+
+def test_files_and_choices_are_refused_before_the_work(tmp_path):
+    (tmp_path / "a.ply").write_text("mine")
+    (tmp_path / "c.ply").write_text("mine too")
+    good = {"meshes": [tmp_path / "a.ply", tmp_path / "c.ply"], "output": tmp_path / "b.ply"}
+    for wrong, words in (
+        ({"output": tmp_path / "c.ply"}, "not written over"),
+        ({"log": tmp_path / "a.ply"}, "not written over"),
+        ({"mask": tmp_path / "b.ply"}, "not written over"),
+        ({"output": tmp_path / "b.txt"}, "suffix '.txt'"),
+        ({"log": tmp_path / "nowhere" / "log.txt"}, "folder"),
+        ({"color": "blue"}, "in: unknown 'blue'; choose one of green, brown"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            PaintJob(**(good | wrong)).run()
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["a.ply", "c.ply"]
+    assert PaintJob(**good).run() == 2
+    assert (tmp_path / "b.ply").read_text() == "green"
+
+
+@pytest.mark.parametrize("command", JOBS)
+def test_what_a_job_says_of_its_options_is_true(command):
+    """Tables that it names are there, defaults are among the choices, and no two options share a name."""
+    known = options_of(JOBS[command])
+    for name, (field, one) in known.items():
+        assert one.text.endswith((".", "...")), name
+        if one.writes is not None:
+            assert all(suffix.startswith(".") for suffix in table(one.writes)), name
+        if one.choices:
+            assert table(one.choices), name
+            assert field.default in {*table(one.choices), None, ()}, name
+    flags = [flag for name, (_, one) in known.items() for flag in (one.flags or (spelled(name, one),))]
+    assert len(flags) == len(set(flags))

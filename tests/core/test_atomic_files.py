@@ -1,0 +1,117 @@
+"""What has a name and is no file keeps it; a link leads to what is written."""
+
+import os
+import socket
+import stat
+
+import numpy as np
+import pytest
+
+from mesh_fields import sphere
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.triangle_mesh import write_mesh
+from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+
+
+def make(kind, path):
+    """Put what is no regular file at a path."""
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as ear:
+            ear.bind(str(path))
+    else:
+        path.symlink_to("/dev/null")
+
+
+@pytest.mark.parametrize("linked", [False, True])
+@pytest.mark.parametrize("kind", ["folder", "pipe", "socket", "device"])
+def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, linked):
+    monkeypatch.chdir(tmp_path)  # the name of a socket has 100 letters at most
+    make(kind, tmp_path / "out.ply")
+    if linked:
+        (tmp_path / "link.ply").symlink_to("out.ply")
+    name = "link.ply" if linked else "out.ply"
+    before = {path.name: path.stat() for path in tmp_path.iterdir()}
+
+    def write():
+        with whole_file(name):
+            pytest.fail("a name to write to was given")
+
+    for refuse in (write, lambda: require_writable(name, (".ply",)), lambda: require_writable(name)):
+        with pytest.raises(InputError, match=rf"{name}: is a {kind}.*; give the name of a file"):
+            refuse()
+    assert {path.name: path.stat() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
+    for folder in ("here", "far"):
+        (tmp_path / folder).mkdir()
+    target, link = tmp_path / "far" / "model.bin", tmp_path / "here" / "model.o3l"
+    link.symlink_to("../far/model.bin")
+    if there:
+        target.write_text("old")
+    require_writable(link, (".o3l",))
+    require_free(link, 1)
+    with whole_file(link) as temporary:
+        assert temporary.suffix == ".o3l"
+        temporary.write_text("new")
+        assert not target.exists() or target.read_text() == "old"
+    assert link.is_symlink()
+    assert target.read_text() == "new"
+    assert [path.name for folder in ("here", "far") for path in (tmp_path / folder).iterdir()] == [
+        link.name,
+        target.name,
+    ]
+
+
+def test_a_link_that_leads_nowhere_is_refused(tmp_path):
+    for link, target in (("ring", "ring"), ("lost", "no folder/file")):
+        (tmp_path / link).symlink_to(target)
+        with pytest.raises(InputError, match=r"written.*; choose another"):
+            require_writable(tmp_path / link)
+        assert (tmp_path / link).is_symlink()
+
+
+def test_every_writer_asks(tmp_path):
+    os.mkfifo(tmp_path / "ct.tif")
+    os.mkfifo(tmp_path / "ball.ply")
+    with pytest.raises(InputError, match="is a pipe"):
+        write_volume(Volume(np.zeros((2, 2, 2)), np.ones(3), np.zeros(3), "um"), tmp_path / "ct.tif")
+    with pytest.raises(InputError, match="is a pipe"):
+        write_mesh(extract_isosurface(sphere(), 0.3), tmp_path / "ball.ply")
+    assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("leaf", "missing.ply", "-o", "pipe.ply"),
+        ("leaf", "missing.ply", "-o", "leaf.ply", "--model", "pipe.o3l"),
+        ("leaf", "missing.ply", "-o", "pipe.stl"),  # its picture
+        ("reconstruct", "missing.ply", "-o", "pipe.ply"),
+        ("patch", "missing.tif", "-o", "model.o3l", "--tile-solid", "pipe.ply", "--spacing", "1"),
+        ("info", "missing.ply", "--json", "pipe.json"),
+        ("qa", "missing.ply", "--json", "pipe.json"),
+        ("qa", "missing.ply", "--html", "pipe.html"),
+        ("clean", "missing.ply", "-o", "pipe.ply"),
+        ("export", "missing.ply", "-o", "pipe.ply"),
+    ],
+    ids=" ".join,
+)
+def test_a_command_refuses_before_it_reads(run, tmp_path, monkeypatch, words):
+    """The input is not there, and the command never gets to say so."""
+    monkeypatch.chdir(tmp_path)
+    for suffix in ("ply", "o3l", "json", "html", "png"):
+        os.mkfifo(f"pipe.{suffix}")
+    result = run(*words)
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "is a pipe" in result.stderr
+    assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())

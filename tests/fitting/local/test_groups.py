@@ -1,0 +1,163 @@
+"""Constraints that share their points' errors: left out together, and what "gcv" makes of it."""
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+import reference
+from o3dleaf import InputError, PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
+from o3dleaf.core.checks import as_rows
+from o3dleaf.fitting.rbf.shared_error_loops import shared_squares
+from o3dleaf.fitting.rbf.spectrum_loops import held_out_squares
+from o3dleaf.fitting.rbf.tail import tail_exponents
+from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE
+
+TRIALS = np.array([1e-3, 1e-1, 10.0])
+
+
+def bundle(d, count=60, seed=2):
+    """A third of the points with two companions, one with a single one; one constraint whose point is elsewhere."""
+    rng = np.random.default_rng(seed)
+    groups = np.concatenate([np.arange(count), np.repeat(np.arange(0, count, 3), 2), [1, -1]])
+    points = rng.uniform(-1, 1, (len(groups), d))
+    points[count:-1] = points[groups[count:-1]] + 0.1 * rng.standard_normal((len(groups) - count - 1, d))
+    values = np.sin(2 * points).sum(axis=1) + 0.1 * rng.standard_normal(count)[groups]
+    return points, values, groups, rng.uniform(0.2, 2, len(groups))
+
+
+@pytest.mark.parametrize(("m", "d"), [(2, 2), (3, 3)])
+def test_points_left_out_with_all_their_constraints_are_missed_as_by_a_refit_without_them(m, d):
+    points, values, groups, weights = bundle(d)
+    kernel, degree = polyharmonic(m, d), m - 1
+    room = np.zeros((3, len(TRIALS), 3, 3)), np.zeros(3)
+    exponents = tail_exponents(d, degree)
+    squares, total = held_out_squares(
+        points.T.copy(), values, np.sqrt(weights), exponents, kernel.power, groups, TRIALS, *room
+    )
+    expected = np.zeros(len(TRIALS))
+    for name in range(60):
+        out = groups == name
+        for at, trial in enumerate(TRIALS):
+            options = {"kernel": kernel, "degree": degree, "smoothing": trial, "weights": weights[~out]}
+            missed = values[out] - RBFInterpolant.fit(points[~out], values[~out], **options)(points[out])
+            expected[at] += weights[out] @ missed**2
+    np.testing.assert_allclose(squares, expected, rtol=GROUPS_REFIT)
+    assert total == pytest.approx(weights[groups >= 0].sum(), rel=GROUPS_REFIT)
+
+
+@pytest.mark.parametrize(("m", "d"), [(2, 2), (3, 3)])
+def test_one_krylov_space_gives_the_errors_of_dense_inverses_with_mean_blocks(m, d):
+    points, values, groups, weights = bundle(d)
+    kernel, roots = polyharmonic(m, d), np.sqrt(weights)
+    gaps = reference.distances(points, points)
+    free = null_space((roots[:, np.newaxis] * reference.polynomials(points, m - 1)).T)
+    radial = free.T @ (roots[:, np.newaxis] * kernel(gaps) * roots) @ free
+    members = [np.flatnonzero(groups == name) for name in range(60)]
+    means, pulled = np.tile(np.eye(3), (3, len(TRIALS), 1, 1)), []
+    for at, trial in enumerate(TRIALS):
+        inverse = trial * free @ np.linalg.inv(radial + trial * np.eye(len(radial))) @ free.T
+        pulled.append(inverse @ (roots * values))
+        for size in (1, 2, 3):
+            blocks = [inverse[np.ix_(rows, rows)] for rows in members if len(rows) == size]
+            means[size - 1, at, :size, :size] = np.mean(blocks, axis=0)
+    inverses = np.linalg.inv(means)
+    expected = [
+        sum(np.sum((inverses[len(r) - 1, at, : len(r), : len(r)] @ pulled[at][r]) ** 2) for r in members)
+        for at in range(len(TRIALS))
+    ]
+    system = points.T.copy(), values, roots, tail_exponents(d, m - 1), kernel.power, groups, TRIALS
+    squares, total = shared_squares(*system, inverses)
+    np.testing.assert_allclose(squares, expected, rtol=ONE_KRYLOV_SPACE)
+    assert total == pytest.approx(weights[groups >= 0].sum(), rel=GROUPS_REFIT)
+
+
+def half_flat(count=1600):
+    """A noisy height, flat on the left and rough on the right, and its companions above and below a fourth of it."""
+    rng = np.random.default_rng(11)
+    points = rng.random((count, 2)) * [2, 1]
+    height = np.where(points[:, 0] > 1, 0.1 * np.sin(20 * (points[:, 0] - 1)) * np.sin(20 * points[:, 1]), 0.0)
+    sites = np.column_stack([points, height + 0.02 * rng.standard_normal(count)])
+    base = np.arange(0, count, 4)
+    groups = np.concatenate([np.arange(count), base, base])
+    values = np.repeat([0.0, -0.05, 0.05], [count, len(base), len(base)])
+    sites = sites[groups] - values[:, np.newaxis] * [0, 0, 1]
+    return sites, values, groups, np.column_stack([points, height])
+
+
+def test_a_flat_half_is_smoothed_more_than_a_rough_one_and_both_come_nearer_to_the_truth():
+    sites, values, groups, truth = half_flat()
+    fits = [
+        PUInterpolant.fit(sites, values, smoothing=rule, groups=groups, points_per_ball=(100, 200))
+        for rule in ("gcv", "gcv-per-ball")
+    ]
+    one, own = (np.sqrt(np.mean(fit(truth) ** 2)) for fit in fits)
+    assert own < one
+    chosen, across = fits[1].local.smoothing_per_ball, fits[1].cover.centers[:, 0]
+    reach = fits[1].cover.radii
+    flat, rough = chosen[across + reach < 1.1], chosen[across - reach > 0.9]
+    assert len(flat) > 3
+    assert len(rough) > 3
+    assert np.median(flat) > 10 * np.median(rough)
+
+
+def test_without_noise_each_ball_takes_the_value_of_all():
+    sites, _, groups, truth = half_flat()
+    values = np.sin(3 * truth).sum(axis=1)[groups]
+    fit = PUInterpolant.fit(sites[:1600], values[:1600], smoothing="gcv-per-ball", groups=groups[:1600])
+    one = PUInterpolant.fit(sites[:1600], values[:1600], smoothing="gcv", groups=groups[:1600])
+    np.testing.assert_array_equal(fit.local.smoothing_per_ball, one.local.smoothing.value)
+
+
+def noisy(count=400, d=2):
+    rng = np.random.default_rng(7)
+    points = rng.random((count, d))
+    return points, np.sin(5 * points).sum(axis=1) + 0.1 * rng.standard_normal(count)
+
+
+def test_points_that_own_themselves_are_left_out_one_by_one():
+    """The score is the mean square of the leave-one-out errors that `diagnostics` finds for the value chosen."""
+    points, values = noisy()
+    field = PUInterpolant.fit(points, values, smoothing="gcv", groups=np.arange(400), points_per_ball=400)
+    alone = field.diagnostics().leave_one_out
+    assert field.local.smoothing.score == pytest.approx(float(alone[0]) ** 2, rel=GROUPS_REFIT)
+
+
+def test_errors_that_constraints_share_are_not_taken_for_shape():
+    """Three constraints a point with its error: a rule that takes them for three witnesses follows the noise."""
+    rng = np.random.default_rng(3)
+    points, _ = noisy(300)
+    truth, error = np.sin(5 * points).sum(axis=1), 0.3 * rng.standard_normal(300)
+    groups = np.tile(np.arange(300), 3)
+    sites = points[groups] + 0.005 * rng.standard_normal((900, 2))
+    values = np.sin(5 * sites).sum(axis=1) + error[groups]
+
+    def missed(rule):
+        options = {"kernel": "thin_plate_spline", "points_per_ball": 300}
+        return np.sqrt(
+            np.mean((PUInterpolant.fit(sites, values, smoothing="gcv", **options, **rule)(points) - truth) ** 2)
+        )
+
+    assert missed({"groups": groups}) < 0.5 * missed({})
+
+
+@pytest.mark.parametrize(
+    "groups", [[0, 1, 2, 4], [-1, 0, 1, 2], [0, 1, 2], [0.0, 1.0, 2.0, 3.0], [[0, 1], [2, 3]]], ids=str
+)
+def test_groups_must_be_a_row_for_each_constraint(groups):
+    with pytest.raises(InputError, match=r"groups: is .*; give one row number from 0 to 3 each"):
+        as_rows(groups, 4)
+
+
+@pytest.mark.parametrize("rule", ["gcv", "gcv-per-ball"])
+def test_the_number_of_threads_does_not_change_a_bit_of_what_groups_make_balls_choose(rule):
+    points, values = noisy(1200)
+    groups = np.concatenate([np.arange(600), np.arange(600)])
+    before, found = get_num_threads(), []
+    try:
+        for threads in (1, 3):
+            set_num_threads(threads)
+            field = PUInterpolant.fit(points, values, smoothing=rule, groups=groups, points_per_ball=60)
+            found.append((field.local.smoothing.score, field.local.diagonals.tobytes(), field.local.weights.tobytes()))
+    finally:
+        set_num_threads(before)
+    assert found[0] == found[1]

@@ -1,0 +1,76 @@
+"""Outliers of a cloud and of a scan: few, counted, and the same however the cloud is held."""
+
+from functools import partial
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from cloud_shapes import torus
+from o3dleaf import InputError, OrientedCloud, detect_outliers, read_point_cloud
+from o3dleaf.leaf.pipeline import is_far
+from o3dleaf.surface.cloud.preprocess import remove_faults
+
+
+def cloud_of(points):
+    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.asarray(points, dtype=np.float64)))
+
+
+def test_points_beside_a_surface_are_outliers_from_four_spacings_on():
+    """No point of a random cloud is, and of one 32 times as dense on one half only few of the other."""
+    points, normals = torus(20_000)
+    spacing = OrientedCloud.of(points).spacing
+    rng = np.random.default_rng(12)
+    beside = rng.choice(20_000, 40, replace=False)
+    lifted = points[beside] + rng.uniform(4.5, 9, size=(40, 1)) * spacing * normals[beside]
+    assert not detect_outliers(points).any()
+    assert np.array_equal(np.flatnonzero(detect_outliers(np.vstack([points, lifted]))), np.arange(20_000, 20_040))
+    xy = rng.uniform(size=(33_000, 2))
+    uneven = np.column_stack([xy[:, 0] * np.repeat([1, -1], [32_000, 1_000]), xy[:, 1], np.zeros(33_000)])
+    assert detect_outliers(uneven).sum() < 33
+
+
+@pytest.mark.parametrize("ratio", [1.0, 2.0, 10.0])
+def test_the_statistical_criterion_is_open3ds(ratio):
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(3000, 3)) * rng.uniform(0.1, 3, size=(3000, 1))
+    _, kept = cloud_of(points).remove_statistical_outlier(nb_neighbors=8, std_ratio=ratio)
+    outliers = detect_outliers(points, max_gap=np.inf, max_ratio=np.inf, std_ratio=ratio)
+    assert np.array_equal(np.flatnonzero(~outliers), np.sort(kept))
+    assert outliers.any() or ratio == 10
+
+
+@pytest.mark.parametrize("outliers", [is_far, detect_outliers])
+def test_repeated_and_stray_points_go_and_are_counted(outliers):
+    rng = np.random.default_rng(1)
+    leaf = np.column_stack([rng.uniform(0, 100, 3000), rng.uniform(-5, 5, 3000), np.zeros(3000)])
+    far = np.array([[50.0, 0, 400], [-300, 0, 0]])
+    cloud = remove_faults(np.concatenate([leaf, leaf[:7], far]), outliers)
+    assert (cloud.removed.repeated, cloud.removed.outliers) == (7, 2)
+    assert np.array_equal(cloud.points, leaf)
+
+
+def test_the_real_leaf_keeps_its_thin_parts(real_scan):
+    cloud = remove_faults(read_point_cloud(real_scan("wheat/wheat_leaf.ply")), is_far)
+    assert cloud.removed.repeated == 0
+    assert cloud.removed.outliers <= 3
+
+
+def test_tensor_clouds_and_arrays_are_taken_alike():
+    points = np.random.default_rng(2).uniform(0, 1, (200, 3))
+    tensor = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
+    for held in (points, cloud_of(points), tensor, OrientedCloud.of(points)):
+        assert np.array_equal(remove_faults(held, is_far).points, remove_faults(points, is_far).points)
+
+
+@pytest.mark.parametrize("outliers", [is_far, detect_outliers])
+@pytest.mark.parametrize("points", [np.ones((200, 3)), np.random.default_rng(4).uniform(0, 1e300, (200, 3))])
+def test_a_scan_of_one_place_or_beyond_all_sizes_is_refused(points, outliers):
+    with pytest.raises(InputError, match="is it damaged"):
+        remove_faults(points, outliers)
+
+
+def test_a_wrapped_step_finds_what_the_bare_one_finds():
+    points = np.vstack([torus(2000)[0], [[9.0, 9, 9]]])
+    bare, wrapped = (remove_faults(points, step) for step in (detect_outliers, partial(detect_outliers)))
+    assert np.array_equal(bare.points, wrapped.points)

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from cloud_shapes import sphere, torus
+from o3dleaf import InputError, OrientedCloud, point_spacing
+from tolerances import SPACING
+
+
+def test_the_spacing_is_that_of_the_area():
+    points, _ = sphere(20000)
+    assert OrientedCloud.of(points).spacing == pytest.approx(np.sqrt(4 * np.pi / len(points)), rel=SPACING)
+
+
+@pytest.mark.parametrize("spacings", [1, 4])
+def test_noise_thicker_than_the_spacing_does_not_change_it(spacings):
+    points, _ = torus(60000)
+    true = np.sqrt(4 * np.pi**2 * 0.35 / len(points))
+    points += spacings * true * np.random.default_rng(1).normal(size=points.shape)
+    assert OrientedCloud.of(points).spacing == pytest.approx(true, rel=SPACING)
+
+
+def test_each_point_has_the_spacing_around_it():
+    rng = np.random.default_rng(2)
+    dense, sparse = rng.uniform(0, 1, (16000, 2)), rng.uniform(0, 1, (1000, 2)) + [2, 0]
+    points = np.column_stack([np.concatenate([dense, sparse]), np.zeros(17000)])
+    for spacing in (point_spacing(points), OrientedCloud.of(points).surfels.spacing):
+        assert np.median(spacing[:16000]) == pytest.approx(1 / np.sqrt(16000), rel=SPACING)
+        assert np.median(spacing[16000:]) == pytest.approx(1 / np.sqrt(1000), rel=SPACING)
+
+
+def test_a_lattice_and_a_random_cloud_of_one_density_agree():
+    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
+    assert OrientedCloud.of(np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])).spacing == pytest.approx(
+        1, rel=SPACING
+    )
+
+
+def test_points_on_a_line_have_none():
+    with pytest.raises(InputError, match="on a line"):
+        _ = OrientedCloud.of(np.outer(np.arange(50.0), [1, 2, 3])).spacing

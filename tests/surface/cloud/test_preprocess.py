@@ -1,0 +1,94 @@
+import re
+from functools import partial
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from cloud_shapes import sphere, torus
+from o3dleaf import (
+    InputError,
+    OrientedCloud,
+    detect_outliers,
+    estimate_normals,
+    orient_normals,
+    preprocess_point_cloud,
+)
+
+
+def test_what_does_no_good_goes_and_is_counted_and_the_rest_keeps_its_order():
+    points, normals = torus(3000)
+    far = [5.0, 0, 0] + 0.01 * np.random.default_rng(0).normal(size=(8, 3))
+    bad = np.array([[np.nan, 0, 0], [0, np.inf, 0]])
+    order = np.random.default_rng(1).permutation(3000 + 8 + 2)
+    dirty = np.concatenate([points, far, bad])[order]
+    directions = np.concatenate([normals, np.ones((10, 3))])[order]
+    cloud = preprocess_point_cloud(
+        np.concatenate([dirty, dirty[:5]]), normals=np.concatenate([directions, directions[:5]])
+    )
+    good = order < 3000
+    assert cloud.removed == (2, 5, 8, 0)
+    assert np.array_equal(cloud.points, dirty[good])
+    assert cloud.normals == pytest.approx(directions[good])
+
+
+def test_legacy_clouds_tensor_clouds_and_arrays_are_taken_alike():
+    points, normals = sphere(500)
+    legacy = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    legacy.normals = o3d.utility.Vector3dVector(normals)
+    tensor = o3d.t.geometry.PointCloud(o3d.core.Tensor(points))
+    tensor.point.normals = o3d.core.Tensor(normals)
+    plain = preprocess_point_cloud(points, normals=normals)
+    for held in (legacy, tensor):
+        assert np.array_equal(preprocess_point_cloud(held).points, plain.points)
+        assert np.array_equal(preprocess_point_cloud(held).normals, plain.normals)
+
+
+def test_normals_that_are_missing_or_flipped_are_mended():
+    points, normals = sphere(3000)
+    rng = np.random.default_rng(2)
+    given = 3 * normals
+    given[rng.choice(3000, 30)] *= -1
+    given[5], given[6] = 0, np.nan
+    cloud = preprocess_point_cloud(points, normals=given)
+    assert (np.einsum("ij,ij->i", cloud.normals, normals) > 0.9).all()
+    assert np.linalg.norm(cloud.normals, axis=1) == pytest.approx(np.ones(3000))
+    assert len(cloud.notes) == 2
+
+
+@pytest.mark.parametrize(("points", "message"), [(np.full((20, 3), np.nan), "0 of 20"), (np.ones((20, 2)), "shape")])
+def test_a_cloud_without_points_is_refused(points, message):
+    with pytest.raises(InputError, match=message):
+        preprocess_point_cloud(points, normals=np.ones((20, 3)))
+
+
+def test_steps_that_are_wrapped_do_what_the_bare_ones_do():
+    """On a noisy cloud, whose sides are found on groups of points: the very normals, whoever calls the steps."""
+    points = torus(6000)[0]
+    points += 0.02 * np.random.default_rng(3).normal(size=points.shape)
+    bare = preprocess_point_cloud(points)
+    wrapped = preprocess_point_cloud(points, outliers=partial(detect_outliers), orient=partial(orient_normals))
+    assert np.array_equal(bare.points, wrapped.points)
+    assert np.array_equal(bare.normals, wrapped.normals)
+    assert bare.spacing == wrapped.spacing
+    estimated = [
+        preprocess_point_cloud(points, estimate=step) for step in (estimate_normals, partial(estimate_normals))
+    ]
+    assert np.array_equal(estimated[0].normals, estimated[1].normals)
+
+
+def test_a_cloud_that_was_preprocessed_stays_as_it_is():
+    points, normals = torus(3000)
+    once = preprocess_point_cloud(points, normals=normals)
+    again = preprocess_point_cloud(once)
+    assert np.array_equal(again.points, once.points)
+    assert again.normals == pytest.approx(once.normals)
+    weighted = preprocess_point_cloud(OrientedCloud.of(points, normals, weights=np.arange(1.0, 3001)))
+    assert np.array_equal(weighted.weights, np.arange(1.0, 3001))
+
+
+def test_a_cloud_says_what_it_is_in_a_line():
+    cloud = preprocess_point_cloud(torus(3000)[0])
+    assert re.fullmatch(r"OrientedCloud\(3,000 points with normals, spacing 0\.0\d+\)", repr(cloud))
+    assert repr(OrientedCloud.of(torus(50)[0])) == "OrientedCloud(50 points)"
+    assert repr(orient_normals(cloud)) == "Orientation(3,000 normals, notes ())"

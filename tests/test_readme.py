@@ -1,0 +1,67 @@
+"""The README's Python runs as it stands there, on data that are small enough."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+import o3dleaf as o3l
+from cloud_shapes import torus
+from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.samples.ct import wheat_ct
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+TEXT = README.read_text(encoding="utf-8")
+BLOCKS = [*re.finditer(r"```python\n(.*?)```", TEXT, re.DOTALL)]
+WRITTEN = [
+    {"leaf.ply", "leaf.vti", "solid.obj", "leaf.o3l", "qa.json"},
+    {"surface.ply"},
+    set(),
+]
+
+
+@pytest.fixture(scope="module")
+def given():
+    """What a reader has: a blade 14.5 mm long, one square millimetre of volume, and names of the README's own."""
+    rng = np.random.default_rng(0)
+    across = rng.uniform([0, -2.4], [14.5, 2.4], (2000, 2))
+    across[0] = 7, 0
+    blade = np.column_stack([across, 0.02 * across[:, 0] ** 2 + 0.03 * across[:, 1] ** 2])
+    volume, _ = wheat_ct(size=(720, 720, 480))
+    voxels, intensities = volume.to_samples(volume.threshold("valley"))
+    points = rng.random((500, 3))
+    return {
+        "o3d": o3d,
+        "o3l": o3l,
+        "scan_points": blade + rng.normal(0, 0.01, blade.shape),
+        "drop": blade[0],
+        "x": blade[:5],
+        "volume": volume,
+        "voxels": voxels,
+        "intensities": intensities,
+        "points": points,
+        "values": points[:, 0],
+        "any_mesh": o3d.geometry.TriangleMesh.create_sphere(1.0),
+        "any_field": o3l.samples.Sphere(1.0),
+    }
+
+
+def test_every_block_is_known():
+    assert len(BLOCKS) == len(WRITTEN)
+
+
+@pytest.mark.parametrize(("block", "written"), [*zip(BLOCKS, WRITTEN, strict=False)], ids=["leaf", "cloud", "engine"])
+def test_a_block_runs(given, tmp_path, monkeypatch, block, written):
+    """But for the page of `write_report`: its pictures take as long as all the rest, and have tests of their own."""
+    monkeypatch.chdir(tmp_path)
+    o3d.io.write_point_cloud("scan.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(given["scan_points"])))
+    o3d.io.write_point_cloud(
+        "cloud.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(5 * torus(1500, tube=0.5)[0]))
+    )
+    write_volume("ct.tif", given["volume"])
+    before = {path.name for path in tmp_path.iterdir()}
+    lines = "\n" * TEXT.count("\n", 0, block.start(1)) + block[1].replace('"qa.html"', '"qa.json"')
+    exec(compile(lines, README, "exec"), dict(given))
+    assert {path.name for path in tmp_path.iterdir()} == before | written
