@@ -4,6 +4,8 @@
 `checks`         validation of input, all of it
 `units`          units of length
 `field`          the protocol between what fits a function and what makes triangles of it
+`newton`         Newton's method onto a level set
+`outside_loops`  a field outside its bounds
 `lattice`        a regular lattice over a box, sampled in bounded memory
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks

@@ -9,7 +9,7 @@ classes that the reader names can come out.
 import json
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike
@@ -56,14 +56,14 @@ def write_model(path: str | PathLike[str], model: object) -> None:
             stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
 
 
-def read_model(path: str | PathLike[str], classes: Mapping[str, type[Any]]) -> Any:
+def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., Any]]) -> Any:
     """Return the object of a model file; its arrays stay on disk until they are used.
 
     Parameters
     ----------
     path : path-like
-    classes : mapping of str to type
-        The classes that may come out, by name.
+    classes : mapping of str to callable
+        What makes the objects that may come out of their state: their classes, by the names that files have for them.
 
     Raises
     ------
@@ -135,7 +135,9 @@ def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     return {"class": type(value).__name__, "state": {name: _pack(part, arrays) for name, part in state.items()}}
 
 
-def _unpack(tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, type[Any]], file: Path) -> Any:
+def _unpack(
+    tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, Callable[..., Any]], file: Path
+) -> Any:
     """Return what `_pack` was given; lists come back as tuples."""
     if isinstance(tree, list):
         return tuple(_unpack(item, arrays, classes, file) for item in tree)

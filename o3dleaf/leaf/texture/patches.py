@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
@@ -237,16 +238,9 @@ class WeightedTextures:
 
 
 def _jets(texture: TiledField | PatchBlend, points: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
-    """Return the jets of a texture at points that may lie above or below it, where it falls with the distance."""
+    """Return the jets of a texture at points that may lie above or below it."""
     jets = texture.local.blend(texture.index, points, level=level, dtype=dtype)
-    low, high = texture.cell[:, 2]
-    off = points[:, 2] - np.clip(points[:, 2], low, high)
-    outside = np.flatnonzero(off)
-    jets[0, outside] -= np.abs(off[outside])
-    if level > 0:
-        jets[3, outside] = -np.sign(off[outside])
-    if level > 1:
-        jets[HESSIAN_ROWS[:, 2:], outside] = 0.0
+    fall_outside(0, len(points), jets, points, texture.cell, np.append(texture.period, 0.0))
     return jets
 
 

@@ -11,6 +11,7 @@ from o3dleaf.core.checks import FloatArray, as_mask, require_finite, require_pos
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.newton import project_to_level
 from o3dleaf.surface.isosurface.band import Band
 
 SEED_BLOCK = 4
@@ -22,7 +23,7 @@ POINTS_PER_SEED = 36
 SHARES = (1, 8, 6)
 """About how long seeds, growing and drawing take."""
 
-NEWTON_STEPS = 3
+MAX_ITERATIONS = 3
 """Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
 
 TOLERANCE = 1e-3
@@ -90,21 +91,12 @@ def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
 
 
 def _toward_zero(field: Field, points: FloatArray, level: float, tolerance: float) -> FloatArray:
-    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
+    """Return points moved towards F = level, no step longer than the bounds, until the last is below a tolerance."""
 
-    A point that has moved less than `tolerance` stays: what is left is the square of that.
-    """
-    box = np.asarray(field.bounds)
-    longest = float(np.linalg.norm(box[1] - box[0]))
-    moved, active = points.copy(), np.arange(len(points))
-    for _ in range(NEWTON_STEPS):
-        value, slope = values_and_gradients(field, moved[active])
-        value = value - level
-        steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
-        # Where the field is flat the quotient may be beyond all numbers.
-        length = value / np.maximum(steep, np.abs(value) / longest)
-        moved[active] -= (length / steep)[:, np.newaxis] * slope
-        active = active[np.abs(length) > tolerance]
-        if not len(active):
-            break
+    def jet(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values, gradients = values_and_gradients(field, points)
+        return values - level, gradients
+
+    diagonal = float(np.linalg.norm(np.diff(field.bounds, axis=0)))
+    moved, _ = project_to_level(points, jet, max_step=diagonal, tolerance=tolerance, max_iterations=MAX_ITERATIONS)
     return require_finite(moved, "seeds moved onto the surface")

@@ -91,7 +91,7 @@ def remesh(
     target: ProjectionTarget = (
         MeshTarget(vertices, triangles)
         if field is None
-        else FieldTarget(lambda points: field(points) - level, field.gradient, edge / 2)
+        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(mesh.labels, len(triangles)))
     remeshed = remesh_charted(charted, target, edge, far)
