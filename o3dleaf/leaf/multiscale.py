@@ -77,7 +77,7 @@ class MultiscaleLeaf:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the leaf as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
     @property
     def unit(self) -> str | None:
