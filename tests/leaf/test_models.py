@@ -219,7 +219,7 @@ def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
     before = file.read_bytes()
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(o3l.O3DLeafError, match="No space"):
-        write_model(file, interpolant)
+        write_model(interpolant, file)
     monkeypatch.undo()
     assert file.read_bytes() == before
     assert [path.name for path in file.parent.iterdir()] == [file.name]
