@@ -142,7 +142,7 @@ def test_public_name_is_documented(name):
         assert [p for p in parameters if not re.search(rf"\b{p}\b", text)] == []
 
 
-@pytest.mark.parametrize("namespace", ["samples", "view", "figures"])
+@pytest.mark.parametrize("namespace", ["samples", "view", "errors"])
 def test_namespaces_hold_what_they_list(namespace):
     """Each is there first thing in a new process, and each of its names has a docstring."""
     code = f"import o3dleaf; room = o3dleaf.{namespace}; print(all(getattr(room, n).__doc__ for n in room.__all__))"

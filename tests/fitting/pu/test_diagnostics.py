@@ -7,8 +7,9 @@ from scipy.stats.qmc import Halton
 
 import o3dleaf as o3l
 import reference
-from o3dleaf import InputError, PUInterpolant
+from o3dleaf import PUInterpolant
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import GCV_EFFICIENCY, GCV_TWIN, LEAVE_ONE_OUT
 

@@ -19,6 +19,6 @@ import o3dleaf as o3l
 @pytest.mark.parametrize("kind", [str, lambda path: path])
 def test_a_path_in_the_place_of_the_object_is_refused(tmp_path, write, thing, kind):
     mesh = np.eye(3), [[0, 1, 2]]
-    with pytest.raises(o3l.InputError, match=f"takes the {thing} first, then the path"):
+    with pytest.raises(o3l.errors.InputError, match=f"takes the {thing} first, then the path"):
         write(kind(tmp_path / "a.ply"), mesh)
     assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,8 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import InputError, check_report
+from o3dleaf import check_report
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from o3dleaf.output.report import closeups, overviews, shots
