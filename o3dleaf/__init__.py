@@ -33,6 +33,6 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # noqa: PLC0415 - reading metadata costs as much as all the rest here
 
         return version("o3dleaf")
-    from o3dleaf.deprecated import new_name  # noqa: PLC0415 - nobody else needs it
+    from o3dleaf.deprecated import new_name, old_function  # noqa: PLC0415 - nobody else needs it
 
-    return _load(new_name(name) or name)
+    return old_function(name) or _load(new_name(name) or name)

@@ -129,9 +129,9 @@ def beside(leaf, scene, mesh, count):
 def closed_mesh(leaf, spacing):
     """Return the leaf's closed mesh, at `spacing` or as fine as memory allows."""
     while True:
-        realisation = leaf.realise(spacing, closed=True)
-        if realisation.triangles * BYTES <= free_memory():
-            return o3d.t.geometry.TriangleMesh.from_legacy(realisation.extract().mesh)
+        plan = leaf.plan_mesh(spacing, closed=True)
+        if plan.triangles * BYTES <= free_memory():
+            return o3d.t.geometry.TriangleMesh.from_legacy(plan.extract().mesh)
         print(f"no memory for the scene at {spacing:.3g} mm: {2 * spacing:.3g} mm instead")
         spacing *= 2
 

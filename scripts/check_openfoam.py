@@ -256,7 +256,7 @@ def own_meshes(options):
     region = np.array([middle - period, middle + period])
 
     def solid(step, region=None):
-        return leaf.realise(step, region, closed=True).extract(remesh=None if options.no_remesh else step)
+        return leaf.plan_mesh(step, region, closed=True).extract(remesh=None if options.no_remesh else step)
 
     return {
         "four_tiles": solid(options.tile_spacing, region),

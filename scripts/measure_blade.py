@@ -56,7 +56,7 @@ def measure(scan, midrib, spacing):
         "scan noise mm": blade.height_map.choice.noise,
         "alpha mm": blade.outline.alpha,
         "least thickness": blade.distortion().thickness.min(),
-        "least Jacobian": blade.appraise(scan).least_jacobian,
+        "least Jacobian": blade.frame_quality(scan).least_jacobian,
         "components": report.components,
         "holes": report.holes,
         "manifold": report.manifold,

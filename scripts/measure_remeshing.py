@@ -93,7 +93,7 @@ def by_meshlab(mesh, edge):
 
 def rows_of(leaf, name, spacing, region, peer):
     """Yield the figures of one mesh as polygonised, remeshed, and by MeshLab."""
-    surface = leaf.realise(spacing, region, closed=True)
+    surface = leaf.plan_mesh(spacing, region, closed=True)
     raw = surface.extract()
     start = time.perf_counter()
     found = surface.extract(remesh=spacing)

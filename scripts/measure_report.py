@@ -38,8 +38,8 @@ def leaf_mesh(model, triangles):
     else:
         blade = o3l.create_blade(*wheat_scan()[:2])
         leaf = MultiscaleLeaf(o3l.create_texture(wheat_ct()[0]), blade.frame, blade.height_map, blade.outline)
-    coarse = leaf.realise(0.2, closed=True).triangles
-    return mesh_arrays(leaf.realise(0.2 * np.sqrt(coarse / triangles), closed=True).extract().mesh)
+    coarse = leaf.plan_mesh(0.2, closed=True).triangles
+    return mesh_arrays(leaf.plan_mesh(0.2 * np.sqrt(coarse / triangles), closed=True).extract().mesh)
 
 
 def grid(x, y, height):

@@ -55,7 +55,7 @@ def rows(quick):
         output = folder / "leaf.ply"
         job(paths, output, 0.5)
         leaf, seconds, peak = measure(lambda: job(paths, output, 0.2 if quick else 0.1))
-        count = leaf.realise(0.2 if quick else 0.1).triangles
+        count = leaf.plan_mesh(0.2 if quick else 0.1).triangles
         found = [Row("whole run, 100 µm step", f"{count:,} triangles", seconds, PAPER_RUN, peak_mb=peak)]
         leaf.save(folder / "leaf.o3l")
         steps = [(0.3, True)] if quick else [(0.024, False), (0.024, True), (0.012, False), (0.006, False)]
@@ -97,7 +97,7 @@ def main():
     # What is compiled, and read from the cache, is not counted.
     leaf.write_mesh(options.output, 20 * options.spacing if options.spacing < 0.05 else 0.5, closed=options.closed)
     start = time.perf_counter()
-    surface = leaf.realise(options.spacing, closed=options.closed)
+    surface = leaf.plan_mesh(options.spacing, closed=options.closed)
     surface.write(options.output)
     seconds = time.perf_counter() - start
     status = Path("/proc/self/status").read_text()

@@ -9,8 +9,10 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from importlinter.cli import lint_imports
+from scipy.sparse.csgraph import connected_components
 
 import o3dleaf
 from tolerances import START_SECONDS
@@ -24,6 +26,31 @@ PROJECT = (ROOT / "pyproject.toml").read_text()
 
 def test_layers_hold():
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0
+
+
+def imports_of(path, modules):
+    """Yield the modules of the package that a file imports, those for its types alone and those of functions too."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in modules)
+        elif isinstance(node, ast.ImportFrom) and node.module in modules:
+            names = (f"{node.module}.{alias.name}" for alias in node.names)
+            yield from (name if name in modules else node.module for name in names)
+
+
+def test_no_circle_of_imports():
+    """Type-only imports included: whoever reads a module needs those before it, and no other."""
+    files = {path.with_suffix(""): path for path in (ROOT / "o3dleaf").rglob("*.py")}
+    modules = {".".join(stem.relative_to(ROOT).parts).removesuffix(".__init__"): path for stem, path in files.items()}
+    names = sorted(modules)
+    graph = np.zeros((len(names), len(names)), dtype=bool)
+    for row, name in enumerate(names):
+        graph[row, [names.index(other) for other in imports_of(modules[name], modules)]] = True
+    assert graph.any(axis=1).sum() > 100
+    _, component = connected_components(graph, connection="strong")
+    circles = [[name for name, part in zip(names, component, strict=True) if part == n] for n in np.unique(component)]
+    assert [circle for circle in circles if len(circle) > 1] == []
+    assert not graph.diagonal().any()
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -45,6 +72,21 @@ def test_contributing_shows_the_tree():
     tree = re.search(r"^    o3dleaf/\n((?:     +.*\n)+)", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)[1]
     named = sorted(re.findall(r"(\w+)/", tree))
     assert named == sorted(path.name for path in PACKAGES[1:])
+
+
+def test_glossary_names_what_is_there():
+    """The last column names a public name, one of its attributes, or a file or folder of the package."""
+    rows = [line for line in (ROOT / "docs" / "glossary.md").read_text().splitlines() if line.count("`") >= 2]
+    names = [name for row in rows if row.startswith("|") for name in re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1])]
+    files = {path.relative_to(ROOT / "o3dleaf").with_suffix("").as_posix() for path in (ROOT / "o3dleaf").rglob("*")}
+    gone = [name for name in names if "/" in name and name not in files]
+    for name in (name for name in names if "/" not in name):
+        thing, *attributes = name.split(".")
+        public = getattr(o3dleaf, thing, None)
+        fields = getattr(public, "__annotations__", {})
+        gone += [name] if public is None or any(not hasattr(public, a) and a not in fields for a in attributes) else []
+    assert len(names) > 80
+    assert gone == []
 
 
 def test_no_two_classes_share_a_name():

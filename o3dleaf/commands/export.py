@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import LongJob, UnitOption, argument, corners_of, option, output, table
 from o3dleaf.core.journal import stage
+from o3dleaf.core.progress import split
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
@@ -168,7 +169,11 @@ class ExportJob(UnitOption, LongJob):
             )
         if self.tile:
             return model.extract_tile(spacing)
-        return model.realise(spacing, self.region, closed=not self.sheets).extract(remesh=self.edge)
+        planning, extracting = split(1, 2)
+        with planning:
+            plan = model.plan_mesh(spacing, self.region, closed=not self.sheets)
+        with extracting:
+            return plan.extract(remesh=self.edge)
 
     def scalars(self, mesh: "LabelledMesh", model: Any) -> "dict[str, FloatArray]":
         """Return the values of the leaf's field at the vertices."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import open3d as o3d
 
     from o3dleaf.leaf.macro.blade import Blade
-    from o3dleaf.leaf.meshing import Realisation
+    from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
 MAX_CHECKED = 3_000_000
@@ -146,7 +146,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             self.write_more(leaf)
         if self.model is not None:
             with journal.stage("write model"):
-                write_model(self.model, leaf or blade)
+                write_model(leaf or blade, self.model)
         if self.picture:
             with journal.stage("draw picture"):
                 render_leaf(leaf or blade, mesh, self.beside(".png"))
@@ -179,14 +179,14 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             write_mesh(mesh, self.output)
         return mesh
 
-    def write_leaf(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, Realisation]":
+    def write_leaf(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, MeshPlan]":
         """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
         from o3dleaf.core.units import unit_scale
         from o3dleaf.io.triangle_mesh import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
         with journal.stage("polygonise one tile"):
-            surface = leaf.realise(self.spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
+            surface = leaf.plan_mesh(self.spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
@@ -204,7 +204,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             if surface.triangles <= MAX_CHECKED:
                 return surface.extract().mesh, surface
             coarse = max(self.spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
-            return leaf.realise(coarse, **parts).extract().mesh, surface
+            return leaf.plan_mesh(coarse, **parts).extract().mesh, surface
 
     def write_windows(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, None]":
         """Write the surface of the leaf with finer windows in it, and return it."""

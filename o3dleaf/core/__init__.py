@@ -1,9 +1,11 @@
-"""What every chapter stands on: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
+"""The ground of every chapter: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
 
 `errors`         the errors and warnings that reach a user
 `checks`         validation of input, all of it
 `units`          units of length
 `field`          the protocol between what fits a function and what makes triangles of it
+`newton`         Newton's method onto a level set
+`outside_loops`  a field outside its bounds
 `lattice`        a regular lattice over a box, sampled in bounded memory
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks

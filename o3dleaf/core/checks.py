@@ -216,9 +216,9 @@ def require_object_first(thing: object, caller: str, word: str) -> None:
 
 def require_file(path: str | PathLike[str]) -> Path:
     """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
-    found = Path(path)
-    if not found.is_file():
-        raise InputError(f"{found}: no such file; check the path")
-    if found.stat().st_size == 0:
-        raise InputError(f"{found}: the file is empty; export it again")
-    return found
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; check the path")
+    if file.stat().st_size == 0:
+        raise InputError(f"{file}: the file is empty; export it again")
+    return file

@@ -29,7 +29,7 @@ DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux's prctl: the signal that a process gets when the one that started it dies."""
 
 TAIL = 300
-"""Characters of what the child said last that an error repeats."""
+"""Characters of the child's last line that an error repeats."""
 
 
 def run_in_subprocess(
@@ -57,30 +57,30 @@ def run_in_subprocess(
     with tempfile.TemporaryDirectory(prefix="o3dleaf-") as folder:
         home = Path(folder)
         call = {"module": function.__module__, "function": function.__qualname__, "options": options}
-        _write(home, "given", arrays)
+        _write(home, "argument", arrays)
         (home / "call.json").write_text(json.dumps(call), encoding="utf-8")
         code = _wait(home, name, cure, seconds)
         if (home / "error.json").exists():
             kind, message = json.loads((home / "error.json").read_text(encoding="utf-8"))
             raise getattr(errors, kind)(message)
         if code:
-            said = (home / "said.txt").read_text(encoding="utf-8", errors="replace")
-            raise O3DLeafError(f"{name}: {_reason(code)}{_last_line(said)}; {cure}")
-        return _read(home, "found")
+            output = (home / "output.txt").read_text(encoding="utf-8", errors="replace")
+            raise O3DLeafError(f"{name}: {_reason(code)}{_last_line(output)}; {cure}")
+        return _read(home, "result")
 
 
 def _wait(home: Path, name: str, cure: str, seconds: float) -> int:
     """Run the child and return its exit code; it never outlives this call."""
     path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
-    with (home / "said.txt").open("wb") as said:
+    with (home / "output.txt").open("wb") as output:
         # A session of its own: Ctrl-C reaches this process alone, which then kills the child.
         child = subprocess.Popen(  # noqa: S603  the command is this interpreter and this file
             [sys.executable, "-m", __name__, str(home), str(os.getpid())],
             cwd=home,
             env=os.environ | {"PYTHONPATH": path},
             stdin=subprocess.DEVNULL,
-            stdout=said,
-            stderr=said,
+            stdout=output,
+            stderr=output,
             start_new_session=True,
         )
         try:
@@ -93,16 +93,16 @@ def _wait(home: Path, name: str, cure: str, seconds: float) -> int:
 
 
 def _reason(code: int) -> str:
-    """Return what an exit code other than 0 says."""
+    """Return the meaning of an exit code other than 0."""
     if code >= 0:
         return f"failed with exit code {code}"
     died = signal.Signals(-code).name
     return f"died of {died}" + (", perhaps for want of memory" if died == "SIGKILL" else "")
 
 
-def _last_line(said: str) -> str:
-    """Return the last line of what the child said, in brackets."""
-    lines = said.strip().splitlines()
+def _last_line(output: str) -> str:
+    """Return the last line of a child's output, in brackets."""
+    lines = output.strip().splitlines()
     return f" ({lines[-1].strip()[:TAIL]})" if lines else ""
 
 
@@ -118,14 +118,14 @@ def _read(home: Path, stem: str) -> Arrays:
 
 
 def _serve(home: Path, parent: int) -> None:
-    """Do, in the child, what the folder says."""
+    """Call, in the child, the function that the folder names."""
     ctypes.CDLL(None).prctl(DIE_WITH_PARENT, signal.SIGKILL)
     if os.getppid() != parent:
         return
     call = json.loads((home / "call.json").read_text(encoding="utf-8"))
     function = getattr(importlib.import_module(call["module"]), call["function"])
     try:
-        _write(home, "found", function(*_read(home, "given"), **call["options"]))
+        _write(home, "result", function(*_read(home, "argument"), **call["options"]))
     except O3DLeafError as error:
         (home / "error.json").write_text(json.dumps([type(error).__name__, str(error)]), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""What can go wrong, by name; every message says the cause and then the cure."""
+"""Errors and warnings; every message says the cause and then the cure."""
 
 
 class O3DLeafError(Exception):
@@ -30,4 +30,4 @@ class MemoryBudgetError(O3DLeafError, MemoryError):
 
 
 class CloudWarning(UserWarning):
-    """What was decided about a point cloud on the way to its surface."""
+    """A decision about a point cloud on the way to its surface."""

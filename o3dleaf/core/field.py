@@ -19,7 +19,7 @@ class Field(Protocol):
     ----------
     bounds : (2, d) ndarray
         Lower, then upper corner of the domain, in `unit`. Outside, a field is its value at the
-        nearest point of the domain less the distance to it, so that far away is outside.
+        nearest point of the domain less the distance to it (`o3dleaf.core.outside_loops`).
     unit : str or None
         Unit of length of the points.
     """

@@ -13,7 +13,7 @@ from o3dleaf.core.errors import InputError
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 MeshLike: TypeAlias = o3d.geometry.TriangleMesh | o3d.t.geometry.TriangleMesh | tuple[npt.ArrayLike, npt.ArrayLike]
-"""What a function of this chapter takes for a mesh: Open3D's legacy or tensor mesh, or (vertices, triangles)."""
+"""A mesh that functions take: Open3D's legacy or tensor mesh, or (vertices, triangles)."""
 
 
 def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:

@@ -25,11 +25,11 @@ PERIOD = 0.02
 """Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
 
 WHOLE = 100_000
-"""What work that consists of several steps is told in: finer than any bar."""
+"""Resolution of the progress of several steps: finer than any bar."""
 
 
 class _Here(threading.local):
-    """What is true of the calling thread."""
+    """State of the calling thread."""
 
     is_worker = False
 
@@ -178,14 +178,14 @@ def run_blocks(
 
 
 def _watch(jobs: list[Future[None]], finished: list[int], count: int, progress: Progress | None) -> None:
-    """Wait for the jobs, say what has `finished` while they run, and raise what they raised."""
-    done, told = 0, 0
+    """Wait for the jobs, report what has `finished` while they run, and raise what they raised."""
+    done, reported = 0, 0
     pending = True
     while pending:
         pending = bool(wait(jobs, PERIOD if progress else None).not_done)
-        while progress and told < len(finished):
-            done += finished[told]
-            told += 1
+        while progress and reported < len(finished):
+            done += finished[reported]
+            reported += 1
             progress(done, count)
     for job in jobs:
         job.result()

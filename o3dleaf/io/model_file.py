@@ -9,7 +9,7 @@ classes that the reader names can come out.
 import json
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike
@@ -32,7 +32,7 @@ PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
 
 
-def write_model(path: str | PathLike[str], model: object) -> None:
+def write_model(model: object, path: str | PathLike[str]) -> None:
     """Write an object as one file, whole or not at all.
 
     An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of. A field that
@@ -41,11 +41,11 @@ def write_model(path: str | PathLike[str], model: object) -> None:
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
     header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
-    places, offset = [], 0
+    blocks, offset = [], 0
     for array in arrays:
-        places.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
+        blocks.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
         offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
-    header |= {"arrays": places, "bytes": offset}
+    header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
     text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
     with whole_file(path) as temporary, temporary.open("wb") as stream:
@@ -56,14 +56,14 @@ def write_model(path: str | PathLike[str], model: object) -> None:
             stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
 
 
-def read_model(path: str | PathLike[str], classes: Mapping[str, type[Any]]) -> Any:
+def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., Any]]) -> Any:
     """Return the object of a model file; its arrays stay on disk until they are used.
 
     Parameters
     ----------
     path : path-like
-    classes : mapping of str to type
-        The classes that may come out, by name.
+    classes : mapping of str to callable
+        What makes the objects that may come out of their state: their classes, by the names that files have for them.
 
     Raises
     ------
@@ -79,10 +79,10 @@ def read_model(path: str | PathLike[str], classes: Mapping[str, type[Any]]) -> A
     # Copy on write: nothing reaches the disk, and Numba takes the arrays for ordinary ones.
     data = np.memmap(file, dtype=np.uint8, mode="c", offset=start)
     arrays = []
-    for place in header["arrays"]:
-        dtype, shape = np.dtype(place["dtype"]), tuple(place["shape"])
+    for block in header["arrays"]:
+        dtype, shape = np.dtype(block["dtype"]), tuple(block["shape"])
         size = dtype.itemsize * int(np.prod(shape))
-        flat = np.asarray(data[place["offset"] : place["offset"] + size])
+        flat = np.asarray(data[block["offset"] : block["offset"] + size])
         arrays.append(flat.view(dtype).reshape(shape))
     return _unpack(header["model"], arrays, classes, file)
 
@@ -135,7 +135,9 @@ def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
     return {"class": type(value).__name__, "state": {name: _pack(part, arrays) for name, part in state.items()}}
 
 
-def _unpack(tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, type[Any]], file: Path) -> Any:
+def _unpack(
+    tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, Callable[..., Any]], file: Path
+) -> Any:
     """Return what `_pack` was given; lists come back as tuples."""
     if isinstance(tree, list):
         return tuple(_unpack(item, arrays, classes, file) for item in tree)

@@ -3,15 +3,18 @@
 A point of the world becomes (along, across, up); the blade is a height over (along, across); the
 micro-structure repeats over that plane. Composed, they are one implicit function of the whole leaf.
 
-`ct`          micro-CT volumes
-`macro`       the blade: midrib, frame, height map, outline
-`texture`     the micro-structure, repeated over the plane
-`instancing`  one tile polygonised, set down everywhere
-`distance`    distance to the leaf, and projection onto it
-`multiscale`  `MultiscaleLeaf`, the implicit function
-`meshing`     its surface as a mesh
-`remeshing`   its surface remeshed
-`options`     what can be chosen where a leaf is built
-`pipeline`    scan and volume to a leaf
-`models`      saved models read again
+`ct`              micro-CT volumes
+`macro`           the blade: midrib, frame, height map, outline
+`texture`         the micro-structure, repeated over the plane
+`instancing`      one tile polygonized, set down everywhere
+`textured_blade`  the implicit function: a texture on a blade
+`distance`        distance to the leaf, and projection onto it
+`tile_lattice`    the lattices that divide its period
+`remeshing`       its surface as a projection target; its mesh remeshed
+`meshing`         `MeshPlan`: its surface as a mesh
+`fine_windows`    a mesh with finer windows
+`multiscale`      `MultiscaleLeaf`: all of it together
+`options`         options of building a leaf
+`pipeline`        scan and volume to a leaf
+`models`          saved models read again
 """

@@ -1,4 +1,4 @@
-"""Outside its bounds a field is its value at the nearest point of the bounds less the distance to it."""
+"""Fields that are known inside their bounds, evaluated anywhere."""
 
 from collections.abc import Callable
 
@@ -6,10 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import run_blocks
 
 BLOCK = 16_384
 """Points evaluated together; fixed, so that results do not depend on the number of threads."""
+
+NEVER = np.zeros(3)
+"""Period of a field that does not repeat."""
 
 Inside = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Values (n,) and gradients (n, 3) at (n, 3) points that lie in the bounds."""
@@ -37,13 +41,10 @@ def evaluate(inside: Inside, bounds: FloatArray, points: npt.ArrayLike) -> tuple
 
     def task(start: int, stop: int) -> None:
         block = where[start:stop]
-        nearest = np.clip(block, bounds[0], bounds[1])
-        value, gradient = inside(nearest)
-        away = block - nearest
-        distance = np.sqrt((away**2).sum(axis=1))
-        direction = away / np.where(distance > 0, distance, 1.0)[:, np.newaxis]
-        values[start:stop] = value - distance
-        gradients[start:stop] = np.where(away == 0, gradient, 0.0) - direction
+        value, gradient = inside(np.clip(block, bounds[0], bounds[1]))
+        jets = np.vstack([value, gradient.T])
+        fall_outside(0, len(block), jets, block, bounds, NEVER)
+        values[start:stop], gradients[start:stop] = jets[0], jets[1:].T
 
     run_blocks(task, len(where), BLOCK)
     return values, gradients

@@ -12,7 +12,7 @@ from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
 
 STEPS = 25
-SETTLED = 1e-12
+TOLERANCE = 1e-12
 DEFAULT_PARTS = (
     # Two ends and a radius each: trunk, head, snout, ears, arms, legs, tail; the figure sits and looks along +y.
     (0.0, 0.0, -0.10, 0.0, 0.0, 0.12, 0.30),
@@ -36,7 +36,7 @@ class Jet(NamedTuple):
     bend: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Figure(Meshed):
     r"""A figure of one piece without a handle: the zero set of capsules that run together.
 
@@ -56,6 +56,9 @@ class Figure(Meshed):
 
     parts: tuple[tuple[float, ...], ...] = DEFAULT_PARTS
     blend: float = 0.012
+
+    def __repr__(self) -> str:
+        return f"Figure({len(self.parts)} parts, blend={self.blend:g})"
 
     @property
     def box(self) -> FloatArray:
@@ -81,13 +84,13 @@ class Figure(Meshed):
 
     def _ways(self, points: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
         """Return for each capsule the way (n, 3) from its axis, the way's length (n,), and the radius."""
-        found = []
+        ways = []
         for a, b, radius in zip(*self._capsules, strict=True):
             axis = b - a
             share = np.clip((points - a) @ axis / max(axis @ axis, np.finfo(float).tiny), 0.0, 1.0)
             way = points - a - share[:, np.newaxis] * axis
-            found.append((way, np.linalg.norm(way, axis=1), float(radius)))
-        return found
+            ways.append((way, np.linalg.norm(way, axis=1), float(radius)))
+        return ways
 
     def _jet(self, points: FloatArray) -> Jet:
         """Return g, its gradient and its Hessian."""
@@ -103,7 +106,7 @@ class Figure(Meshed):
             unit = way / safe
             slope += share[:, np.newaxis] * unit
             # Beside the shaft the distance does not change along it; round the ends it bends both ways.
-            along = np.abs(way @ axis) <= SETTLED * safe[:, 0]
+            along = np.abs(way @ axis) <= TOLERANCE * safe[:, 0]
             flat = np.eye(3) - along[:, np.newaxis, np.newaxis] * np.outer(axis, axis)
             square = unit[:, :, np.newaxis] * unit[:, np.newaxis, :]
             bend += share[:, np.newaxis, np.newaxis] * ((flat - square) / safe[:, :, np.newaxis] - square / self.blend)
@@ -130,7 +133,7 @@ class Figure(Meshed):
         feet = self._refine(points, vertices[row])
         # A step that has gone astray is a farther place than the vertex that it began at.
         length = np.linalg.norm(points - feet, axis=1)
-        astray = ~(length <= far * (1 + SETTLED)) | (np.abs(self._level(feet)) > SETTLED)
+        astray = ~(length <= far * (1 + TOLERANCE)) | (np.abs(self._level(feet)) > TOLERANCE)
         feet = np.where(astray[:, np.newaxis], vertices[row], feet)
         slope = self._jet(feet).slope
         distance = np.where(self._level(points) > 0, -1.0, 1.0) * np.where(astray, far, length)
@@ -150,10 +153,10 @@ class Figure(Meshed):
             move = np.linalg.solve(A, np.column_stack([left, -jet.value])[:, :, np.newaxis])[:, :, 0]
             size = np.linalg.norm(move[:, :3], axis=1)
             # Never farther than the seeds are apart: the closest point is near the nearest of them.
-            move *= np.minimum(1.0, self.step / np.maximum(size, SETTLED))[:, np.newaxis]
+            move *= np.minimum(1.0, self.step / np.maximum(size, TOLERANCE))[:, np.newaxis]
             feet[rows] += move[:, :3]
             along[rows] += move[:, 3]
-            rows = rows[size > SETTLED]
+            rows = rows[size > TOLERANCE]
             if not len(rows):
                 break
         return feet

@@ -22,7 +22,7 @@ REACH = 7.0
 """So many standard deviations of the blur away, a profile is flat to 1e-12."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WheatPatch:
     r"""Noise-free intensity of a patch of wheat blade, as a Field: leaf is where F > `level`.
 
@@ -63,6 +63,11 @@ class WheatPatch:
     pockets: FloatArray
     unit: str = "um"
     level: float = LEAF / 2
+
+    def __repr__(self) -> str:
+        size = " × ".join(f"{extent:.4g}" for extent in self.bounds[1] - self.bounds[0])
+        parts = f"{len(self.hairs)} hairs, {len(self.stomata)} stomata, {len(self.pockets)} air pockets"
+        return f"WheatPatch({size} {self.unit}, {self.ridges:g} ridges, {parts})"
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) intensities at (n, 3) points in micrometers."""

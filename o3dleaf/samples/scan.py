@@ -26,6 +26,10 @@ class ScanSample(NamedTuple):
     midrib: FloatArray
     truth: WheatBlade
 
+    def __repr__(self) -> str:
+        points = f"{len(self.cloud.points):,} points"
+        return f"ScanSample({points}, {len(self.midrib)} control points of the midrib, truth {self.truth!r})"
+
 
 def wheat_scan(
     *,
@@ -114,7 +118,7 @@ def _lattice(rng: np.random.Generator, truth: WheatBlade, pitch: float, angle: f
 
 
 def _seen(rng: np.random.Generator, truth: WheatBlade, sites: FloatArray, holes: int) -> npt.NDArray[np.bool_]:
-    """Which sites lie in none of the elliptical gaps; gaps gather near the base."""
+    """Return which sites lie in none of the elliptical gaps; gaps gather near the base."""
     seen = np.ones(len(sites), dtype=bool)
     for _ in range(holes):
         along = truth.length * (0.05 + 0.9 * rng.beta(1.2, 2.0))

@@ -17,7 +17,7 @@ SEEDS = (801, 41)
 STEPS = 60
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WheatBlade:
     r"""A zero-thickness wheat blade, as a Field: ``half_thickness`` less the distance to it, in millimeters.
 
@@ -57,6 +57,9 @@ class WheatBlade:
     area: float = field(init=False)
     _axis: CubicHermiteSpline = field(init=False, repr=False)
     _seeds: tuple[KDTree, FloatArray] = field(init=False, repr=False)
+
+    def __repr__(self) -> str:
+        return f"WheatBlade({self.length:g} × {self.width:g} {self.unit})"
 
     def __post_init__(self) -> None:
         t = np.linspace(0.0, self.length, NODES)

@@ -32,7 +32,7 @@ def model(leaf, tmp_path_factory):
 def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
     run = ExportJob(model, tmp_path / "a.obj", consumer="openfoam", spacing=0.5, no_remesh=True, origin=(1.0, 2.0, 3.0))
     said = run.run()
-    made = leaf.realise(0.5, closed=True).extract()
+    made = leaf.plan_mesh(0.5, closed=True).extract()
     found = read_mesh(tmp_path / "a.obj")
     assert said == f"{len(made.mesh.triangles):,} triangles"
     assert mesh_report(found.mesh).watertight
@@ -48,7 +48,7 @@ def test_a_model_becomes_a_closed_mesh_for_openfoam(leaf, model, tmp_path):
 def test_a_solver_gets_a_remeshed_leaf(leaf, model, tmp_path):
     ExportJob(model, tmp_path / "a.stl", consumer="gmsh", spacing=0.5, region=REGION).run()
     ExportJob(model, tmp_path / "b.ply", spacing=0.5, remesh=0.4, region=REGION).run()
-    surface = leaf.realise(0.5, REGION, closed=True)
+    surface = leaf.plan_mesh(0.5, REGION, closed=True)
     for name, edge in (("a.stl", 0.5), ("b.ply", 0.4)):
         found, made = read_mesh(tmp_path / name), surface.extract(remesh=edge)
         corners, ours = (np.asarray(m.mesh.vertices)[np.asarray(m.mesh.triangles)] for m in (found, made))
@@ -118,7 +118,7 @@ def test_particles_and_distances_of_a_mesh(model, tmp_path):
 
 def test_one_part_is_the_triangles_of_its_label(leaf, model, tmp_path):
     ExportJob(model, tmp_path / "a.ply", spacing=0.5, part="adaxial").run()
-    made, found = leaf.realise(0.5, closed=True).extract(), read_mesh(tmp_path / "a.ply")
+    made, found = leaf.plan_mesh(0.5, closed=True).extract(), read_mesh(tmp_path / "a.ply")
     ours, whole = (np.asarray(mesh.mesh.vertices)[np.asarray(mesh.mesh.triangles)] for mesh in (found, made))
     assert np.array_equal(ours, whole[made.labels == 0])
     assert mesh_report(found.mesh).boundary_loops == 1

@@ -1,4 +1,4 @@
-"""A whole leaf realised: windows of one surface, closed solids, levels, blends; counted before it is made."""
+"""A whole leaf meshed: windows of one surface, closed solids, levels, blends; counted before it is made."""
 
 import tracemalloc
 from types import SimpleNamespace
@@ -10,14 +10,16 @@ import shapely
 
 from leaf_fields import leaf_of
 from leaf_fields import texture as texture_of
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.macro.outline import sides_of
-from o3dleaf.leaf.meshing import LAYERS, is_one_tile, leaf_lattice, tile_lattice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.textured_blade import TexturedBlade
+from o3dleaf.leaf.tile_lattice import LAYERS, leaf_lattice, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import ON_SURFACE
 
@@ -64,7 +66,7 @@ def rows(points):
 def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, closed, method, region):
     """In the cells that both have, the vertices are the same bits; the second window is one tile, whole."""
     whole, window = (
-        arrays(leaf.realise(0.1, box, closed=closed, method=method).extract())[0] for box in (None, region)
+        arrays(leaf.plan_mesh(0.1, box, closed=closed, method=method).extract())[0] for box in (None, region)
     )
     region = np.array(region)
     step = 0.1 * 1.01
@@ -81,7 +83,7 @@ def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, closed, metho
 def test_a_window_has_its_place_and_no_more(leaf):
     region = np.array([[5.03, -1.07], [8.9, 1.9]])
     for closed in (False, True):
-        vertices, _ = arrays(leaf.realise(0.1, region, closed=closed).extract())
+        vertices, _ = arrays(leaf.plan_mesh(0.1, region, closed=closed).extract())
         flat = leaf.blade.flatten(vertices)[:, :2]
         slack = 1e-9 if not closed else 0.02
         assert np.all(flat >= region[0] - slack)
@@ -92,12 +94,12 @@ def test_a_window_has_its_place_and_no_more(leaf):
 def test_a_window_beside_the_leaf_is_refused(leaf):
     for closed in (False, True):
         with pytest.raises(ReconstructionError, match="another region"):
-            leaf.realise(0.2, [[40, 0], [44, 2]], closed=closed)
+            leaf.plan_mesh(0.2, [[40, 0], [44, 2]], closed=closed)
 
 
 @pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
 def test_a_closed_leaf_is_watertight_outward_and_has_the_volume_of_its_blade(leaf, method):
-    solid = leaf.realise(0.15, closed=True, method=method).extract()
+    solid = leaf.plan_mesh(0.15, closed=True, method=method).extract()
     report = mesh_report(solid.mesh)
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
     assert report.manifold
@@ -114,7 +116,7 @@ def test_a_closed_leaf_is_watertight_outward_and_has_the_volume_of_its_blade(lea
 
 def test_labels_say_which_face_a_triangle_is_of(leaf):
     for closed in (False, True):
-        mesh = leaf.realise(0.15, closed=closed).extract()
+        mesh = leaf.plan_mesh(0.15, closed=closed).extract()
         vertices, triangles = arrays(mesh)
         height = leaf.blade.flatten(vertices)[:, 2][triangles].mean(axis=1)
         assert mesh.labels.shape == (len(mesh.mesh.triangles),)
@@ -133,7 +135,7 @@ def test_vertices_lie_on_the_surface_and_triangles_to_second_order(name, request
     leaf = request.getfixturevalue(name)
     errors = []
     for spacing in (0.06, 0.03) if name == "blend_leaf" else (0.03, 0.015):
-        solid = leaf.realise(spacing, [[9.4, -0.5], [11.2, 0.5]], closed=True).extract()
+        solid = leaf.plan_mesh(spacing, [[9.4, -0.5], [11.2, 0.5]], closed=True).extract()
         vertices, triangles = arrays(solid)
         on_rim = np.zeros(len(vertices), dtype=bool)
         on_rim[triangles[solid.labels == RIM]] = True
@@ -148,7 +150,7 @@ def test_vertices_lie_on_the_surface_and_triangles_to_second_order(name, request
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("name", ["normal_leaf", "blend_leaf"])
 def test_other_offsets_and_blends_are_manifold_too(name, closed, request):
-    mesh = request.getfixturevalue(name).realise(0.15, closed=closed).extract()
+    mesh = request.getfixturevalue(name).plan_mesh(0.15, closed=closed).extract()
     report = mesh_report(mesh.mesh)
     assert report.manifold
     assert report.oriented
@@ -169,7 +171,7 @@ def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh_tile": 0.2}])
 def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
-    full, reduced = (leaf.realise(0.1, closed=closed, **each) for each in ({}, how))
+    full, reduced = (leaf.plan_mesh(0.1, closed=closed, **each) for each in ({}, how))
     made = reduced.extract()
     assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (reduced.vertices, reduced.triangles)
     report, plain = (mesh_report(each.mesh) for each in (made, full.extract()))
@@ -204,27 +206,29 @@ def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
 )
 def test_what_cannot_be_meant_is_refused(leaf, how, words):
     with pytest.raises(InputError, match=words):
-        leaf.realise(0.2, **how)
+        leaf.plan_mesh(0.2, **how)
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 @pytest.mark.parametrize("closed", [False, True])
 def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
-    realisation = leaf.realise(0.25, closed=closed)
+    plan = leaf.plan_mesh(0.25, closed=closed)
     path, calls = tmp_path / f"leaf{suffix}", []
-    said = realisation.bytes(path)
+    said = plan.bytes(path)
     assert not list(tmp_path.iterdir())
-    realisation.write(path, lambda done, total: calls.append((done, total)))
-    made = realisation.extract()
-    assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (realisation.vertices, realisation.triangles)
+    with progress.listening(lambda done, total: calls.append((done, total))):
+        plan.write(path)
+    made = plan.extract()
+    assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (plan.vertices, plan.triangles)
+    assert len(calls) > 1
     assert calls[-1][0] == calls[-1][1]
     assert [done for done, _ in calls] == sorted(done for done, _ in calls)
     size = path.stat().st_size
     assert 0.6 * said < size <= said if suffix == ".obj" else size == said
-    write_mesh(made, tmp_path / f"again{suffix}", realisation._comments)
+    write_mesh(made, tmp_path / f"again{suffix}", plan._comments)
     assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
-    assert realisation.seconds > 0
-    assert (realisation.voids, realisation.specks, realisation.scraps.pieces) == (0, 0, 0)
+    assert plan.seconds > 0
+    assert (plan.voids, plan.islands, plan.fragments.pieces) == (0, 0, 0)
     assert len(o3d.io.read_triangle_mesh(path).triangles) == len(made.mesh.triangles)
 
 
@@ -280,7 +284,7 @@ def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
         within &= found.labels != RIM
         assert 0.9 * spacing < np.median(size[within]) <= 1.6 * spacing
     assert np.all((middle[:, 2] > 0)[found.labels != RIM] == (found.labels == ADAXIAL)[found.labels != RIM])
-    coarse = leaf.realise(0.25, closed=closed).extract()
+    coarse = leaf.plan_mesh(0.25, closed=closed).extract()
     far = leaf.blade.flatten(arrays(coarse)[0])[:, 0] > 10
     assert rows(arrays(coarse)[0][far]) == rows(vertices[flat[:, 0] > 10])
 
@@ -327,11 +331,11 @@ def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix):
             leaf, _ = leaf_of(field, length=length)
 
             def work(leaf=leaf):
-                realisation = leaf.realise(0.04, closed=True)
-                made.append(realisation.triangles)
-                realisation.write(tmp_path / f"leaf{suffix}")
+                plan = leaf.plan_mesh(0.04, closed=True)
+                made.append(plan.triangles)
+                plan.write(tmp_path / f"leaf{suffix}")
 
-            leaf.realise(0.5, closed=True).write(tmp_path / f"leaf{suffix}")  # compiled, outline made
+            leaf.plan_mesh(0.5, closed=True).write(tmp_path / f"leaf{suffix}")  # compiled, outline made
             needed.append(peak(work))
     finally:
         set_num_threads(threads)
@@ -344,11 +348,12 @@ def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix):
 def test_the_row_of_tiles_under_a_blend_reaches_over_all_of_the_blade(blend_leaf):
     """Also where the blade begins before the midrib does."""
     for bounds in ([[-7.3, -3.0], [5.0, 3.0]], [[0.0, -3.0], [20.0, 3.0]], [[4.1, -3.0], [12.0, 3.0]]):
-        blade = SimpleNamespace(outline=SimpleNamespace(bounds=np.array(bounds)))
-        lattice = leaf_lattice(blend_leaf.texture, blade, 1.0, 0.1)
+        blade = SimpleNamespace(unit=blend_leaf.unit, outline=SimpleNamespace(bounds=np.array(bounds)))
+        leaf = TexturedBlade(blend_leaf.texture, blade)
+        lattice = leaf_lattice(leaf, 0.1)
         period = blend_leaf.texture.period[0]
         start, stop = lattice.origin[0], lattice.origin[0] + lattice.period[0]
-        if not is_one_tile(blend_leaf.texture, blade, 1.0):
+        if not leaf.is_one_tile:
             assert bounds[0][0] - period <= start <= bounds[0][0]
             assert bounds[1][0] <= stop <= bounds[1][0] + 2 * period
         assert (start - blend_leaf.texture.cell[0, 0]) / period == pytest.approx(round(start / period))

@@ -10,7 +10,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.model_file import FORMAT, MAGIC, OLDEST, PREFIX, write_model
+from o3dleaf.io.model_file import FORMAT, MAGIC, OLDEST, PREFIX, _read_header, write_model
 from o3dleaf.leaf.models import CLASSES, load
 from o3dleaf.samples.scan import wheat_scan
 
@@ -63,6 +63,39 @@ def test_a_whole_leaf_comes_back(interpolant, tmp_path):
     assert np.array_equal(found.gradient(points), leaf.gradient(points))
     assert found.blade.outline.area == leaf.blade.outline.area
     assert found.unit == leaf.unit
+
+
+NAMES = {
+    "AlphaShape": {"points", "alpha"},
+    "Cover": {"centres", "radii", "offsets", "members", "bounds"},
+    "HeightMap": {"interpolant", "choice"},
+    "LeafFrame": {"breaks", "axis", "normal", "unit", "notes"},
+    "MultiscaleLeaf": {"texture", "offset", "frame", "height_map", "outline"},
+    "RobustChoice": {"smoothing", "bandwidth", "noise", "trust"},
+    "TiledField": {"field", "period"},
+}
+"""Classes and their fields in files of format 3, which version 0.1 wrote."""
+
+
+def test_a_file_has_the_names_that_all_versions_know(interpolant, tmp_path):
+    sample = wheat_scan(count=800)
+    blade = o3l.create_blade(sample.cloud, sample.midrib)
+    leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade.frame, blade.height_map, blade.outline)
+    leaf.save(tmp_path / "leaf.o3l")
+    found = {}
+
+    def collect(tree):
+        if isinstance(tree, list):
+            for each in tree:
+                collect(each)
+        elif isinstance(tree, dict) and "class" in tree:
+            found.setdefault(tree["class"], set()).update(tree["state"])
+            collect(list(tree["state"].values()))
+
+    header, _ = _read_header(tmp_path / "leaf.o3l")
+    collect(header["model"])
+    assert {name: found[name] for name in NAMES} == NAMES
+    assert set(found) <= set(CLASSES)
 
 
 def test_a_leaf_of_several_patches_comes_back(interpolant, tmp_path):
@@ -186,7 +219,7 @@ def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
     before = file.read_bytes()
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(o3l.O3DLeafError, match="No space"):
-        write_model(file, interpolant)
+        write_model(interpolant, file)
     monkeypatch.undo()
     assert file.read_bytes() == before
     assert [path.name for path in file.parent.iterdir()] == [file.name]

@@ -82,7 +82,7 @@ def test_the_field_between_the_vertices_falls_with_the_square_of_the_spacing(lea
 
 @pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
 def test_the_mesh_is_two_manifold_sheets_inside_the_outline(leaf, method):
-    sheets = leaf.realise(0.15, method=method).extract()
+    sheets = leaf.plan_mesh(0.15, method=method).extract()
     report = mesh_report(sheets.mesh)
     assert report.components == 2
     assert report.boundary_loops == 2

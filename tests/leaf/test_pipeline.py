@@ -71,7 +71,7 @@ def test_the_blade_of_the_real_leaf(wheat, blade, picked):
 
 
 def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
-    surface = leaf.realise(0.15)
+    surface = leaf.plan_mesh(0.15)
     sheets = surface.extract()
     report = mesh_report(sheets.mesh)
     assert report.components == 2

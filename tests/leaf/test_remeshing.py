@@ -11,7 +11,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
-from o3dleaf.leaf.remeshing import ON_RIM, LeafGround, _without_chamfers
+from o3dleaf.leaf.remeshing import ON_RIM, LeafTarget, _without_chamfers
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.remeshing import blocks
 from remesh_fields import angles, edge_lengths
@@ -35,13 +35,13 @@ def leaf():
 
 @pytest.fixture(scope="module")
 def solid(leaf):
-    counted = leaf.realise(EDGE, WINDOW, closed=True)
+    counted = leaf.plan_mesh(EDGE, WINDOW, closed=True)
     return counted, counted.extract(remesh=EDGE)
 
 
 @pytest.fixture(scope="module")
 def sheet(leaf):
-    counted = leaf.realise(EDGE, WINDOW)
+    counted = leaf.plan_mesh(EDGE, WINDOW)
     return counted, counted.extract(), counted.extract(remesh=EDGE)
 
 
@@ -51,7 +51,7 @@ def corners_of(mesh, *labels):
 
 
 def test_a_closed_leaf_is_a_solid_in_good_triangles(leaf, solid):
-    fine = mesh_report(leaf.realise(0.05, WINDOW, closed=True).extract().mesh)
+    fine = mesh_report(leaf.plan_mesh(0.05, WINDOW, closed=True).extract().mesh)
     vertices, triangles = mesh_arrays(solid[1].mesh)
     report = mesh_report((vertices, triangles))
     assert report.watertight
@@ -92,7 +92,7 @@ def test_each_face_is_a_disc_and_the_rim_a_ring(solid):
 
 
 def test_a_whole_leaf_keeps_within_a_tenth_of_the_spacing_of_its_solid(leaf):
-    mesh = leaf.realise(0.3, closed=True).extract(remesh=0.3)
+    mesh = leaf.plan_mesh(0.3, closed=True).extract(remesh=0.3)
     vertices, triangles = mesh_arrays(mesh.mesh)
     assert mesh_report((vertices, triangles)).watertight
     assert np.mean(angles(vertices, triangles) < 10) < 1e-3
@@ -125,7 +125,7 @@ def test_a_leaf_does_not_depend_on_threads(leaf, monkeypatch):
     try:
         for count in (1, 4):
             set_num_threads(count)
-            mesh = leaf.realise(0.2, WINDOW, closed=True).extract(remesh=0.2)
+            mesh = leaf.plan_mesh(0.2, WINDOW, closed=True).extract(remesh=0.2)
             found.append((*mesh_arrays(mesh.mesh), mesh.labels))
     finally:
         set_num_threads(threads)
@@ -134,13 +134,13 @@ def test_a_leaf_does_not_depend_on_threads(leaf, monkeypatch):
 
 def test_an_edge_length_is_above_zero(leaf):
     with pytest.raises(InputError, match="remesh"):
-        leaf.realise(0.3, WINDOW).extract(remesh=0.0)
+        leaf.plan_mesh(0.3, WINDOW).extract(remesh=0.0)
 
 
 @pytest.fixture(scope="module")
 def ground(leaf):
-    counted = leaf.realise(EDGE, WINDOW, closed=True)
-    return LeafGround(counted, counted.outline, counted.tile), counted.outline
+    counted = leaf.plan_mesh(EDGE, WINDOW, closed=True)
+    return LeafTarget(leaf, counted.outline, counted.tile), counted.outline
 
 
 def settled(ground, flat, masks, shifts=None):

@@ -12,12 +12,74 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_bounds
+from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_rigid_motion, as_step
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
 
 FACE = 1e-6
 """Share of a voxel that a box may reach beyond the lattice: the rounding of a box computed from it."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelLattice:
+    """Where the voxels of an array lie: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
+
+    Attributes
+    ----------
+    shape : tuple of int
+    spacing, start : (d,) ndarrays
+    turn : (d, d) ndarray
+        Identity where there is no rigid motion.
+    origin : (d,) ndarray
+        Position of the first voxel, motion included.
+    moved : bool
+        Whether there is a motion.
+    """
+
+    shape: tuple[int, ...]
+    spacing: FloatArray
+    start: FloatArray
+    turn: FloatArray
+    origin: FloatArray
+    moved: bool
+
+    @classmethod
+    def of(
+        cls,
+        shape: tuple[int, ...],
+        spacing: float | npt.ArrayLike,
+        origin: npt.ArrayLike | None,
+        transform: npt.ArrayLike | None,
+    ) -> "VoxelLattice":
+        """Return the lattice of an array, or raise `InputError`."""
+        dimension = len(shape)
+        step = as_step(spacing, dimension)
+        start = np.zeros(dimension) if origin is None else as_points(origin, "origin", dim=dimension)[0]
+        if transform is None:
+            return cls(shape, step, start, np.eye(dimension), start, False)
+        turn, shift = as_rigid_motion(transform, dimension)
+        return cls(shape, step, start, turn, turn @ start + shift, True)
+
+    @property
+    def steps(self) -> FloatArray:
+        """(d, d) displacement from a voxel to the next along each axis, one a row."""
+        return self.spacing[:, np.newaxis] * self.turn.T
+
+    def box(self, bounds: npt.ArrayLike | None) -> FloatArray:
+        """Return the box to cover, or raise `InputError` where it reaches beyond the voxels' faces."""
+        sides = np.array(self.shape)
+        if bounds is None:
+            if self.moved:
+                raise InputError(
+                    "bounds: are needed with a transform; give a box within the turned voxels (inscribed_box)"
+                )
+            return np.array([self.origin, self.origin + np.diag(self.steps) * (sides - 1)])
+        box = as_bounds(bounds, len(sides))
+        corners = np.array(list(product(*box.T)))
+        voxels = (corners - self.origin) @ np.linalg.inv(self.steps)
+        if np.any(voxels < -0.5 - FACE) or np.any(voxels > sides - 0.5 + FACE):
+            raise InputError("bounds: reach beyond the voxels; give a smaller box (inscribed_box finds the largest)")
+        return box
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,19 +270,3 @@ def _marked(table: IntArray, starts: IntArray, sides: IntArray) -> npt.NDArray[n
         sign = (-1) ** (len(sides) - sum(corner))
         total += sign * table[tuple((starts + np.array(corner) * sides).T)]
     return total > 0
-
-
-def as_voxel_box(
-    bounds: npt.ArrayLike | None, shape: tuple[int, ...], steps: FloatArray, origin: FloatArray, *, turned: bool
-) -> FloatArray:
-    """Return the box to cover, or raise `InputError` where it reaches beyond the voxels' faces."""
-    if bounds is None:
-        if turned:
-            raise InputError("bounds: are needed with a transform; give a box within the turned voxels (inscribed_box)")
-        return np.array([origin, origin + np.diag(steps) * (np.array(shape) - 1)])
-    box = as_bounds(bounds, len(shape))
-    corners = np.array(list(product(*box.T)))
-    voxels = (corners - origin) @ np.linalg.inv(steps)
-    if np.any(voxels < -0.5 - FACE) or np.any(voxels > np.array(shape) - 0.5 + FACE):
-        raise InputError("bounds: reach beyond the voxels; give a smaller box (inscribed_box finds the largest)")
-    return box

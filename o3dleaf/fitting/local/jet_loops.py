@@ -1,11 +1,9 @@
-"""Jets of many points at once: products, quotients, and what becomes of them outside the domain.
+"""Jets of many points at once: products and quotients.
 
 A jet is a value, its gradient of d components and its d(d + 1)/2 second derivatives, one row each, as in
 `o3dleaf.fitting.rbf.evaluation_loops`; Leibniz's rule is all that is needed to blend with them. No fast-math here: a
 column's bits do not depend on its place among the others.
 """
-
-import math
 
 from numba import njit
 
@@ -61,41 +59,17 @@ def divide(sums, totals, count, dimension, level):
 
 
 @njit(nogil=True, cache=True)
-def unpack(start, stop, jets, points, bounds, period, values, gradients, hessians):
-    """Write values (n,), gradients (n, d) and Hessians (n, d, d), as far as they have rows, of a block of columns.
-
-    The jets are those at the nearest points of the domain. Outside it the distance δ is taken off,
-    with gradient δ/|δ| and Hessian (I − n nᵀ)/|δ| on the axes that moved, along which the field itself is
-    constant.
-    """
-    dimension = period.size
+def unpack(start, stop, jets, values, gradients, hessians):
+    """Write values (n,), gradients (n, d) and Hessians (n, d, d), as far as they have rows, of a block of columns."""
+    dimension = gradients.shape[1]
     for i in range(start, stop):
-        distance = 0.0
-        for a in range(dimension):
-            # A sum of squares would vanish at distances below 1e-162, and overflow beyond 1e154.
-            distance = math.hypot(distance, offset(points[i, a], bounds, period, a))
         if len(values):
-            values[i] = jets[0, i] - distance
-        if len(gradients):
-            for a in range(dimension):
-                off = offset(points[i, a], bounds, period, a)
-                gradients[i, a] = jets[1 + a, i] if off == 0.0 else -off / distance
+            values[i] = jets[0, i]
+        for a in range(dimension if len(gradients) else 0):
+            gradients[i, a] = jets[1 + a, i]
         row = 1 + dimension
         for a in range(dimension if len(hessians) else 0):
-            moved = offset(points[i, a], bounds, period, a)
             for b in range(a, dimension):
-                also = offset(points[i, b], bounds, period, b)
-                second = jets[row, i]
-                if moved != 0.0 or also != 0.0:
-                    second = (moved / distance * (also / distance) - (1.0 if a == b else 0.0)) / distance
-                hessians[i, a, b] = second
-                hessians[i, b, a] = second
+                hessians[i, a, b] = jets[row, i]
+                hessians[i, b, a] = jets[row, i]
                 row += 1
-
-
-@njit(nogil=True, cache=True)
-def offset(x, bounds, period, axis):
-    """Return how far a coordinate lies beyond the domain: 0 inside, and along an axis that repeats."""
-    if period[axis] > 0.0:
-        return 0.0
-    return x - min(max(x, bounds[0, axis]), bounds[1, axis])

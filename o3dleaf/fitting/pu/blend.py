@@ -8,6 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice, sample_lattice
+from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
@@ -25,9 +26,8 @@ FOLD_BLOCK = 1 << 15
 class Blended:
     """A partition of unity that can be evaluated: local fits, and the index that says which of them contain a point.
 
-    Outside its domain a blend is its value at the nearest point of the domain less the distance to
-    it. Whatever the number of points, evaluation needs `WORKING_MEMORY` beside its arguments and
-    its result.
+    Outside its domain a blend falls with the distance to it (`o3dleaf.core.outside_loops`). Whatever the
+    number of points, evaluation needs `WORKING_MEMORY` beside its arguments and its result.
     """
 
     local: LocalFits
@@ -140,7 +140,8 @@ class Blended:
         parts = [results.get(order, np.empty((0, *[queries.shape[1]] * order), dtype=kind)) for order in range(3)]
 
         def task(start: int, stop: int) -> None:
-            unpack(start, stop, jets, queries, index.bounds, index.period, *parts)
+            fall_outside(start, stop, jets, queries, index.bounds, index.period)
+            unpack(start, stop, jets, *parts)
 
         run_blocks(task, len(queries), FOLD_BLOCK)
 

@@ -9,21 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import (
-    FloatArray,
-    as_bounds,
-    as_mask,
-    as_number,
-    as_points,
-    as_rigid_motion,
-    as_step,
-    as_voxels,
-)
+from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.cover.lattice_cover import VoxelCover, as_voxel_box
+from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
@@ -70,7 +61,8 @@ class PUInterpolant(Blended):
     def __repr__(self) -> str:
         members, balls = self.cover.members, f"{len(self.cover.radii):,} balls"
         count = f"{members.max() + 1:,} points in {balls}" if len(members) else balls
-        return f"PUInterpolant({self.bounds.shape[1]}-D, {count}, unit {self.unit})"
+        unit = f", unit {self.unit}" if self.unit else ""
+        return f"PUInterpolant({self.bounds.shape[1]}-D, {count}{unit})"
 
     @classmethod
     def fit(  # noqa: PLR0913 - the options of a spline, of a cover and of a field
@@ -261,23 +253,16 @@ class PUInterpolant(Blended):
             If the degree is below what the kernel needs.
         """
         data = np.ascontiguousarray(as_voxels(values))
-        dimension = data.ndim
-        step = as_step(spacing, dimension)
-        start = np.zeros(dimension) if origin is None else as_points(origin, "origin", dim=dimension)[0]
-        turn, moved = np.eye(dimension), start
-        if transform is not None:
-            turn, shift = as_rigid_motion(transform, dimension)
-            moved = turn @ start + shift
-        steps = step[:, np.newaxis] * turn.T
-        box = as_voxel_box(bounds, data.shape, steps, moved, turned=transform is not None)
-        marked = None if mask is None else as_mask(mask, data.shape)
+        voxels = VoxelValues(data, as_number(isovalue, "isovalue"))
+        lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
+        box, marked = lattice.box(bounds), None if mask is None else as_mask(mask, data.shape)
         _, most = as_ball_size(points_per_ball, overlap)
-        cover = VoxelCover.fit(data.shape, steps, most, overlap, marked).reaching(box[0], box[1], moved)
-        model = Splines(kernel, degree, smoothing, rho).model(dimension)
-        splines = fit_voxels(cover, VoxelValues(data, as_number(isovalue, "isovalue")), model)
-        centers, radii = cover.centers(moved), cover.radii
+        cover = VoxelCover.fit(data.shape, lattice.steps, most, overlap, marked)
+        cover = cover.reaching(box[0], box[1], lattice.origin)
+        splines = fit_voxels(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
+        centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
-        data_hash = _hash(data, step, start, turn, moved)
+        data_hash = _hash(data, lattice.spacing, lattice.start, lattice.turn, lattice.origin)
         return cls(balls, BallIndex.build(centers, radii, box), splines, check_unit(unit), data_hash)
 
     @property
@@ -311,7 +296,7 @@ class PUInterpolant(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:

@@ -61,8 +61,8 @@ class RBFInterpolant:
     exponents: IntArray
 
     def __repr__(self) -> str:
-        count = f"{self.points.shape[1]:,} points"
-        return f"RBFInterpolant({self.kernel.dimension}-D, {count}, {self.kernel}, unit {self.unit})"
+        unit = f", unit {self.unit}" if self.unit else ""
+        return f"RBFInterpolant({self.kernel.dimension}-D, {self.points.shape[1]:,} points, {self.kernel}{unit})"
 
     @classmethod
     def fit(
@@ -133,7 +133,7 @@ class RBFInterpolant:
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values of the spline, or (n, m) of its columns, at (n, d) points."""

@@ -1,4 +1,4 @@
-"""Turning the patch: the blade into the (x, y) plane, its ridges along x, without resampling a voxel."""
+"""Alignment of the patch: the blade into the (x, y) plane, its ridges along x, without resampling a voxel."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,15 +9,14 @@ from scipy.optimize import minimize
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.leaf.ct.threshold import thin, thinning_stride
 from o3dleaf.leaf.ct.volume import Volume
 
-MOST_VOXELS = 4_000_000
-"""A blade is found as well in so many voxels; larger volumes are read with a stride."""
-LEAST_TURN = np.radians(0.25)
+MIN_TURN = np.radians(0.25)
 """A smaller turn is within the accuracy of a ridge's direction; left out, it keeps the voxels on straight rows."""
 HAIR = 3.0
 """Heights more than so many typical deviations off the plane belong to hairs."""
-SHORTEST, LONGEST = 4.0, 1.0 / 2.5
+MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 """Ridges are looked for with wavelengths from 4 voxels to 1/2.5 of the patch."""
 
 
@@ -88,8 +87,8 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
 
 
 def _thinned(volume: Volume) -> Volume:
-    stride = int(np.ceil((volume.data.size / MOST_VOXELS) ** (1 / 3)))
-    return Volume(volume.data[::stride, ::stride, ::stride], volume.spacing * stride, volume.origin, volume.unit)
+    spacing = volume.spacing * thinning_stride(volume.data)
+    return Volume(thin(volume.data), spacing, volume.origin, volume.unit)
 
 
 def _thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
@@ -145,7 +144,7 @@ def _ridge_direction(u: FloatArray, v: FloatArray, thickness: FloatArray) -> Flo
     fu, fv = (fft.fftfreq(n, step) for n, step in zip(sizes, steps, strict=True))
     frequency = np.hypot(fu[:, np.newaxis], fv)
     extent = (np.array(wave.shape) * steps).min()
-    power[(frequency < 1 / (LONGEST * extent)) | (frequency > 1 / (SHORTEST * steps.max()))] = 0.0
+    power[(frequency < 1 / (MAX_WAVE * extent)) | (frequency > 1 / (MIN_WAVE * steps.max()))] = 0.0
     i, j = np.unravel_index(int(np.argmax(power)), power.shape)
 
     def minus_power(shift: FloatArray) -> float:
@@ -174,4 +173,4 @@ def _turned_least(x: FloatArray, z: FloatArray, up: npt.ArrayLike | None, along:
     R: FloatArray = max(turns, key=np.trace)
     straight = np.round(R)
     # |R − S|² is 8 sin² of half the angle between two rotations.
-    return straight if np.linalg.norm(R - straight) < np.sqrt(8) * np.sin(0.5 * LEAST_TURN) else R
+    return straight if np.linalg.norm(R - straight) < np.sqrt(8) * np.sin(0.5 * MIN_TURN) else R

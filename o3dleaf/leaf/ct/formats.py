@@ -18,9 +18,9 @@ from o3dleaf.leaf.ct.volume import Volume
 
 TIFF = (".tif", ".tiff")
 ITK = (".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz")
-LONGEST_RATIO = 2000
+MAX_RATIO = 2000
 """Deflate, the compression of these formats, packs zeros 1032 to 1."""
-SHORTEST_NIFTI_HEADER = 348
+MIN_NIFTI_HEADER = 348
 """Bytes."""
 
 
@@ -133,7 +133,7 @@ def _read_itk(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
         header.ReadImageInformation()
         promised, held = int(np.prod(header.GetSize(), dtype=np.int64)), path.stat().st_size
         detached = path.name.lower().endswith((".mhd", ".nhdr"))
-        if promised > LONGEST_RATIO * held and not detached:
+        if promised > MAX_RATIO * held and not detached:
             raise InputError(f"{path}: is truncated, {held} bytes for {promised} voxels; copy or export it again")
         if path.name.lower().endswith((".nii", ".nii.gz")):
             one = SimpleITK.GetArrayViewFromImage(SimpleITK.Image([1] * 3, header.GetPixelID()))
@@ -161,7 +161,7 @@ def _require_whole_nifti(path: Path, promised: int) -> None:
                     held += len(part)
         except (EOFError, OSError, zlib.error) as cause:
             raise InputError(f"{path}: is truncated ({cause}); copy or export it again") from cause
-    if held < SHORTEST_NIFTI_HEADER + promised:
+    if held < MIN_NIFTI_HEADER + promised:
         raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
 
 

@@ -20,14 +20,14 @@ from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.units import METRES, check_unit
 from o3dleaf.leaf.ct.volume import Volume
 
-LONGEST_RATIO = 2000
+MAX_RATIO = 2000
 """No compression of TIFF packs zeros tighter than this (deflate 1032, LZW about 1400)."""
 SPELLINGS = {"micron": "um", "microns": "um", "micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
 
 
 @dataclass(frozen=True)
 class StatedLattice:
-    """What a file says about its lattice: (3,) spacing and origin along (x, y, z) in `unit`, None where silent."""
+    """The lattice that a file states: (3,) spacing and origin along (x, y, z) in `unit`, None where it states none."""
 
     spacing: FloatArray | None = None
     origin: FloatArray | None = None
@@ -154,7 +154,7 @@ def _require_complete(tiff: tifffile.TiffFile, stack: tifffile.TiffPageSeries, p
             (o + n) for page in stack.pages if page for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
         promised = max(segments, default=held + 1)
-    if promised > held or stack.nbytes > LONGEST_RATIO * held or any(page is None for page in stack.pages):
+    if promised > held or stack.nbytes > MAX_RATIO * held or any(page is None for page in stack.pages):
         raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
 
 

@@ -1,6 +1,6 @@
 """The volume: intensities on a lattice of voxels, with its place, its unit, and its surface level."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, init=False, repr=False)
 class Volume:
     r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
 
@@ -36,7 +36,7 @@ class Volume:
         If the unit is unknown.
     """
 
-    data: npt.NDArray[Any] = field(repr=False)
+    data: npt.NDArray[Any]
     spacing: FloatArray
     origin: FloatArray
     unit: str | None = None
@@ -52,6 +52,11 @@ class Volume:
         object.__setattr__(self, "spacing", as_spacing(spacing))
         object.__setattr__(self, "origin", _frozen(as_points(origin, "origin", dim=3)[0]))
         object.__setattr__(self, "unit", check_unit(unit))
+
+    def __repr__(self) -> str:
+        shape = " × ".join(f"{count:,}" for count in self.shape)
+        spacing = " × ".join(f"{step:.6g}" for step in self.spacing)
+        return f"Volume({shape} voxels of {spacing}, {self.data.dtype}, unit {self.unit})"
 
     @property
     def shape(self) -> tuple[int, int, int]:

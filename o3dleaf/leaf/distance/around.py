@@ -1,34 +1,30 @@
-"""Where the leaf may be: balls about pieces of the blade, for telling empty air from it without looking at G."""
+"""Bounding balls of the leaf, which tell empty air from it without looking at G."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.distance.projection import thickness
+from o3dleaf.leaf.textured_blade import TexturedBlade
 
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
-
-MOST_PIECES = 1 << 16
-"""Pieces of the blade, 24 bytes each in the tree and some 1 kB while it is grown; where they are too many they grow."""
+MAX_BALLS = 1 << 16
+"""Balls, 24 bytes each in the tree and some 1 kB while it is grown; where they are too many they grow."""
 SLACK = 1.1
 """By how much a ball is larger than about the corners of its piece: the blade bends between them, by less than 1 %."""
 RUNS = (64, 8)
-"""Points of a grid that are told together, first and then."""
+"""Points of a grid that are told from the leaf together, first and then."""
 
 
 @dataclass(frozen=True, eq=False)
-class Around:
-    """Balls of one size that hold the leaf.
+class BoundingBalls:
+    """Balls of one size whose union contains the leaf.
 
     Attributes
     ----------
     tree : cKDTree
-        Their centres.
+        Their centers.
     radius : float
     """
 
@@ -36,22 +32,21 @@ class Around:
     radius: float
 
     @classmethod
-    def of(cls, leaf: "MultiscaleLeaf") -> "Around":
+    def of(cls, leaf: TexturedBlade) -> "BoundingBalls":
         """Cut the outline's box into pieces as long as the patch is high, and put balls about them."""
         first, last = leaf.blade.outline.bounds
-        step = max(thickness(leaf), float(np.sqrt((last - first).prod() / MOST_PIECES)))
+        step = max(leaf.thickness, float(np.sqrt((last - first).prod() / MAX_BALLS)))
         counts = np.maximum(np.ceil((last - first) / step), 1).astype(np.int64)
         lines = [np.linspace(a, b, n + 1) for a, b, n in zip(first, last, counts, strict=True)]
-        heights = leaf.texture.cell[:, 2] / leaf.scale
-        flat = np.stack(np.meshgrid(*lines, heights, indexing="ij"), axis=-1)
+        flat = np.stack(np.meshgrid(*lines, leaf.heights, indexing="ij"), axis=-1)
         ends = leaf.blade.lift(flat.reshape(-1, 3)).reshape(*(counts + 1), 2, 3)
         corners = np.stack([ends[:-1, :-1], ends[1:, :-1], ends[:-1, 1:], ends[1:, 1:]], axis=2).reshape(-1, 8, 3)
-        centres = corners.mean(axis=1)
-        radius = SLACK * float(np.linalg.norm(corners - centres[:, np.newaxis], axis=2).max())
-        return cls(cKDTree(centres), radius)
+        centers = corners.mean(axis=1)
+        radius = SLACK * float(np.linalg.norm(corners - centers[:, np.newaxis], axis=2).max())
+        return cls(cKDTree(centers), radius)
 
     def rows(self, points: FloatArray) -> IntArray:
-        """Return which of the points (n, 3), neighbours in a row, may lie in the leaf: all that do are among them."""
+        """Return which of the points (n, 3), neighbors in a row, may lie in the leaf: all that do are among them."""
         rows = np.arange(len(points))
         for run in RUNS:
             starts = np.arange(0, len(rows), run)

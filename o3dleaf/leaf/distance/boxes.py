@@ -1,4 +1,4 @@
-"""A tree of boxes that lie as what they hold does: a heap over items in a row, for `search_loops`."""
+"""A tree of boxes that lie as what they contain does: a heap over items in a row, for `search_loops`."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,17 +17,17 @@ SLACK = 1e-6
 
 
 Hulls = Callable[[int, int], tuple[FloatArray, FloatArray]]
-"""Of the items start:stop, points (n, q, 3) whose convex hull holds each, and directions (n, 3, 3), one a row, of
+"""Of the items start:stop, points (n, q, 3) whose convex hull contains each, and directions (n, 3, 3), one a row, of
 which the first two span what boxes lie along."""
 
 
 def grow_tree(count: int, hulls: Hulls) -> npt.NDArray[np.float32]:
-    """Return the (2k, 15) float32 boxes of a heap: centre, three unit vectors along the sides, half the sides.
+    """Return the (2k, 15) float32 boxes of a heap: center, three unit vectors along the sides, half the sides.
 
     Parameters
     ----------
     count : int
-        Number of items; neighbours in the row should be neighbours in space.
+        Number of items; neighbors in the row should be neighbors in space.
     hulls : callable
         Asked for some of them at a time.
     """
@@ -78,10 +78,10 @@ def _boxes(points: FloatArray, axes: FloatArray) -> FloatArray:
     """Return the (n, 15) least boxes along `axes` (n, 3, 3) about the points (n, q, 3)."""
     along = np.einsum("nqk,nak->nqa", points, axes)
     low, high = along.min(axis=1), along.max(axis=1)
-    centre = np.einsum("na,nak->nk", (low + high) / 2, axes)
+    center = np.einsum("na,nak->nk", (low + high) / 2, axes)
     half = (high - low) / 2
-    half += SLACK * (np.abs(centre).max(axis=1, keepdims=True) + half.max(axis=1, keepdims=True))
-    return np.concatenate([centre, axes.reshape(-1, 9), half], axis=1)
+    half += SLACK * (np.abs(center).max(axis=1, keepdims=True) + half.max(axis=1, keepdims=True))
+    return np.concatenate([center, axes.reshape(-1, 9), half], axis=1)
 
 
 def _corners(boxes: FloatArray) -> FloatArray:

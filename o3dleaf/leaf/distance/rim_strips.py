@@ -1,7 +1,6 @@
 """The rim of the leaf: where the outline cuts it, a band of short flat strips, straight along up."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -11,16 +10,14 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.boxes import grow_tree
-from o3dleaf.leaf.distance.projection import lift
-from o3dleaf.leaf.distance.solid import Solid
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.distance.search_loops import Strips
+from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 5
 """Pieces of the rim that a thread looks at together: half a megabyte."""
-ROOT_STEPS = 4
-"""Regula falsi steps towards the ends of a strip, from the neighbouring samples."""
+ROOT_ITERATIONS = 4
+"""Regula falsi steps towards the ends of a strip, from the neighboring samples."""
 
 
 def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, FloatArray]:
@@ -34,32 +31,28 @@ def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, Float
     return ring[number] + (2 * within[:, np.newaxis] + 1) * half, half
 
 
-def rim_strips(
-    leaf: "MultiscaleLeaf", solid: Solid, step: float
-) -> tuple[tuple[npt.NDArray[np.floating], ...], npt.NDArray[np.float32]]:
-    """Return the rim's strips, as `search_loops.nearest_strips` wants them, and the tree over them."""
+def rim_strips(leaf: TexturedBlade, solid: LeafSolid, step: float) -> tuple[Strips, npt.NDArray[np.float32]]:
+    """Return the strips of the rim and the tree over them."""
     middles, halves = rim_pieces(solid.outline, step)
-    parts: list[tuple[npt.NDArray[np.floating], ...]] = [()] * -(-len(middles) // BLOCK)
+    parts: list[Strips] = [None] * -(-len(middles) // BLOCK)  # type: ignore[list-item]
 
     def task(start: int, stop: int) -> None:
         parts[start // BLOCK] = _strips(leaf, solid, middles[start:stop], halves[start:stop], step)
 
     run_blocks(task, len(middles), BLOCK)
-    centres, edges, ups, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+    strips = Strips(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
-        at, edge, up, z = (part[start:stop].astype(np.float64) for part in (centres, edges, ups, ends))
-        tips = [at + s * edge + z[:, k : k + 1] * up for s in (-1, 1) for k in (0, 1)]
-        return np.stack(tips, axis=1), np.stack([edge, up, np.cross(edge, up)], axis=1)
+        centers, edges, ups, ends = (part[start:stop].astype(np.float64) for part in strips)
+        tips = [centers + s * edges + ends[:, k : k + 1] * ups for s in (-1, 1) for k in (0, 1)]
+        return np.stack(tips, axis=1), np.stack([edges, ups, np.cross(edges, ups)], axis=1)
 
-    return (centres, edges, ups, ends), grow_tree(len(centres), hulls)
+    return strips, grow_tree(len(strips.centers), hulls)
 
 
-def _strips(
-    leaf: "MultiscaleLeaf", solid: Solid, middles: FloatArray, halves: FloatArray, step: float
-) -> tuple[npt.NDArray[np.floating], ...]:
+def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: FloatArray, step: float) -> Strips:
     """Return the strips over some pieces of the rim: one for each interval of heights that lies in the leaf."""
-    low, high = leaf.texture.cell[:, 2] / leaf.scale
+    low, high = leaf.heights
     heights = np.linspace(low - step, high + step, int(np.ceil((high - low) / step)) + 3)
 
     def field(piece: IntArray, z: FloatArray) -> FloatArray:
@@ -71,11 +64,13 @@ def _strips(
     piece, layer = np.nonzero((values[:, :-1] > 0) != (values[:, 1:] > 0))
     bracket = heights[layer], heights[layer + 1], values[piece, layer], values[piece, layer + 1]
     ends = _roots(lambda z: field(piece, z), *bracket).reshape(-1, 2)
-    owner = piece[::2]
-    at = lift(leaf.blade, np.column_stack([middles[owner], np.zeros(len(owner))]))
-    along, across = halves[owner, :1], halves[owner, 1:]
-    edges = along * at.columns[:, 0] + across * at.columns[:, 1]
-    return at.world, edges.astype(np.float32), at.columns[:, 2].astype(np.float32), ends.astype(np.float32)
+    middle = piece[::2]
+    lifted = leaf.blade.lift_with_jacobian(np.column_stack([middles[middle], np.zeros(len(middle))]))
+    along, across = halves[middle, :1], halves[middle, 1:]
+    edges = along * lifted.columns[:, 0] + across * lifted.columns[:, 1]
+    return Strips(
+        lifted.world, edges.astype(np.float32), lifted.columns[:, 2].astype(np.float32), ends.astype(np.float32)
+    )
 
 
 def _roots(
@@ -83,7 +78,7 @@ def _roots(
 ) -> FloatArray:
     """Return where a field changes its sign between `low` and `high`, by the Illinois variant of regula falsi."""
     a, b, fa, fb = low.copy(), high.copy(), f_low.copy(), f_high.copy()
-    for _ in range(ROOT_STEPS):
+    for _ in range(ROOT_ITERATIONS):
         z = (a * fb - b * fa) / (fb - fa)
         f = field(z)
         crossed = (f > 0) != (fb > 0)

@@ -1,26 +1,88 @@
-"""The compiled search for the nearest sample of the leaf's surface and the nearest strip of its rim.
+"""Compiled: the nearest sample of the leaf's surface and the nearest strip of its rim.
 
 A tree is a heap of boxes in the world: node k has the children 2k and 2k + 1, and the last ``leaves``
-nodes hold `GROUP` items each, in order. Empty boxes have half sides of −∞ and are never nearest. Boxes lie as the
-blade does: one that stands along the world's axes would be far thicker than what it holds.
+nodes have `GROUP` items each, in order. Empty boxes have half sides of −∞ and are never nearest. Boxes lie as the
+blade does: one that stands along the world's axes would be far thicker than what it contains.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from o3dleaf.leaf.macro.frame_loops import dot3
 
 GROUP = 4
-"""Items that a leaf of the tree holds."""
+"""Items in a leaf of the tree."""
 DEPTH = 64
 """More than a tree of all the memory there is has levels."""
 
 
+class TileArrays(NamedTuple):
+    """The samples of one tile, in blocks of the plane and bricks of each block.
+
+    Attributes
+    ----------
+    bricks : (blocks + 1,) ndarray
+        First brick of each block.
+    boxes : (bricks, 2, 3) ndarray
+        Middle and half sides of the box of each brick's samples.
+    places : (bricks + 1,) ndarray
+        First sample of each brick.
+    samples : (3, n) ndarray
+        Relative to their block's center.
+    extents : (blocks, 2, 3) ndarray
+        Middle and half sides of the box of each block's samples.
+    """
+
+    bricks: npt.NDArray[np.int64]
+    boxes: npt.NDArray[np.float32]
+    places: npt.NDArray[np.int64]
+    samples: npt.NDArray[np.float32]
+    extents: npt.NDArray[np.float32]
+
+
+class BladeCells(NamedTuple):
+    """The cells of the blade, each of which shows a block of the tile.
+
+    Attributes
+    ----------
+    blocks : (n,) ndarray
+        The block.
+    bits : (n,) ndarray
+        Place of its first sample in the mask, −1 where all samples show.
+    centers : (n, 3) ndarray
+        In the world.
+    columns : (n, 3, 3) ndarray
+        Of the lift's Jacobian there.
+    """
+
+    blocks: npt.NDArray[np.int64]
+    bits: npt.NDArray[np.int64]
+    centers: npt.NDArray[np.float64]
+    columns: npt.NDArray[np.float32]
+
+
+class Strips(NamedTuple):
+    """The strips of the rim: the points center + s edge + z up, −1 <= s <= 1 and z between the ends.
+
+    Attributes
+    ----------
+    centers, edges, ups : (n, 3) ndarrays
+    ends : (n, 2) ndarray
+    """
+
+    centers: npt.NDArray[Any]
+    edges: npt.NDArray[Any]
+    ups: npt.NDArray[Any]
+    ends: npt.NDArray[Any]
+
+
 @njit(nogil=True, cache=True)
 def box_distance(x, box):
-    """Return the squared distance of x to a box: its centre, three unit vectors along its sides, and half of them."""
+    """Return the squared distance of x to a box: its center, three unit vectors along its sides, and half of them."""
     r0, r1, r2 = x[0] - box[0], x[1] - box[1], x[2] - box[2]
     total = 0.0
     for k in range(3):
@@ -48,31 +110,26 @@ def near_first(x, boxes, node, best, stack, bounds, top):
 
 
 @njit(nogil=True, cache=True)
-def nearest_samples(points, boxes, cells, tile, slack, cell_found, sample_found, distances):
+def nearest_samples(points, boxes, cells, tile, mask, slack, nearest_cells, nearest, distances):
     """Write the cells and the samples that are nearer to the points than √distances, −1 where none is.
 
-    cells: (block, mask, origin (n, 3), columns (n, 3, 3)) - the block of the tile that a cell shows, the place of its
-    first sample in the mask or −1, its centre and its Jacobian in the world. tile: (bricks, boxes, places, samples
-    (3, m), mask, extents) - the first brick of each block, middle and half sides of each brick's box in z, its first
-    sample, the samples relative to their block's centre, which of those of cells at the rim are in the outline, and
-    middle and half sides of each block's box. slack: a length that is safely more than what cells' straight copies
-    of a bent surface, and single precision, are off by.
+    mask: which of the samples of cells at the rim are in the outline, a bit each. slack: a length that is safely
+    more than what cells' straight copies of a bent surface, and single precision, are off by.
     """
-    blocks, masks, origins, columns = cells
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     leaves = len(boxes) // 2
-    scores = np.empty(np.diff(tile[2]).max(), dtype=np.float32)
+    scores = np.empty(np.diff(tile.places).max(), dtype=np.float32)
     last = np.inf
     for i in range(len(points)):
         best = distances[i]
-        if i > 0 and sample_found[i - 1] >= 0:
+        if i > 0 and nearest[i - 1] >= 0:
             # What was nearest to the point before is not farther from this one than there and back.
             moved = 0.0
             for k in range(3):
                 moved += (points[i, k] - points[i - 1, k]) ** 2
             best = min(best, (math.sqrt(last) + math.sqrt(moved) + slack) ** 2)
         last = np.inf
-        cell_found[i], sample_found[i] = -1, -1
+        nearest_cells[i], nearest[i] = -1, -1
         stack[0], bounds[0], top = 1, 0.0, 1
         while top > 0:
             top -= 1
@@ -82,12 +139,10 @@ def nearest_samples(points, boxes, cells, tile, slack, cell_found, sample_found,
             if node < leaves:
                 top = near_first(points[i], boxes, node, best, stack, bounds, top)
                 continue
-            for cell in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(blocks))):
-                found, distance = nearest_in_cell(
-                    points[i], blocks[cell], masks[cell], origins[cell], columns[cell], tile, scores, best
-                )
-                if found >= 0:
-                    best, cell_found[i], sample_found[i] = distance, cell, found
+            for cell in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(cells.blocks))):
+                sample, distance = nearest_in_cell(points[i], cell, cells, tile, mask, scores, best)
+                if sample >= 0:
+                    best, nearest_cells[i], nearest[i] = distance, cell, sample
                     last = distance
 
 
@@ -119,25 +174,26 @@ def brick_distance(r, a, b, c, boxes, brick):
 
 
 @njit(nogil=True, cache=True)
-def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
+def nearest_in_cell(x, cell, cells, tile, mask, scores, best):
     """Return the nearest sample of one cell, −1 if none is nearer than √`best`, and its squared distance.
 
-    |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometres in single precision.
+    |r − A s|² − |r|² = s·(AᵀA s − 2 Aᵀr): of the samples' size, and so right to a few nanometers in single precision.
     """
-    bricks, boxes, places, samples, inside, extents = tile
+    block, first_bit, origin, columns = cells.blocks[cell], cells.bits[cell], cells.centers[cell], cells.columns[cell]
+    bricks, places, samples = tile.bricks, tile.places, tile.samples
     r = (x[0] - origin[0], x[1] - origin[1], x[2] - origin[2])
     a = (float(columns[0, 0]), float(columns[0, 1]), float(columns[0, 2]))
     b = (float(columns[1, 0]), float(columns[1, 1]), float(columns[1, 2]))
     c = (float(columns[2, 0]), float(columns[2, 1]), float(columns[2, 2]))
-    if brick_distance(r, a, b, c, extents, block) ** 2 >= best:
+    if brick_distance(r, a, b, c, tile.extents, block) ** 2 >= best:
         return -1, best
     square = dot3(r, r)
     aa, bb, cc = np.float32(dot3(a, a)), np.float32(dot3(b, b)), np.float32(dot3(c, c))
     ab, ac, bc = np.float32(2 * dot3(a, b)), np.float32(2 * dot3(a, c)), np.float32(2 * dot3(b, c))
     ar, br, cr = np.float32(2 * dot3(a, r)), np.float32(2 * dot3(b, r)), np.float32(2 * dot3(c, r))
-    found = -1
+    nearest = -1
     for brick in range(bricks[block], bricks[block + 1]):
-        if brick_distance(r, a, b, c, boxes, brick) ** 2 >= best:
+        if brick_distance(r, a, b, c, tile.boxes, brick) ** 2 >= best:
             continue
         first, count = places[brick], places[brick + 1] - places[brick]
         xs, ys, zs = (
@@ -150,20 +206,15 @@ def nearest_in_cell(x, block, mask, origin, columns, tile, scores, best):
             scores[k] = u * (aa * u + ab * v + ac * w - ar) + v * (bb * v + bc * w - br) + w * (cc * w - cr)
         least = np.float32(best - square)
         for k in range(count):
-            if scores[k] < least and (mask < 0 or shown(inside, mask + first + k - places[bricks[block]])):
-                least, found = scores[k], first + k
+            if scores[k] < least and (first_bit < 0 or shown(mask, first_bit + first + k - places[bricks[block]])):
+                least, nearest = scores[k], first + k
                 best = square + least
-    return found, best
+    return nearest, best
 
 
 @njit(nogil=True, cache=True)
 def nearest_strips(points, boxes, strips, feet, distances):
-    """Write the points of the rim that are nearer to the points than √distances, and their squared distances.
-
-    strips: (centre (n, 3), edge (n, 3), up (n, 3), ends (n, 2)): the points centre + s edge + z up, −1 <= s <= 1 and
-    z between the ends.
-    """
-    centres, edges, ups, ends = strips
+    """Write the points of the rim that are nearer to the points than √distances, and their squared distances."""
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)
     leaves = len(boxes) // 2
     foot = np.empty(3)
@@ -178,8 +229,8 @@ def nearest_strips(points, boxes, strips, feet, distances):
             if node < leaves:
                 top = near_first(points[i], boxes, node, best, stack, bounds, top)
                 continue
-            for strip in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(centres))):
-                distance = strip_distance(points[i], centres[strip], edges[strip], ups[strip], ends[strip], foot)
+            for strip in range(GROUP * (node - leaves), min(GROUP * (node - leaves + 1), len(strips.centers))):
+                distance = strip_distance(points[i], strip, strips, foot)
                 if distance < best:
                     best = distance
                     feet[i] = foot
@@ -187,14 +238,15 @@ def nearest_strips(points, boxes, strips, feet, distances):
 
 
 @njit(nogil=True, cache=True)
-def strip_distance(x, centre, edge, up, ends, foot):
+def strip_distance(x, strip, strips, foot):
     """Return the squared distance of x to a strip, and write the nearest point: the best of four edges and the inside.
 
     |up| = 1.
     """
+    center, edge, up, ends = strips.centers[strip], strips.edges[strip], strips.ups[strip], strips.ends[strip]
     ee = eu = er = ur = 0.0
     for k in range(3):
-        gap = x[k] - centre[k]
+        gap = x[k] - center[k]
         ee += edge[k] * edge[k]
         eu += edge[k] * up[k]
         er += edge[k] * gap
@@ -215,23 +267,23 @@ def strip_distance(x, centre, edge, up, ends, foot):
             s = min(max((er - eu * z) / ee, -1.0), 1.0)
         total = 0.0
         for k in range(3):
-            gap = x[k] - centre[k] - s * edge[k] - z * up[k]
+            gap = x[k] - center[k] - s * edge[k] - z * up[k]
             total += gap * gap
         if total < best:
             best = total
             for k in range(3):
-                foot[k] = centre[k] + s * edge[k] + z * up[k]
+                foot[k] = center[k] + s * edge[k] + z * up[k]
         if case == 0:
             break
     return best
 
 
 @njit(nogil=True, cache=True)
-def look_up(places, values, codes, held):
-    """Write whether points are held: what the nearest corner of their cell says at which the field has their sign.
+def look_up(places, values, codes, inside):
+    """Write which points are inside: as the nearest corner of their cell at which the field has their sign is.
 
     places: (n, 3), in steps of the lattice. codes: (nx, ny, nz), 1 where the field is positive, plus 2 where the
-    lattice is held; the first two axes are periodic. Where no corner has the sign, the nearest one says.
+    lattice is inside; the first two axes are periodic. Where no corner has the sign, the nearest one decides.
     """
     nx, ny, nz = codes.shape
     for i in range(len(places)):
@@ -245,4 +297,4 @@ def look_up(places, values, codes, held):
             if (code & 1) != (values[i] > 0.0):
                 score += 4.0  # more than the square of a cell's diagonal
             if score < best:
-                best, held[i] = score, code > 1
+                best, inside[i] = score, code > 1

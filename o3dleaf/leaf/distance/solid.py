@@ -1,10 +1,9 @@
-"""What is leaf: where G > 0 in the outline, or the closed solid that meshes draw.
+"""The solid: where G > 0 in the outline, or the closed one that meshes draw.
 
 In the closed one air pockets are filled, specks beside the blade are left out, and the outline is rounded.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -12,21 +11,18 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.distance.projection import texture_jets
 from o3dleaf.leaf.distance.search_loops import look_up
 from o3dleaf.leaf.instancing.runs import find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.macro.outline import in_polygon
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.textured_blade import TexturedBlade
 
 Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Filled:
-    """One period's lattice: where F > 0, and what lies in the leaf once pockets are filled.
+class FilledLattice:
+    """The lattice of one period: where F > 0, and where the leaf is once pockets are filled.
 
     Attributes
     ----------
@@ -41,7 +37,7 @@ class Filled:
     codes: npt.NDArray[np.uint8]
 
     @classmethod
-    def fill(cls, origin: FloatArray, steps: FloatArray, positive: Bools) -> "Filled":
+    def fill(cls, origin: FloatArray, steps: FloatArray, positive: Bools) -> "FilledLattice":
         """Fill the pockets of a period of samples (nx, ny, nz).
 
         Raises
@@ -51,60 +47,60 @@ class Filled:
         """
         nx, ny, nz = positive.shape
         runs = solidify((nx, ny, nz), *find_runs(positive.reshape(-1, nz)))
-        held = runs.expand(np.arange(nx * ny)).reshape(positive.shape) == INSIDE
-        return cls(origin, steps, positive + 2 * held.astype(np.uint8))
+        inside = runs.expand(np.arange(nx * ny)).reshape(positive.shape) == INSIDE
+        return cls(origin, steps, positive + 2 * inside.astype(np.uint8))
 
-    def bounds(self, vertices: FloatArray) -> Bools:
+    def is_crossed_at(self, vertices: FloatArray) -> Bools:
         """Return which vertices (n, 3) on edges of the lattice, in steps from `origin`, lie on the filled leaf."""
-        ends = self._at(np.floor(vertices).astype(np.int64)), self._at(np.ceil(vertices).astype(np.int64))
-        return np.asarray(ends[0] >> 1 != ends[1] >> 1)
+        low, high = (self._codes_at(ends(vertices).astype(np.int64)) for ends in (np.floor, np.ceil))
+        return np.asarray(low >> 1 != high >> 1)
 
-    def values(self, leaf: "MultiscaleLeaf", flat: FloatArray) -> FloatArray:
+    def values(self, leaf: TexturedBlade, flat: FloatArray) -> FloatArray:
         """Return |F| in the filled leaf and −|F| beside it, (n,), at (n, 3) flat coordinates.
 
         A point belongs to what the nearest corner of its cell belongs to at which F has the sign that it has at the
         point; where none has, to what the nearest corner does.
         """
-        values = texture_jets(leaf, flat, 0)[0]
-        held = np.empty(len(flat), dtype=bool)
-        look_up((flat - self.origin) / self.steps, values, self.codes, held)
-        return np.where(held, np.abs(values), -np.abs(values))
+        values = leaf.values(flat)
+        inside = np.empty(len(flat), dtype=bool)
+        look_up((flat - self.origin) / self.steps, values, self.codes, inside)
+        return np.where(inside, np.abs(values), -np.abs(values))
 
-    def _at(self, places: IntArray) -> npt.NDArray[np.uint8]:
+    def _codes_at(self, places: IntArray) -> npt.NDArray[np.uint8]:
         """Return the codes at lattice points (n, 3)."""
         nx, ny, _ = self.codes.shape
         return np.asarray(self.codes[places[:, 0] % nx, places[:, 1] % ny, places[:, 2]])
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class LeafSolid:
     """The points of the leaf.
 
     Attributes
     ----------
     outline : shapely.Polygon
-        What the plane is cut along.
-    filled : Filled or None
-        Which air the blade encloses; None: pockets are not leaf.
+        The curve that the plane is cut along.
+    filled : FilledLattice or None
+        The air that the blade encloses; None: pockets are not leaf.
     """
 
     outline: shapely.Polygon
-    filled: Filled | None
+    filled: FilledLattice | None
 
     def contains(self, plane: FloatArray) -> Bools:
         """Return which of the (n, 2) places along and across lie in the outline."""
         return in_polygon(self.outline, plane)
 
-    def values(self, leaf: "MultiscaleLeaf", flat: FloatArray) -> FloatArray:
+    def values(self, leaf: TexturedBlade, flat: FloatArray) -> FloatArray:
         """Return F at (n, 3) flat coordinates or, where pockets are filled, ±|F| with the sign of the filled leaf."""
-        return texture_jets(leaf, flat, 0)[0] if self.filled is None else self.filled.values(leaf, flat)
+        return leaf.values(flat) if self.filled is None else self.filled.values(leaf, flat)
 
-    def holds(self, leaf: "MultiscaleLeaf", points: FloatArray) -> Bools:
+    def contains_points(self, leaf: TexturedBlade, points: FloatArray) -> Bools:
         """Return which of the (n, 3) world points lie in the leaf."""
         flat = leaf.blade.flatten(points)
-        low, high = leaf.texture.cell[:, 2] / leaf.scale
+        low, high = leaf.heights
         # What the top or bottom of the patch cuts is closed there, as in the meshes, not where the field falls to 0.
-        held: Bools = (flat[:, 2] >= low) & (flat[:, 2] <= high)
-        held[held] = self.contains(flat[held, :2])
-        held[held] = self.values(leaf, flat[held]) > 0
-        return held
+        inside: Bools = (flat[:, 2] >= low) & (flat[:, 2] <= high)
+        inside[inside] = self.contains(flat[inside, :2])
+        inside[inside] = self.values(leaf, flat[inside]) > 0
+        return inside

@@ -1,7 +1,6 @@
-"""One tile's surface as samples, in blocks and bricks: what all the cells of the blade show copies of."""
+"""Samples of one tile's surface, in blocks and bricks, of which all the cells of the blade show copies."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -9,30 +8,30 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
+from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.distance.projection import CHUNK, lift_bends, texture_jets
-from o3dleaf.leaf.distance.solid import Filled
+from o3dleaf.leaf.distance.projection import CHUNK
+from o3dleaf.leaf.distance.search_loops import TileArrays
+from o3dleaf.leaf.distance.solid import FilledLattice
+from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.isosurface.polygonize import polygonize
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
 Singles = npt.NDArray[np.float32]
 
-MOST_SAMPLES = 1 << 18
+MAX_SAMPLES = 1 << 18
 """Samples of a tile: 3 MB. Finer patches, or larger ones, are sampled more coarsely."""
 CELL_STEPS = (4, 16)
 """Least and largest side of a block, in steps of the sampling."""
 STRAIGHT = 1 / 16
 """By how much the blade may bend away from a cell's straight copy of a block, of the same."""
 PROBES = 48
-"""Places along the leaf, and a quarter as many across, where its bending is looked at."""
+"""Places along the leaf, and a quarter as many across, where its curvature is looked at."""
 BRICK_STEPS = 8
 """Side of a brick, in steps of the sampling: some fifty samples."""
 SLAB = 16
-"""Layers of the lattice that are polygonised at once, so that a tile never needs the memory of its lattice."""
-MOST_CELLS = 1 << 17
+"""Layers of the lattice that are polygonized at once, so that a tile never needs the memory of its lattice."""
+MAX_CELLS = 1 << 17
 """Cells of the blade: 14 MB. On larger blades they are larger."""
 
 EPSILON = 1e-6
@@ -40,7 +39,7 @@ EPSILON = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Tile:
+class TileSamples:
     """Points of F = 0 over one period of the texture, sorted into blocks of the plane and bricks of each block.
 
     Attributes
@@ -50,7 +49,7 @@ class Tile:
     shape : (2,) tuple of int
         Number of blocks along and across.
     step : float
-        About the distance of neighbouring samples.
+        About the distance of neighboring samples.
     bricks : (blocks + 1,) int64 ndarray
         First brick of each block.
     extents : (blocks, 2, 3) float32 ndarray
@@ -61,8 +60,8 @@ class Tile:
         First sample of each brick.
     samples : (3, n) float32 ndarray
         Relative to the middle of their block at height 0.
-    filled : Filled or None
-        What is enclosed, if pockets were filled.
+    filled : FilledLattice or None
+        The air that is enclosed, if pockets were filled.
     """
 
     origin: FloatArray
@@ -74,10 +73,10 @@ class Tile:
     boxes: Singles
     places: IntArray
     samples: Singles
-    filled: Filled | None
+    filled: FilledLattice | None
 
     @classmethod
-    def sample(cls, leaf: "MultiscaleLeaf", *, closed: bool = False) -> "Tile":
+    def sample(cls, leaf: TexturedBlade, *, closed: bool = False) -> "TileSamples":
         """Sample the leaf's texture with its pockets and specks or, closed, without them.
 
         Raises
@@ -88,7 +87,7 @@ class Tile:
         low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
         step = _step(leaf)
         points, filled = _surface_points(leaf, step, closed=closed)
-        shape = np.maximum(np.round(period / max(_straight(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
+        shape = np.maximum(np.round(period / max(_straight_cell(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
         cell = period / shape
         relative = points - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
@@ -120,6 +119,11 @@ class Tile:
             filled,
         )
 
+    @property
+    def arrays(self) -> TileArrays:
+        """The samples as compiled functions take them."""
+        return TileArrays(self.bricks, self.boxes, self.places, self.samples, self.extents)
+
 
 def _as_boxes(low: Singles, high: Singles) -> Singles:
     """Return the middles and half sides (n, 2, 3) of boxes from their corners."""
@@ -127,33 +131,33 @@ def _as_boxes(low: Singles, high: Singles) -> Singles:
     return np.stack([(low + high) / 2, half], axis=1)
 
 
-def _step(leaf: "MultiscaleLeaf") -> float:
+def _step(leaf: TexturedBlade) -> float:
     """Return half the distance of the texture's data, or more where that would make too many samples."""
     covers = [patch.cover for patch in leaf.texture.patches]
     volume = min(4.19 * float(np.median(c.radii)) ** 3 / max(float(np.median(c.counts)), 1.0) for c in covers)
     # A rough surface with pockets has some four times the tile's area on each of its faces.
     area = 8 * float(leaf.texture.period.prod())
-    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MOST_SAMPLES)) / leaf.scale)
+    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MAX_SAMPLES)) / leaf.scale)
 
 
-def _straight(leaf: "MultiscaleLeaf", step: float) -> float:
-    """Return the side of a cell of which the blade, X'' κ and thus off by κ side²/8, is as good as straight."""
+def _straight_cell(leaf: TexturedBlade, step: float) -> float:
+    """Return the side of a cell over which the blade, off by κ side²/8 where X'' is κ, is as good as straight."""
     bounds = leaf.blade.outline.bounds
     places = np.meshgrid(
         *[np.linspace(bounds[0, axis], bounds[1, axis], n) for axis, n in ((0, PROBES), (1, PROBES // 4))]
     )
-    bends = lift_bends(leaf.blade, np.column_stack([*(each.ravel() for each in places), np.zeros(places[0].size)]))
-    bend = float(np.median(np.linalg.norm(bends, axis=3).max(axis=(1, 2))))
+    flat = np.column_stack([*(each.ravel() for each in places), np.zeros(places[0].size)])
+    curvature = float(np.median(np.linalg.norm(leaf.blade.lift_hessians(flat), axis=3).max(axis=(1, 2))))
     least, most = (steps * step for steps in CELL_STEPS)
-    return float(np.clip(np.sqrt(8 * STRAIGHT * step / max(bend, 1e-300)), least, most))
+    return float(np.clip(np.sqrt(8 * STRAIGHT * step / max(curvature, 1e-300)), least, most))
 
 
-def _least_cell(leaf: "MultiscaleLeaf") -> float:
-    """Return the side of a cell of which the outline's box holds `MOST_CELLS`."""
-    return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MOST_CELLS))
+def _least_cell(leaf: TexturedBlade) -> float:
+    """Return the side of a cell of which the outline's box contains `MAX_CELLS`."""
+    return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MAX_CELLS))
 
 
-def _surface_points(leaf: "MultiscaleLeaf", step: float, *, closed: bool) -> tuple[FloatArray, Filled | None]:
+def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[FloatArray, FilledLattice | None]:
     """Return points (n, 3) of F = 0 over one period: the vertices of marching cubes, moved onto it."""
     low, high = leaf.texture.cell / leaf.scale
     counts = np.ceil((high - low) / step).astype(np.int64)
@@ -167,21 +171,30 @@ def _surface_points(leaf: "MultiscaleLeaf", step: float, *, closed: bool) -> tup
         )
     # Beyond the patch a field falls with the distance: the lattice has a layer below it.
     origin = low - steps * [0, 0, 1]
-    filled = None if positive is None else Filled.fill(origin, steps, positive)
+    filled = None if positive is None else FilledLattice.fill(origin, steps, positive)
     if filled is not None:
-        vertices = vertices[filled.bounds(vertices)]
+        vertices = vertices[filled.is_crossed_at(vertices)]
     points = origin + vertices * steps
-    for _ in range(2):
-        for first, last in blocks(len(points), CHUNK):
-            part = points[first:last]
-            values, slopes = texture_jets(leaf, part, 1)
-            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
-            part += np.clip(-(values / square)[:, np.newaxis] * slopes, -step / 4, step / 4)
+    for first, last in blocks(len(points), CHUNK):
+        points[first:last] = _onto_surface(leaf, points[first:last], step / 4)
     return points, filled
 
 
+def _onto_surface(leaf: TexturedBlade, points: FloatArray, reach: float) -> FloatArray:
+    """Return points moved onto F = 0, in each step by at most `reach` along each axis."""
+
+    def advance(points: FloatArray, _: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        steps = np.clip(steps, -reach, reach)
+        return points + steps, np.abs(steps).max(axis=1, initial=0.0)
+
+    moved, _ = project_to_level(
+        points, leaf.values_and_gradients, max_step=np.inf, tolerance=0.0, max_iterations=2, advance=advance
+    )
+    return moved
+
+
 def _slab_vertices(
-    leaf: "MultiscaleLeaf",
+    leaf: TexturedBlade,
     low: FloatArray,
     steps: FloatArray,
     counts: IntArray,
@@ -196,7 +209,7 @@ def _slab_vertices(
     # A layer above and below the patch closes what its faces cut.
     origin = low + steps * [slab[0], 0, -1]
     lattice = Lattice(tuple(origin), tuple(steps), (thick + 1, int(counts[1]) + 1, int(counts[2]) + 3))
-    samples = sample_lattice(lambda at: texture_jets(leaf, at, 0)[0], lattice, dtype=np.float32, block=CHUNK)
+    samples = sample_lattice(leaf.values, lattice, dtype=np.float32, block=CHUNK)
     if positive is not None:
         positive[slab[0] : slab[1]] = samples[:-1, :-1] > 0
     vertices, _ = polygonize(samples, 0.0)

@@ -10,32 +10,34 @@ from o3dleaf.core.checks import FloatArray, as_bounds, as_points, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh
-from o3dleaf.leaf.distance.projection import lift, lift_up, pull_back
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.frame_quality import FrameQuality, appraise_frame
+from o3dleaf.leaf.macro.frame_quality import FrameQuality
 from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.lift import Lifted, lift_up
 from o3dleaf.leaf.macro.offset import (
-    LEAST_ROOM,
+    MIN_ROOM,
     OFFSETS,
     NormalOffsets,
     flatten_along_normal,
     lift_along_normal,
     pull_back_along_normal,
 )
-from o3dleaf.leaf.macro.outline import CRUMBS, AlphaShape
+from o3dleaf.leaf.macro.outline import MAX_FRAGMENTS, AlphaShape
 from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.surface.mesh.components import largest_components
 
-APPRAISED = 20_000
-"""Places of the blade at which the frame is looked at, beside those of the scan."""
+PLACES = 20_000
+"""Places of the blade at which frame and distortion are measured, beside those of the scan."""
+DIFFERENCE = 1e-4
+"""Step of the differences of the lift's Jacobian, of the blade's width: blades bend over their width."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blade:
     r"""The blade as a surface over its flattened plane: S = m(y₁) + y₂ A(y₁) + H(y₁, y₂) V(y₁) inside an outline.
 
-    It holds both directions of the paper's T*: `flatten` takes the world to flat coordinates
+    Both directions of the paper's T* are here: `flatten` takes the world to flat coordinates
     (along, across, height above the blade), `lift` takes them back. Heights are measured along V, as in
     the paper, x = S + y₃ V; or along the blade's own normal, x = S + y₃ N, which keeps the thickness of
     what lies on a slope.
@@ -47,7 +49,7 @@ class Blade:
     outline : AlphaShape
         In leaf coordinates (along, across).
     offset : {"up", "normal"}
-        What heights are measured along. Along the normal, points beyond the blade's focal surface, where
+        Direction of heights. Along the normal, points beyond the blade's focal surface, where
         normals meet (see `distortion`), keep the flat coordinates that they have along `up`.
     """
 
@@ -67,9 +69,13 @@ class Blade:
                 self.height_map.jet(self.height_map.bounds[:1])
             except InputError as cause:
                 raise InputError(
-                    "offset: the normal's slopes need second derivatives, which this height map has not; fit it with "
+                    "offset: the normal's derivatives need second ones, which this height map lacks; fit it with "
                     "kernel='cubic', or take offset='up'"
                 ) from cause
+
+    def __repr__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"Blade({self.frame.length:.4g}{unit} long, heights along {self.offset})"
 
     @property
     def unit(self) -> str | None:
@@ -94,12 +100,30 @@ class Blade:
         leaf[:, 2] += self.height_map(leaf[:, :2])
         return self.frame.to_world(leaf)
 
+    def lift_with_jacobian(self, flat: FloatArray) -> Lifted:
+        """Return the world points of (n, 3) flat coordinates, and the lift's Jacobian there."""
+        if self.offset == "up":
+            return lift_up(self.frame, self.height_map, flat)
+        offsets = NormalOffsets.at(self.frame, self.height_map, flat)
+        return Lifted(offsets.points, np.ascontiguousarray(offsets.jacobian.transpose(0, 2, 1)))
+
+    def lift_hessians(self, flat: FloatArray) -> FloatArray:
+        """Return ∂²X/∂z_a∂z_b, (n, 3, 3, 3), from central differences of the analytic Jacobian; X is linear in z₃."""
+        hessians = np.zeros((len(flat), 3, 3, 3))
+        step = DIFFERENCE * float(np.ptp(self.outline.bounds[:, 1]))
+        for axis in range(2):
+            shift = step * np.eye(3)[axis]
+            ahead, behind = (self.lift_with_jacobian(flat + sign * shift).columns for sign in (1.0, -1.0))
+            hessians[:, axis] = (ahead - behind) / (2 * step)
+        hessians[:, 2, :2] = hessians[:, :2, 2]
+        return (hessians + hessians.transpose(0, 2, 1, 3)) / 2
+
     def pull_back(self, flat: FloatArray, gradient: FloatArray, x: FloatArray | None = None) -> FloatArray:
         r"""Return the world gradients of g(T*(x)) from the gradients of g, both (n, 3), at flat coordinates.
 
         .. math:: ∇_x\,g(T^*(x)) = J^{-T} \bigl(g_1 - g_3 H_1,\; g_2 - g_3 H_2,\; g_3\bigr), \qquad J = ∂x/∂y
 
-        along up; along the normal J⁻ᵀ g, with J the slope of `lift`.
+        along up; along the normal J⁻ᵀ g, with J the Jacobian of `lift`.
 
         Parameters
         ----------
@@ -109,14 +133,15 @@ class Blade:
             and have coordinates along up; without them only `flat` itself can, by its height.
         """
         if self.offset == "up":
-            return pull_back(lift(self, flat).columns, gradient)
+            return self.lift_with_jacobian(flat).pull_back(gradient)
         offsets = NormalOffsets.at(self.frame, self.height_map, flat)
-        found = pull_back_along_normal(offsets, gradient)
-        beyond = offsets.room <= LEAST_ROOM
+        pulled = pull_back_along_normal(offsets, gradient)
+        beyond = offsets.room <= MIN_ROOM
         if x is not None:
             beyond |= ~offsets.reach(x, self.frame.length)
-        found[beyond] = pull_back(lift_up(self, flat[beyond]).columns, gradient[beyond])
-        return found
+        upright = lift_up(self.frame, self.height_map, flat[beyond])
+        pulled[beyond] = upright.pull_back(gradient[beyond])
+        return pulled
 
     def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
         """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.
@@ -141,27 +166,27 @@ class Blade:
         return np.array([middle - half, middle + half])
 
     def distortion(self, plane: npt.ArrayLike | None = None) -> Distortion:
-        """Return how the map from flat coordinates to the world stretches what lies on the blade.
+        """Return the distortion by the map from flat coordinates to the world of what lies on the blade.
 
         Parameters
         ----------
         plane : (n, 2) array_like, optional
-            Places (along, across), in `unit`; `APPRAISED` ones inside the outline by default.
+            Places (along, across), in `unit`; `PLACES` ones inside the outline by default.
         """
-        places = self._places(APPRAISED) if plane is None else as_points(plane, "plane", dim=2)
+        places = self._places(PLACES) if plane is None else as_points(plane, "plane", dim=2)
         return Distortion.of(self.frame, self.height_map, places, self.offset)
 
-    def appraise(self, points: CloudLike) -> FrameQuality:
-        """Return how well the frame serves the scan and this blade, at `APPRAISED` places inside the outline.
+    def frame_quality(self, points: CloudLike) -> FrameQuality:
+        """Return the quality of the frame for the scan and for this blade, at `PLACES` places inside the outline.
 
         Parameters
         ----------
         points : (n, 3) array_like or Open3D point cloud
             The scan, at least two points, in `unit`.
         """
-        plane = self._places(APPRAISED)
+        plane = self._places(PLACES)
         leaf = np.column_stack([plane, self.height_map(plane)])
-        return appraise_frame(self.frame, points_of(points, "points", least=2), leaf)
+        return FrameQuality.of(self.frame, points_of(points, "points", least=2), leaf)
 
     def _places(self, count: int) -> FloatArray:
         """Return about `count` (along, across) on a square grid inside the outline, and the scan's own."""
@@ -184,7 +209,7 @@ class Blade:
         Raises
         ------
         ReconstructionError
-            If the outline holds no triangle at this spacing.
+            If the outline contains no triangle at this spacing.
         """
         step = require_positive(spacing, "spacing")
         box = self.outline.bounds if region is None else as_bounds(region, 2, "region")
@@ -202,7 +227,7 @@ class Blade:
             )
         vertices, triangles = trim_to_manifold(vertices, triangles)
         mesh, removed = largest_components(build_mesh(self.lift(vertices), triangles), 1)
-        if removed.open_area > CRUMBS * mesh.get_surface_area():
+        if removed.open_area > MAX_FRAGMENTS * mesh.get_surface_area():
             raise ReconstructionError(
                 f"at {step:.4g} {self.unit or ''} the blade falls into {1 + removed.open} pieces, where its outline is "
                 "narrower than the spacing; use a finer spacing or a larger alpha"

@@ -1,16 +1,14 @@
-"""How the map from flat coordinates to the world stretches, shears and thins the micro-structure on the blade."""
+"""Distortion of the micro-structure by the map from flat coordinates to the world: stretch, shear, thickness."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.macro.offset import NormalOffsets, surface_slopes
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.macro.frame import LeafFrame
-    from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.offset import NormalOffsets, surface_tangents
 
 STRAIGHT = 1e-12
 """Turning of the frame per length of the leaf below which it is none: its focal surface is infinitely far."""
@@ -18,7 +16,7 @@ STRAIGHT = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    r"""The slope of `Blade.lift` at height 0, J = (S₁, S₂, D), D = V along up and N along the normal, at n places.
+    r"""The Jacobian of `Blade.lift` at height 0, J = (S₁, S₂, D), D = V along up and N along the normal, at n places.
 
     A copy of the texture without any distortion has 1 everywhere, and no shear.
 
@@ -50,6 +48,11 @@ class Distortion:
     singular_values: FloatArray
     focal: FloatArray
 
+    def __repr__(self) -> str:
+        ranges = [(name, getattr(self, name)) for name in ("along", "across", "thickness")]
+        text = ", ".join(f"{name} {values.min():.3g} to {values.max():.3g}" for name, values in ranges)
+        return f"Distortion({len(self.plane):,} places: {text})"
+
     @property
     def volume(self) -> FloatArray:
         """Det J (n,), area × thickness: the volume in the world of a unit volume."""
@@ -63,12 +66,12 @@ class Distortion:
         return table | {"focal": nearest if np.isfinite(nearest) else None}
 
     @classmethod
-    def of(cls, frame: "LeafFrame", height_map: "HeightMap", plane: FloatArray, offset: str) -> "Distortion":
+    def of(cls, frame: LeafFrame, height_map: HeightMap, plane: FloatArray, offset: str) -> "Distortion":
         """Measure the map of a frame and a height map, with heights along "up" or "normal", at (n, 2) places."""
-        height, *slopes = height_map.jet(plane, 1).T
+        height, *gradient = height_map.jet(plane, 1).T
         leaf = np.column_stack([plane, height])
         jacobian = frame.jacobian(leaf)
-        first, second = surface_slopes(jacobian, np.stack(slopes, axis=1))
+        first, second = surface_tangents(jacobian, np.stack(gradient, axis=1))
         cross = np.cross(first, second)
         area = np.linalg.norm(cross, axis=1)
         along, across = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
@@ -86,14 +89,14 @@ class Distortion:
         )
 
 
-def _focal(frame: "LeafFrame", height_map: "HeightMap", plane: FloatArray) -> FloatArray:
+def _focal(frame: LeafFrame, height_map: HeightMap, plane: FloatArray) -> FloatArray:
     """Return the least radius of curvature of the blade (n,)."""
     flat = np.column_stack([plane, np.zeros(len(plane))])
-    bend = np.abs(NormalOffsets.at(frame, height_map, flat).curvatures).max(axis=1, initial=0.0)
-    return _reciprocal(bend, frame.length)
+    curvature = np.abs(NormalOffsets.at(frame, height_map, flat).curvatures).max(axis=1, initial=0.0)
+    return _reciprocal(curvature, frame.length)
 
 
-def _focal_up(frame: "LeafFrame", leaf: FloatArray, jacobian: FloatArray) -> FloatArray:
+def _focal_up(frame: LeafFrame, leaf: FloatArray, jacobian: FloatArray) -> FloatArray:
     """Return the height at which det ∂x/∂y, linear in y₃, vanishes."""
     determinant = np.linalg.det(jacobian)
     higher = np.linalg.det(frame.jacobian(leaf + np.array([0.0, 0.0, frame.length])))
@@ -101,7 +104,7 @@ def _focal_up(frame: "LeafFrame", leaf: FloatArray, jacobian: FloatArray) -> Flo
     return np.asarray(np.abs(determinant) * _reciprocal(fall, frame.length))
 
 
-def _reciprocal(bend: FloatArray, length: float) -> FloatArray:
-    """Return 1/bend, ∞ where it is none."""
-    bent = bend > STRAIGHT / length
-    return np.where(bent, 1 / np.where(bent, bend, 1.0), np.inf)
+def _reciprocal(curvature: FloatArray, length: float) -> FloatArray:
+    """Return the radii of curvature, ∞ where there is none."""
+    curved = curvature > STRAIGHT / length
+    return np.where(curved, 1 / np.where(curved, curvature, 1.0), np.inf)

@@ -14,7 +14,8 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.macro import frame_loops
-from o3dleaf.leaf.macro.frame_quality import FrameQuality, appraise_frame
+from o3dleaf.leaf.macro.frame_loops import AxisSamples, FrameSplines
+from o3dleaf.leaf.macro.frame_quality import FrameQuality
 from o3dleaf.leaf.macro.midrib_normals import consistent_normals, half_width
 
 BLOCK = 4096
@@ -39,7 +40,7 @@ class LeafFrame:
         Coefficients of the two splines, on each segment in rising powers of t − breaks[s].
     unit : str or None
     notes : tuple of str
-        What the fit decided: side of up, end of base, radius of the PCA.
+        Choices of the fit: side of up, end of base, radius of the PCA.
     """
 
     breaks: FloatArray
@@ -102,6 +103,15 @@ class LeafFrame:
         tilt = make_interp_spline(lengths, normals, k=order)
         return cls(lengths, _on_segments(axis, lengths), _on_segments(tilt, lengths), check_unit(unit), tuple(notes))
 
+    def __repr__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        return f"LeafFrame({len(self.breaks)} control points, {self.length:.4g}{unit} long)"
+
+    @property
+    def splines(self) -> FrameSplines:
+        """The two splines, as compiled functions take them."""
+        return FrameSplines(self.breaks, self.axis, self.normal)
+
     @property
     def length(self) -> float:
         """Arc length of the axis between its ends, in `unit`."""
@@ -116,9 +126,10 @@ class LeafFrame:
         """Return the (n, 3) leaf coordinates (along, across, up) of (n, 3) world points, the paper's T, Algorithm 2."""
         points = as_points(x, "x", dim=3)
         leaf = np.empty_like(points)
+        samples, splines = self._samples, self.splines
 
         def task(start: int, stop: int) -> None:
-            frame_loops.to_leaf(start, stop, points, self._sampling, self.breaks, self.axis, self.normal, leaf)
+            frame_loops.to_leaf(start, stop, points, samples, splines, leaf)
 
         run_blocks(task, len(points), BLOCK)
         return leaf
@@ -126,10 +137,10 @@ class LeafFrame:
     def to_world(self, y: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) world points of (n, 3) leaf coordinates: x = m(y₁) + y₂ A(y₁) + y₃ V(y₁)."""
         leaf = as_points(y, "y", dim=3)
-        points = np.empty_like(leaf)
+        points, splines = np.empty_like(leaf), self.splines
 
         def task(start: int, stop: int) -> None:
-            frame_loops.to_world(start, stop, leaf, self.breaks, self.axis, self.normal, points)
+            frame_loops.to_world(start, stop, leaf, splines, points)
 
         run_blocks(task, len(leaf), BLOCK)
         return points
@@ -137,44 +148,42 @@ class LeafFrame:
     def jacobian(self, y: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3, 3) matrices ∂x/∂y of `to_world`; a determinant <= 0 means that the frame folds there."""
         leaf = as_points(y, "y", dim=3)
-        frames, slopes = self._stations(np.ascontiguousarray(leaf[:, 0]))
-        along = slopes[:, 0] + leaf[:, 1, None] * slopes[:, 2] + leaf[:, 2, None] * slopes[:, 3]
+        frames, derivatives = self._stations(np.ascontiguousarray(leaf[:, 0]))
+        along = derivatives[:, 0] + leaf[:, 1, None] * derivatives[:, 2] + leaf[:, 2, None] * derivatives[:, 3]
         return np.stack([along, frames[:, 2], frames[:, 3]], axis=2)
 
-    def appraise(self, points: CloudLike) -> FrameQuality:
-        """Return how well the frame serves a scan: round trip, points past the ends, folds; see `Blade.appraise`.
+    def quality(self, points: CloudLike) -> FrameQuality:
+        """Return the quality of the frame for a scan: round trip, ends, folds; see `Blade.frame_quality`.
 
         Parameters
         ----------
         points : (n, 3) array_like or Open3D point cloud
             At least two, in `unit`.
         """
-        return appraise_frame(self, points_of(points, "points", least=2))
+        return FrameQuality.of(self, points_of(points, "points", least=2))
 
     def _stations(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        frames, slopes = np.empty((len(t), 4, 3)), np.empty((len(t), 4, 3))
+        """Return (m, T, A, V) and their derivatives, (n, 4, 3) each."""
+        frames, derivatives = np.empty((len(t), 4, 3)), np.empty((len(t), 4, 3))
+        splines = self.splines
 
         def task(start: int, stop: int) -> None:
-            frame_loops.fill_stations(start, stop, t, self.breaks, self.axis, self.normal, frames, slopes)
+            frame_loops.fill_stations(start, stop, t, splines, frames, derivatives)
 
         run_blocks(task, len(t), BLOCK)
-        return frames, slopes
+        return frames, derivatives
 
     @cached_property
-    def _sampling(self) -> tuple[FloatArray, float, float, FloatArray]:
-        """Points of the axis at equal steps, (3, K), the step in t, the longest chord, and the reach of each group.
-
-        Groups are `loops.GROUP` points in a row; a group's reach is the largest distance from its middle one.
-        """
+    def _samples(self) -> AxisSamples:
+        """Points of the axis, which find the segments that may contain the closest one."""
         t = np.linspace(self.breaks[0], self.breaks[-1], SAMPLES_PER_SEGMENT * (len(self.breaks) - 1) + 1)
-        samples = self.stations(t)[0]
-        chord = float(np.linalg.norm(np.diff(samples, axis=0), axis=1).max())
-        groups = [samples[first:last] for first, last in blocks(len(samples), frame_loops.GROUP)]
-        middles = [
-            samples[min(frame_loops.GROUP * g + frame_loops.GROUP // 2, len(samples) - 1)] for g in range(len(groups))
-        ]
-        reach = [np.linalg.norm(group - at, axis=1).max() for group, at in zip(groups, middles, strict=True)]
-        return np.ascontiguousarray(samples.T), float(t[1] - t[0]), chord, np.array(reach)
+        points = self.stations(t)[0]
+        chord = float(np.linalg.norm(np.diff(points, axis=0), axis=1).max())
+        reach = []
+        for first, last in blocks(len(points), frame_loops.GROUP):
+            middle = points[min(first + frame_loops.GROUP // 2, len(points) - 1)]
+            reach.append(np.linalg.norm(points[first:last] - middle, axis=1).max())
+        return AxisSamples(np.ascontiguousarray(points.T), float(t[1] - t[0]), chord, np.array(reach))
 
 
 def arc_lengths(control: FloatArray, degree: int) -> FloatArray:

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points
-from o3dleaf.core.parallel import Progress
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
@@ -16,7 +15,7 @@ from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly
 
 KERNEL = "cubic"
-WIDEST = 0.25
+MAX_BANDWIDTH = 0.25
 """Largest bandwidth of the smoothing, of a ball's radius: beyond it the balls would shape the surface, so they grow."""
 
 
@@ -31,7 +30,7 @@ class HeightMap:
     interpolant : PUInterpolant
         In two dimensions, (along, across).
     choice : RobustChoice or None
-        What the robust fit chose, where it was asked to.
+        Smoothing and weights of the robust fit, where it was asked for.
     """
 
     interpolant: PUInterpolant
@@ -48,7 +47,6 @@ class HeightMap:
         points_per_ball: tuple[int, int] = POINTS_PER_BALL,
         overlap: float = OVERLAP,
         unit: str | None = None,
-        progress: Progress | None = None,
     ) -> "HeightMap":
         """Fit H to the scan in leaf coordinates.
 
@@ -66,8 +64,6 @@ class HeightMap:
             The paper's ρ instead; its figures are ``kernel="thin_plate_spline", rho=400`` in µm.
         points_per_ball, overlap, unit
             As in `PUInterpolant.fit`.
-        progress : callable, optional
-            ``progress(done, total)`` over trial values of the smoothing.
 
         Raises
         ------
@@ -76,24 +72,26 @@ class HeightMap:
         """
         points = as_points(leaf_points, "leaf_points", dim=3, least=3)
         plane, heights = np.ascontiguousarray(points[:, :2]), np.ascontiguousarray(points[:, 2])
-        phi, choice = as_kernel(kernel, 2), None
-        amount, trust = None if smoothing == "robust" else smoothing, None
+        phi, choice, weights = as_kernel(kernel, 2), None, None
         if smoothing == "robust" or (smoothing is None and rho is None):
-            points_per_ball, choice = _choose(points, phi, points_per_ball, overlap, progress)
-            amount, trust = choice.smoothing, choice.trust
+            points_per_ball, choice = _choose(points, phi, points_per_ball, overlap)
+            smoothing, weights = choice.smoothing, choice.weights
         interpolant = PUInterpolant.fit(
             plane,
             heights,
             kernel=phi,
             degree=1,
-            smoothing=amount,
+            smoothing=smoothing,
             rho=rho,
-            weights=trust,
+            weights=weights,
             points_per_ball=points_per_ball,
             overlap=overlap,
             unit=unit,
         )
         return cls(interpolant, choice)
+
+    def __repr__(self) -> str:
+        return f"HeightMap({self.interpolant!r})"
 
     @property
     def unit(self) -> str | None:
@@ -110,7 +108,7 @@ class HeightMap:
         return self.interpolant(np.clip(as_points(plane, dim=2), *self.bounds))
 
     def gradient(self, plane: npt.ArrayLike) -> FloatArray:
-        """Return the (n, 2) slopes ∂H/∂(along, across); 0 across the edge of the box, where H is constant."""
+        """Return the (n, 2) gradients ∂H/∂(along, across); 0 across the edge of the box, where H is constant."""
         points = as_points(plane, dim=2)
         inside = np.clip(points, *self.bounds)
         return np.where(points == inside, self.interpolant.gradient(inside), 0.0)
@@ -134,14 +132,14 @@ class HeightMap:
 
 
 def _choose(
-    points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float, progress: Progress | None
+    points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float
 ) -> tuple[tuple[int, int], RobustChoice]:
     """Return the robust choice, and the size of balls that are wide enough for its bandwidth."""
     plane = np.ascontiguousarray(points[:, :2])
     bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
     while True:
         cover = Cover.fit(plane, bounds, size, overlap)
-        choice = choose_robustly(cover, points, kernel, progress=progress)
-        if choice.bandwidth <= WIDEST * np.median(cover.radii) or size[1] >= len(points):
+        choice = choose_robustly(cover, points, kernel)
+        if choice.bandwidth <= MAX_BANDWIDTH * np.median(cover.radii) or size[1] >= len(points):
             return size, choice
         size = (2 * size[0], 2 * size[1])

@@ -1,4 +1,4 @@
-"""The midrib, found: a principal curve of the scan that keeps midway between the blade's two edges.
+"""Detection of the midrib: a principal curve of the scan that keeps midway between the blade's two edges.
 
 The paper picks control points by hand. Here the ends of the leaf are the two points farthest apart
 along the scan; slices of equal distance from one end give a first axis; and the axis is then moved,
@@ -17,24 +17,24 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.midrib_normals import half_width
 
-NEIGHBOURS = 12
+NEIGHBORS = 12
 SLICES = 40
-LEAST_ASPECT = 3.0
+MIN_ASPECT = 3.0
 """Length over width below which a blade has no midrib to follow: a broad leaf.
 
 The length counts where the leaf is at least half as wide as the blade, so that a petiole makes no leaf long.
 """
-FEWEST_POINTS = 50
-THINNEST = 1e-3
+MIN_POINTS = 50
+MIN_WIDTH = 1e-3
 """Width over length below which a cloud is a line, not a leaf: the midrib would need thousands of stations."""
 EDGES = (0.02, 0.98)
 """Quantiles of `across` in a slice that stand for the blade's edges."""
-SETTLED = 0.02
+TOLERANCE = 0.02
 """Share of the width that the axis may still move when it has come to rest."""
-MOST_ROUNDS = 12
+MAX_ITERATIONS = 12
 STIFFNESS = 0.3
 """Of the axis against the middles of stations half a width apart: less follows one hidden edge, more cuts bends."""
-LEAST_TRUST = 0.03
+MIN_WEIGHT = 0.03
 """Of a station with no points, as a share of the usual density: there the axis goes on smoothly."""
 
 
@@ -53,23 +53,23 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     InputError
         If there are too few points or one is not finite.
     ReconstructionError
-        If the blade is less than `LEAST_ASPECT` times as long as wide, its petiole not counted.
+        If the blade is less than `MIN_ASPECT` times as long as wide, its petiole not counted.
     """
-    points = points_of(cloud, "cloud", least=FEWEST_POINTS)
+    points = points_of(cloud, "cloud", least=MIN_POINTS)
     control = _first_axis(points)
     length = _length(control)
     width = 2 * half_width(points, control)
-    if not width > THINNEST * length:
+    if not width > MIN_WIDTH * length:
         raise InputError("midrib: the points lie on one line or in one place; a leaf has a width")
-    if length < LEAST_ASPECT * width:
+    if length < MIN_ASPECT * width:
         raise _broad(length, width)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ITERATIONS):
         before = _resample(control, width / 2)
         control = _recentre(points, before, width / 2)
         width = 2 * half_width(points, control)
-        if _farthest_move(control, before) < SETTLED * width:
+        if _farthest_move(control, before) < TOLERANCE * width:
             break
-    if (blade := _blade_length(points, control, width)) < LEAST_ASPECT * width:
+    if (blade := _blade_length(points, control, width)) < MIN_ASPECT * width:
         raise _broad(blade, width)
     return _from_base(points, control)
 
@@ -85,7 +85,7 @@ def _blade_length(points: FloatArray, control: FloatArray, width: float) -> floa
     """Return the length of the axis along which the leaf is at least half as wide as `width`."""
     along, across, _ = LeafFrame.fit(points, control, radius=width / 2).to_leaf(points).T
     first, length = along.min(), float(np.ptp(along))
-    count = min(SLICES, len(points) // (FEWEST_POINTS // 5))
+    count = min(SLICES, len(points) // (MIN_POINTS // 5))
     slices = np.minimum(((along - first) / length * count).astype(np.int64), count - 1)
     widths = np.array([np.ptp(np.quantile(across[slices == k], EDGES)) for k in np.unique(slices)])
     return length * float(np.sum(widths >= width / 2)) / count
@@ -100,7 +100,7 @@ def _farthest_move(control: FloatArray, other: FloatArray) -> float:
 
 def _first_axis(points: FloatArray) -> FloatArray:
     """Return the smoothed medians of slices at equal distance along the scan from one of its two far ends."""
-    graph = _neighbour_graph(points)
+    graph = _neighbor_graph(points)
     start = int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     for _ in range(3):
         start = int(np.argmax(dijkstra(graph, indices=start)))
@@ -110,24 +110,24 @@ def _first_axis(points: FloatArray) -> FloatArray:
     return _smooth(medians, 1.0)
 
 
-def _neighbour_graph(points: FloatArray) -> csr_array:
-    """Return the graph of nearest neighbours, its pieces joined by their shortest links."""
+def _neighbor_graph(points: FloatArray) -> csr_array:
+    """Return the graph of nearest neighbors, its components joined by their shortest links."""
     count = len(points)
-    distance, row = cKDTree(points).query(points, k=min(NEIGHBOURS, count - 1) + 1, workers=-1)
+    distance, row = cKDTree(points).query(points, k=min(NEIGHBORS, count - 1) + 1, workers=-1)
     # A repeated point is at distance 0, which a sparse graph would take for no edge.
     lengths = distance[:, 1:].ravel() + 1e-12 * distance.max()
     links = (np.repeat(np.arange(count), row.shape[1] - 1), row[:, 1:].ravel())
     graph = coo_array((lengths, links), shape=(count, count)).tocsr()
     while True:
-        pieces, label = connected_components(graph, directed=False)
-        if pieces == 1:
+        components, label = connected_components(graph, directed=False)
+        if components == 1:
             return graph.maximum(graph.T)
         bridges = []
-        for piece in range(pieces):
-            inside, outside = np.flatnonzero(label == piece), np.flatnonzero(label != piece)
+        for component in range(components):
+            inside, outside = np.flatnonzero(label == component), np.flatnonzero(label != component)
             gap, nearest = cKDTree(points[outside]).query(points[inside])
-            at = int(np.argmin(gap))
-            bridges.append((inside[at], outside[nearest[at]], gap[at]))
+            shortest = int(np.argmin(gap))
+            bridges.append((inside[shortest], outside[nearest[shortest]], gap[shortest]))
         a, b, gaps = (np.array(column) for column in zip(*bridges, strict=True))
         graph = graph.maximum(coo_array((gaps, (a, b)), shape=(count, count)).tocsr())
 
@@ -140,7 +140,7 @@ def _recentre(points: FloatArray, control: FloatArray, reach: float) -> FloatArr
     density = np.zeros(len(targets))
     for station, t in enumerate(frame.breaks):
         near = leaf[np.abs(leaf[:, 0] - t) < reach]
-        if len(near) < FEWEST_POINTS // 10:
+        if len(near) < MIN_POINTS // 10:
             continue
         edges = np.quantile(near[:, 1], EDGES)
         middle, area = edges.mean(), np.ptp(edges) * np.ptp(near[:, 0])
@@ -149,8 +149,8 @@ def _recentre(points: FloatArray, control: FloatArray, reach: float) -> FloatArr
         targets[station, 1:] = middle, np.median(close[:, 2])
     # The outermost of n points is about width/n short of the edge: an error that falls with their density.
     usual = np.median(density) or density.max() or 1.0
-    trust = np.clip(density / usual, LEAST_TRUST, 1.0) ** 2
-    moved = _smooth(frame.to_world(targets), STIFFNESS, trust)
+    weights = np.clip(density / usual, MIN_WEIGHT, 1.0) ** 2
+    moved = _smooth(frame.to_world(targets), STIFFNESS, weights)
     axis = LeafFrame.fit(points, moved, radius=reach)
     along = axis.to_leaf(points)[:, 0]
     inner = axis.breaks[(axis.breaks > along.min() + 0.3 * reach) & (axis.breaks < along.max() - 0.3 * reach)]
@@ -177,8 +177,10 @@ def _resample(control: FloatArray, step: float) -> FloatArray:
     return np.asarray(CubicSpline(reached, control)(np.linspace(0, reached[-1], count + 1)))
 
 
-def _smooth(control: FloatArray, amount: float, trust: FloatArray | None = None) -> FloatArray:
+def _smooth(control: FloatArray, smoothing: float, weights: FloatArray | None = None) -> FloatArray:
     """Return (W + μ DᵀD)⁻¹ W c, D the second differences: a polyline that bends less (Whittaker 1923)."""
-    weight = np.eye(len(control)) if trust is None else np.diag(trust)
-    bend = np.diff(np.eye(len(control)), 2, axis=0)
-    return np.asarray(np.linalg.solve(weight + amount * bend.T @ bend, weight @ control), dtype=np.float64)
+    weight = np.eye(len(control)) if weights is None else np.diag(weights)
+    difference = np.diff(np.eye(len(control)), 2, axis=0)
+    return np.asarray(
+        np.linalg.solve(weight + smoothing * difference.T @ difference, weight @ control), dtype=np.float64
+    )

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 
-FEWEST_NEIGHBOURS = 12
+MIN_NEIGHBORS = 12
 """With fewer points in the radius the nearest ones are taken: noise turns the plane of fewer."""
 
 WIDTH_QUANTILE = 0.95
@@ -26,8 +26,8 @@ def half_width(scan: FloatArray, control: FloatArray) -> float:
         Points of the blade and control points of its midrib, in one unit.
     """
     reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(control, axis=0), axis=1))])
-    at = np.linspace(0, reached[-1], POLYLINE_SAMPLES)
-    polyline = np.stack([np.interp(at, reached, column) for column in control.T], axis=1)
+    steps = np.linspace(0, reached[-1], POLYLINE_SAMPLES)
+    polyline = np.stack([np.interp(steps, reached, column) for column in control.T], axis=1)
     _, nearest = cKDTree(polyline).query(scan, workers=-1)
     last = len(polyline) - 1
     before, after = (_to_segments(scan, polyline, np.clip(nearest + step, 0, last - 1)) for step in (-1, 0))
@@ -46,7 +46,7 @@ def _to_segments(points: FloatArray, polyline: FloatArray, first: npt.NDArray[np
 def consistent_normals(scan: FloatArray, control: FloatArray, radius: float, facing: FloatArray) -> FloatArray:
     """Return unit normals (k, 3) of the scan at the control points, v_j · v_{j−1} > 0 (paper, appendix A).
 
-    Each is the direction of least variance of the scan within `radius`, by Open3D's neighbour
+    Each is the direction of least variance of the scan within `radius`, by Open3D's neighbor
     search and covariance; their common sign is the one that faces `facing` on the whole.
     """
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan))
@@ -54,8 +54,8 @@ def consistent_normals(scan: FloatArray, control: FloatArray, radius: float, fac
     normals = np.empty_like(control)
     for j, point in enumerate(control):
         count, rows, _ = tree.search_radius_vector_3d(point, radius)
-        if count < FEWEST_NEIGHBOURS:
-            _, rows, _ = tree.search_knn_vector_3d(point, min(FEWEST_NEIGHBOURS, len(scan)))
+        if count < MIN_NEIGHBORS:
+            _, rows, _ = tree.search_knn_vector_3d(point, min(MIN_NEIGHBORS, len(scan)))
         _, covariance = cloud.select_by_index(list(rows)).compute_mean_and_covariance()
         normals[j] = np.linalg.eigh(covariance)[1][:, 0]
         if j and normals[j] @ normals[j - 1] < 0:

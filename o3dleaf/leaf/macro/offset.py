@@ -5,7 +5,6 @@ normal it is kept. S is the macro surface, N its unit normal.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +13,15 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.macro import offset_loops
-
-if TYPE_CHECKING:
-    from o3dleaf.leaf.macro.frame import LeafFrame
-    from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
 
 OFFSETS = ("up", "normal")
 BLOCK = 8192
-MOST_STEPS = 30
-SETTLED = 1e-13
+MAX_STEPS = 30
+TOLERANCE = 1e-13
 """Distance from a point, of the size of its coordinates, at which Newton's method is at rounding."""
-LEAST_ROOM = 1e-3
+MIN_ROOM = 1e-3
 """Least of 1 − y₃κ: what lies closer to the focal surface, or beyond it, has no height along the normal."""
 
 
@@ -50,52 +47,53 @@ class NormalOffsets:
     room: FloatArray
 
     @classmethod
-    def at(cls, frame: "LeafFrame", height_map: "HeightMap", flat: FloatArray) -> "NormalOffsets":
+    def at(cls, frame: LeafFrame, height_map: HeightMap, flat: FloatArray) -> "NormalOffsets":
         """Evaluate the map and its derivative at (n, 3) flat coordinates."""
         heights = height_map.jet(flat[:, :2])
         points, jacobian, curvatures = np.empty((len(flat), 3)), np.empty((len(flat), 3, 3)), np.empty((len(flat), 2))
 
+        splines = frame.splines
+
         def task(start: int, stop: int) -> None:
-            splines = frame.breaks, frame.axis, frame.normal
-            offset_loops.fill_offsets(start, stop, flat, heights, *splines, points, jacobian, curvatures)
+            offset_loops.fill_offsets(start, stop, flat, heights, splines, points, jacobian, curvatures)
 
         run_blocks(task, len(flat), BLOCK)
         return cls(points, jacobian, curvatures, 1 - (flat[:, 2:] * curvatures).max(axis=1, initial=-np.inf))
 
     def reach(self, x: FloatArray, length: float) -> npt.NDArray[np.bool_]:
-        """Return for each whether it is the world point x (n, 3), to the rounding of a frame of this length."""
-        near = SETTLED * (np.linalg.norm(x, axis=1) + length)
+        """Return which of them are the world points x (n, 3), to the rounding of a frame of this length."""
+        near = TOLERANCE * (np.linalg.norm(x, axis=1) + length)
         return np.asarray(np.linalg.norm(x - self.points, axis=1) <= near)
 
 
-def lift_along_normal(frame: "LeafFrame", height_map: "HeightMap", flat: FloatArray) -> FloatArray:
+def lift_along_normal(frame: LeafFrame, height_map: HeightMap, flat: FloatArray) -> FloatArray:
     """Return the world points S + y₃ N of (n, 3) flat coordinates."""
     points = np.empty_like(flat)
 
     def task(start: int, stop: int) -> None:
         rows = flat[start:stop]
-        height, *slopes = height_map.jet(rows[:, :2], 1).T
+        height, *gradient = height_map.jet(rows[:, :2], 1).T
         leaf = np.column_stack([rows[:, :2], height])
-        normal = unit_normals(frame.jacobian(leaf), np.stack(slopes, axis=1))
+        normal = unit_normals(frame.jacobian(leaf), np.stack(gradient, axis=1))
         points[start:stop] = frame.to_world(leaf) + rows[:, 2:] * normal
 
     run_blocks(task, len(flat), BLOCK)
     return points
 
 
-def unit_normals(jacobian: FloatArray, slopes: FloatArray) -> FloatArray:
-    """Return N (n, 3) from ∂x/∂y of the frame on the surface (n, 3, 3) and the slopes of H (n, 2)."""
-    area = np.cross(*surface_slopes(jacobian, slopes))
+def unit_normals(jacobian: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Return N (n, 3) from ∂x/∂y of the frame on the surface (n, 3, 3) and the gradient of H (n, 2)."""
+    area = np.cross(*surface_tangents(jacobian, gradient))
     return np.asarray(area / np.linalg.norm(area, axis=1)[:, np.newaxis])
 
 
-def surface_slopes(jacobian: FloatArray, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return S₁ and S₂, (n, 3) each: the frame's slopes and those of H along V."""
+def surface_tangents(jacobian: FloatArray, gradient: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return S₁ and S₂, (n, 3) each: the frame's own derivatives and those of H along V."""
     up = jacobian[:, :, 2]
-    return jacobian[:, :, 0] + slopes[:, :1] * up, jacobian[:, :, 1] + slopes[:, 1:] * up
+    return jacobian[:, :, 0] + gradient[:, :1] * up, jacobian[:, :, 1] + gradient[:, 1:] * up
 
 
-def flatten_along_normal(frame: "LeafFrame", height_map: "HeightMap", x: FloatArray, upright: FloatArray) -> FloatArray:
+def flatten_along_normal(frame: LeafFrame, height_map: HeightMap, x: FloatArray, upright: FloatArray) -> FloatArray:
     """Return the (n, 3) flat coordinates of world points, by Newton's method from those along `up`.
 
     Points that have none near the blade, because they lie beyond its focal surface, keep those along `up`.
@@ -111,12 +109,12 @@ def flatten_along_normal(frame: "LeafFrame", height_map: "HeightMap", x: FloatAr
 
     def task(start: int, stop: int) -> None:
         points, block = x[start:stop], flat[start:stop]
-        found, rows = _newton(frame, height_map, points, block)
-        block[rows] = found
+        solved, rows = _newton(frame, height_map, points, block)
+        block[rows] = solved
         rows, inner = _inside_the_edge(block, rows, height_map.bounds)
-        found, back = _newton(frame, height_map, points[rows], inner)
-        inside = np.all(found[:, :2] == np.clip(found[:, :2], *height_map.bounds), axis=1)
-        block[rows[back[inside]]] = found[inside]
+        solved, back = _newton(frame, height_map, points[rows], inner)
+        inside = np.all(solved[:, :2] == np.clip(solved[:, :2], *height_map.bounds), axis=1)
+        block[rows[back[inside]]] = solved[inside]
 
     run_blocks(task, len(x), BLOCK)
     return flat
@@ -131,26 +129,24 @@ def _inside_the_edge(flat: FloatArray, rows: IntArray, bounds: FloatArray) -> tu
     return rows, np.column_stack([np.clip(nearest[close], bounds[0] + inset, bounds[1] - inset), flat[rows, 2]])
 
 
-def _newton(
-    frame: "LeafFrame", height_map: "HeightMap", x: FloatArray, upright: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """Return the flat coordinates that were found, and the rows of the points that they belong to."""
-    flat, settled = upright.copy(), np.zeros(len(x), dtype=bool)
+def _newton(frame: LeafFrame, height_map: HeightMap, x: FloatArray, upright: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return the flat coordinates of the points that have some, and the rows of these points."""
+    flat, solved = upright.copy(), np.zeros(len(x), dtype=bool)
     rows = np.arange(len(x))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if not len(rows):
             break
         here = NormalOffsets.at(frame, height_map, flat[rows])
         faces, volume = _cofactors(here.jacobian)
-        going = volume > LEAST_ROOM**2
-        at_rest = here.reach(x[rows], frame.length)
-        settled[rows[at_rest & going]] = here.room[at_rest & going] > LEAST_ROOM
-        step = np.einsum("nik,nk->ni", faces[going], (x[rows] - here.points)[going]) / volume[going, np.newaxis]
-        longest = np.maximum(np.linalg.norm(step, axis=1) / frame.length, 1.0)
-        # Those at rest take a last step too: far from the origin it still wins digits.
-        flat[rows[going]] += step / longest[:, np.newaxis]
-        rows = rows[going & ~at_rest]
-    return flat[settled], np.flatnonzero(settled)
+        regular = volume > MIN_ROOM**2
+        reached = here.reach(x[rows], frame.length)
+        solved[rows[reached & regular]] = here.room[reached & regular] > MIN_ROOM
+        step = np.einsum("nik,nk->ni", faces[regular], (x[rows] - here.points)[regular]) / volume[regular, np.newaxis]
+        excess = np.maximum(np.linalg.norm(step, axis=1) / frame.length, 1.0)
+        # Those that have been reached take a last step too: far from the origin it still wins digits.
+        flat[rows[regular]] += step / excess[:, np.newaxis]
+        rows = rows[regular & ~reached]
+    return flat[solved], np.flatnonzero(solved)
 
 
 def pull_back_along_normal(offsets: NormalOffsets, gradient: FloatArray) -> FloatArray:

@@ -20,8 +20,8 @@ from o3dleaf.fitting.rbf.tail import IntArray
 BLOCK = 65536
 BLUR = 2.0
 """Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: what the scan knows of it."""
-CRUMBS = 0.01
-"""Share of the shrunk outline's area that may lie in other pieces than the largest."""
+MAX_FRAGMENTS = 0.01
+"""Share of the shrunk outline's area that may lie in other components than the largest."""
 
 
 class AlphaShape:
@@ -65,6 +65,10 @@ class AlphaShape:
         self.pieces, labels = _components(delaunay.neighbors, kept)
         areas = np.bincount(labels, triangle_areas(self.points, delaunay.simplices[kept]))
         self.triangles: IntArray = delaunay.simplices[kept[labels == np.argmax(areas)]].astype(np.int64)
+
+    def __repr__(self) -> str:
+        chosen = " (automatic)" if self.automatic else ""
+        return f"AlphaShape({len(self.points):,} points, alpha {self.alpha:.4g}{chosen}, area {self.area:.4g})"
 
     def state(self) -> dict[str, Any]:
         """Return what the shape is made of, for `o3dleaf.io.model_file`."""
@@ -131,11 +135,11 @@ def circumradii(points: FloatArray, triangles: npt.NDArray[np.integer]) -> Float
     return np.where(area > 0, sides.prod(axis=1) / (4 * np.where(area > 0, area, 1.0)), np.inf)
 
 
-def _components(neighbours: npt.NDArray[np.integer], kept: IntArray) -> tuple[int, IntArray]:
+def _components(neighbors: npt.NDArray[np.integer], kept: IntArray) -> tuple[int, IntArray]:
     """Return the number of edge-connected components of the kept triangles and the component of each."""
-    place = np.full(len(neighbours) + 1, -1)
+    place = np.full(len(neighbors) + 1, -1)
     place[kept] = np.arange(len(kept))
-    other = place[neighbours[kept]]
+    other = place[neighbors[kept]]
     row, side = np.nonzero(other >= 0)
     graph = coo_array((np.ones(len(row)), (row, other[row, side])), shape=(len(kept), len(kept)))
     count, labels = connected_components(graph, directed=False)
@@ -160,33 +164,33 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
     reachable = len(np.unique(delaunay.simplices[np.isfinite(radii)]))
     spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
 
-    def largest(at: int) -> IntArray:
-        kept = np.flatnonzero(radii <= candidates[at])
+    def largest(number: int) -> IntArray:
+        kept = np.flatnonzero(radii <= candidates[number])
         _, labels = _components(delaunay.neighbors, kept)
         return np.asarray(delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]], dtype=np.int64)
 
-    def holds_all(at: int) -> bool:
-        return len(np.unique(largest(at))) == reachable
+    def contains_all(number: int) -> bool:
+        return len(np.unique(largest(number))) == reachable
 
-    def has_no_neck(at: int) -> bool:
+    def has_no_neck(number: int) -> bool:
         # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.
-        core = _filled_union(points[largest(at)]).buffer(-spacing)
-        return bool(core.is_empty or _largest(core).area >= (1 - CRUMBS) * core.area)
+        core = _filled_union(points[largest(number)]).buffer(-spacing)
+        return bool(core.is_empty or _largest(core).area >= (1 - MAX_FRAGMENTS) * core.area)
 
     last = len(candidates) - 1
-    return float(candidates[_first(_first(0, last, holds_all), last, has_no_neck)])
+    return float(candidates[_first(_first(0, last, contains_all), last, has_no_neck)])
 
 
-def _first(start: int, last: int, holds: Callable[[int], bool]) -> int:
-    """Return the first index from `start` at which `holds` is true, or `last`: strides double, then halve."""
+def _first(start: int, last: int, is_true: Callable[[int], bool]) -> int:
+    """Return the first index from `start` at which a condition is true, or `last`: strides double, then halve."""
     low, step = start - 1, 1
     high = start
-    while high < last and not holds(high):
+    while high < last and not is_true(high):
         low, step = high, 2 * step
         high = min(start + step, last)
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if holds(middle) else (middle, high)
+        low, high = (low, middle) if is_true(middle) else (middle, high)
     return high
 
 

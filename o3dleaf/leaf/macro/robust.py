@@ -1,19 +1,19 @@
 """A smooth height through a scan whose passes disagree: Huber's loss, smoothing judged on held-out stretches.
 
-A scanner's passes over one leaf can lie more than a millimetre apart. Least squares then runs between
-them, or swings from one to the other; a robust fit follows the majority. And as neighbouring points of a
+A scanner's passes over one leaf can lie more than a millimeter apart. Least squares then runs between
+them, or swings from one to the other; a robust fit follows the majority. And as neighboring points of a
 pass err together, smoothing that is judged on single points follows their errors; whole stretches of
 the leaf must be left out to see them.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import Progress
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.cross_validation import held_out_errors
@@ -24,7 +24,7 @@ from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
 
-NEIGHBOURS = 12
+NEIGHBORS = 12
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
 MAD = 1.4826
@@ -32,16 +32,16 @@ MAD = 1.4826
 
 GRID_RATIO = np.sqrt(10)
 """From one trial smoothing to the next: a factor 1.33 to 1.26 in bandwidth for kernels of 2m = 4 to 5."""
-MOST_STRETCH = 1 / 40
+MAX_STRETCH = 1 / 40
 """Longest stretch left out, of the leaf's length: more of them judge better than wider ones."""
 
-SETTLED = 0.02
-MOST_ROUNDS = 30
+TOLERANCE = 0.02
+MAX_ITERATIONS = 30
 
 
 @dataclass(frozen=True)
 class RobustChoice:
-    """What the robust fit chose.
+    """Smoothing and weights chosen by the robust fit.
 
     Attributes
     ----------
@@ -51,23 +51,23 @@ class RobustChoice:
         Its low-pass bandwidth, in the points' unit.
     noise : float
         Standard deviation of the scan about its local planes.
-    trust : (n,) ndarray
-        Huber weight of each point: 1 within 1.345 noise of the surface, less beyond.
+    weights : (n,) ndarray
+        Huber's, of each point: 1 within 1.345 noise of the surface, less beyond.
     """
 
     smoothing: float
     bandwidth: float
     noise: float
-    trust: FloatArray
+    weights: FloatArray = field(metadata={"stored": "trust"})
 
 
 def plane_noise(points: FloatArray) -> float:
-    """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbours."""
-    _, rows = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)), workers=-1)
+    """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbors."""
+    _, rows = cKDTree(points).query(points, k=min(NEIGHBORS + 1, len(points)), workers=-1)
     local = points[rows]
     mean = local.mean(axis=1)
-    centred = local - mean[:, None]
-    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))[1][:, :, 0]
+    centered = local - mean[:, None]
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", centered, centered))[1][:, :, 0]
     return MAD * float(np.median(np.abs(np.einsum("ni,ni->n", points - mean, normals))))
 
 
@@ -96,33 +96,31 @@ class RobustHeight:
     kernel: Polyharmonic
     corner: float
 
-    def reweight(self, smoothing: float, trust: FloatArray) -> FloatArray:
-        """Return the weights min(1, δ/|residual|) that reproduce themselves, by repeated weighted fits from `trust`.
+    def reweight(self, smoothing: float, weights: FloatArray) -> FloatArray:
+        """Return the weights min(1, δ/|residual|) that reproduce themselves, by repeated fits from given ones.
 
         The residual is that of the blended fit, so that overlapping balls agree on the pass they follow.
         """
         index = BallIndex.build(self.cover.centers, self.cover.radii, self.cover.bounds)
         model = SplineModel(self.kernel, 1, Smoothing(smoothing))
-        for _ in range(MOST_ROUNDS):
-            fit = fit_splines(self.cover, ScatteredData(self.plane, self.heights, trust), model)
+        for _ in range(MAX_ITERATIONS):
+            fit = fit_splines(self.cover, ScatteredData(self.plane, self.heights, weights), model)
             residual = np.abs(self.heights - PUInterpolant(self.cover, index, fit, None)(self.plane))
             following = np.minimum(1.0, self.corner / np.maximum(residual, self.corner / 1e6))
-            moved = float(np.max(np.abs(following - trust)))
-            trust = following
-            if moved < SETTLED:
+            moved = float(np.max(np.abs(following - weights)))
+            weights = following
+            if moved < TOLERANCE:
                 break
-        return trust
+        return weights
 
-    def held_out_loss(self, smoothing: float, trust: FloatArray, stretches: IntArray) -> float:
+    def held_out_loss(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> float:
         """Return the mean Huber loss of heights predicted without the stretch of the leaf that they lie in."""
-        data = ScatteredData(self.plane, self.heights, trust, stretches)
+        data = ScatteredData(self.plane, self.heights, weights, stretches)
         errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
         return float(np.mean(huber_loss(errors[~np.isnan(errors)], self.corner)))
 
 
-def choose_robustly(
-    cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, *, progress: Progress | None = None
-) -> RobustChoice:
+def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) -> RobustChoice:
     """Return the smoothing of least Huber loss on held-out stretches, and each point's weight under it.
 
     Parameters
@@ -133,26 +131,23 @@ def choose_robustly(
         (along, across, up).
     kernel : Polyharmonic
         In two dimensions.
-    progress : callable, optional
-        ``progress(done, total)`` over trial values.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = plane_noise(leaf_points)
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
     half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
-    stretch = min(half_width, float(np.ptp(plane[:, 0])) * MOST_STRETCH)
+    stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)
     stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
-    trust = np.ones(len(plane))
+    weights = np.ones(len(plane))
     best: tuple[float, float, float, FloatArray] | None = None
     trials = list(_trial_smoothings(leaf_points, kernel, half_width))
-    # From smooth to rough: each weighting starts from its smoother neighbour's, which knows the majority.
+    # From smooth to rough: each weighting starts from its smoother neighbor's, which knows the majority.
     for done, (bandwidth, smoothing) in enumerate(trials, start=1):
-        trust = problem.reweight(smoothing, trust)
-        loss = problem.held_out_loss(smoothing, trust, stretches)
+        weights = problem.reweight(smoothing, weights)
+        loss = problem.held_out_loss(smoothing, weights, stretches)
         if best is None or loss < best[0]:
-            best = (loss, bandwidth, smoothing, trust)
-        if progress:
-            progress(done, len(trials))
+            best = (loss, bandwidth, smoothing, weights)
+        progress.report(done, len(trials))
     assert best is not None  # noqa: S101 - there is at least one trial
     return RobustChoice(best[2], best[1], noise, best[3])
 
@@ -171,6 +166,6 @@ def _trial_smoothings(
 
 
 def _density(plane: FloatArray) -> float:
-    """Return points per area, of the median point: its neighbours over the disc that holds them."""
-    distance, _ = cKDTree(plane).query(plane, k=[min(4 * NEIGHBOURS, len(plane))], workers=-1)
-    return 4 * NEIGHBOURS / (np.pi * float(np.median(distance)) ** 2)
+    """Return points per area, of the median point: its neighbors over the disc that contains them."""
+    distance, _ = cKDTree(plane).query(plane, k=[min(4 * NEIGHBORS, len(plane))], workers=-1)
+    return 4 * NEIGHBORS / (np.pi * float(np.median(distance)) ** 2)

@@ -9,25 +9,24 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.texture.seams import MOST, Crop, Patch
+from o3dleaf.leaf.texture.seams import MAX_SECTIONS, Crop, SampledPatch
 
-LEAST_SHARE = 0.5
+MIN_SHARE = 0.5
 """A tile found by search has at least this share of the patch's extent, so that repetition shows less."""
 
 FADE_RADII, FADE_SHARE = 0.5, 1 / 16
 """Reach of the cross-fade on either side of a seam: half the radius of a ball, but at most this share of the patch."""
 
-SMALLEST = 1 / 8
+MIN_STEP_SHARE = 1 / 8
 """Sections of a given period with little room to be moved in lie closer, but no closer than this share of the usual."""
 
-CANDIDATES = 6
+MAX_CANDIDATES = 6
 """Distances that are refined, such as those of two to seven ridges: the best may lie between sections."""
 
-STEPS = 4
+MAX_STEPS = 4
 """Steps of Gauss and Newton, which double the digits from a quarter of a section on."""
 
-
-CONVERGED = 1e-3
+TOLERANCE = 1e-3
 """Share of a section; a voxel is about one, and the scanner's noise moves the period by more than that."""
 
 
@@ -55,7 +54,7 @@ def best_crop(field: PUInterpolant, period: tuple[float | None, float | None], f
     fade : (2,) ndarray
         Reach of the cross-fade on either side of a seam.
     """
-    patch = Patch.of(field)
+    patch = SampledPatch.of(field)
     low, high = field.bounds[:, :2]
     whole = [wish is not None and wish >= (high - low)[axis] * (1 - 1e-12) for axis, wish in enumerate(period)]
     # A given period leaves what it leaves: half of it to fade over, half to move the tile in.
@@ -75,7 +74,7 @@ def best_crop(field: PUInterpolant, period: tuple[float | None, float | None], f
 class _Search:
     """The search along one axis, for a period of its own (None) or for the offset of a given one."""
 
-    patch: Patch
+    patch: SampledPatch
     axis: int
     period: float | None
     reach: float
@@ -92,14 +91,15 @@ class _Search:
         sections = np.asarray(low + step * np.arange(int((high - low) / step + 1e-9) + 1), dtype=np.float64)
         count = max(int(np.ceil(crop.tile[other] / self.patch.step[other])), 1)
         beside = crop.offset[other] + (np.arange(count) + 0.5) * crop.tile[other] / count
-        found = []
-        for i, j in self._coarse(sections, beside, step):
-            found.append(self._refined(float(sections[i]), float(sections[j] - sections[i]), step, beside))
-        if not found:
+        refined = [
+            self._refined(float(sections[i]), float(sections[j] - sections[i]), step, beside)
+            for i, j in self._coarse(sections, beside, step)
+        ]
+        if not refined:
             raise InputError(
                 f"fade: {self.reach:.4g} on either side of a tile leaves less than half the patch; fade less"
             )
-        return min(found)[1:]
+        return min(refined)[1:]
 
     def _step(self) -> float:
         """Return the distance between sections, which divides a period that is given."""
@@ -108,7 +108,7 @@ class _Search:
             return step
         slack = max(high - low - self.period - 2 * self.reach, 0.0)
         return self.period / int(
-            np.clip(np.ceil(self.period / max(min(step, slack / 2), SMALLEST * step)), 1, 4 * MOST)
+            np.clip(np.ceil(self.period / max(min(step, slack / 2), MIN_STEP_SHARE * step)), 1, 4 * MAX_SECTIONS)
         )
 
     def _coarse(self, sections: FloatArray, beside: FloatArray, step: float) -> list[tuple[int, int]]:
@@ -120,7 +120,7 @@ class _Search:
         square = np.diag(product)
         mismatch = np.maximum(square[:, np.newaxis] + square - 2 * product, 0.0)
         i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
-        least, most = (LEAST_SHARE * (n - 1), n) if self.period is None else [round(self.period / step)] * 2
+        least, most = (MIN_SHARE * (n - 1), n) if self.period is None else [round(self.period / step)] * 2
         allowed = (j - i >= least) & (j - i <= most) & (i >= band) & (j <= n - 1 - band)
         # What lies a section too far out is moved in by the refinement.
         allowed &= (sections[i] - low > self.reach - step) & (high - sections[j] > self.reach - step)
@@ -132,33 +132,33 @@ class _Search:
             same = np.flatnonzero(columns - rows == apart)
             first = same[np.argmin(means[same])]
             score[apart], best[apart] = means[first] / apart, rows[first]
-        return [(int(best[apart]), int(best[apart] + apart)) for apart in _dips(score, CANDIDATES)]
+        return [(int(best[apart]), int(best[apart] + apart)) for apart in _dips(score, MAX_CANDIDATES)]
 
     def _refined(self, offset: float, period: float, step: float, beside: FloatArray) -> tuple[float, float, float]:
         """Return mismatch over period, offset and period after steps of Gauss and Newton within one section."""
         low, high = self.limits
-        least = max(period - step, LEAST_SHARE * (high - low))
+        least = max(period - step, MIN_SHARE * (high - low))
         most = min(period + step, high - low - 2 * self.reach)
         best = (np.inf, offset, period)
-        for _ in range(STEPS if self.period is None else 1):
+        for _ in range(MAX_STEPS if self.period is None else 1):
             period = float(np.clip(period, min(least, most), most)) if self.period is None else self.period
             offset = float(np.clip(offset, low + self.reach, high - self.reach - period))
-            at = offset + self.patch.stations(self.reach, self.axis)
-            beyond = self.patch.sections(at + period, beside, self.axis)
-            off = beyond - self.patch.sections(at, beside, self.axis)
-            best = min(best, (float(np.mean(off**2)) / period, offset, period))
-            slope = self.patch.slopes(at + period, beside, self.axis)
-            slope[np.abs(beyond) == self.patch.cut_off] = 0.0
-            stiffness = float(np.sum(slope**2))
-            change = float(np.sum(off * slope)) / stiffness if stiffness else 0.0
-            if abs(change) <= CONVERGED * step:
+            seam = offset + self.patch.stations(self.reach, self.axis)
+            ending = self.patch.sections(seam + period, beside, self.axis)
+            mismatch = ending - self.patch.sections(seam, beside, self.axis)
+            best = min(best, (float(np.mean(mismatch**2)) / period, offset, period))
+            slope = self.patch.derivatives(seam + period, beside, self.axis)
+            slope[np.abs(ending) == self.patch.cut_off] = 0.0
+            square = float(np.sum(slope**2))
+            change = float(np.sum(mismatch * slope)) / square if square else 0.0
+            if abs(change) <= TOLERANCE * step:
                 break
             period -= change
         return best
 
 
 def _dips(score: FloatArray, count: int) -> npt.NDArray[np.int64]:
-    """Return where the `count` least entries lie that are finite and no larger than their neighbors."""
+    """Return the rows of the `count` least entries that are finite and no larger than their neighbors."""
     padded = np.pad(score, 1, constant_values=np.inf)
-    found = np.flatnonzero(np.isfinite(score) & (score <= padded[:-2]) & (score <= padded[2:]))
-    return found[np.argsort(score[found], kind="stable")[:count]]
+    minima = np.flatnonzero(np.isfinite(score) & (score <= padded[:-2]) & (score <= padded[2:]))
+    return minima[np.argsort(score[minima], kind="stable")[:count]]

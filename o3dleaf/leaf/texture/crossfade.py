@@ -24,12 +24,12 @@ from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.leaf.texture import copy_loops
 
 BLOCK = 1 << 12
-"""Queries that one thread lays the copies of."""
+"""Queries whose copies one thread finds."""
 
 
 @dataclass(frozen=True, eq=False)
 class CrossFade:
-    """Local fits of a patch, seen through the windows of its copies; what `o3dleaf.fitting.pu.blend.Blended` evaluates.
+    """Local fits of a patch, weighted by the windows of its copies, for `o3dleaf.fitting.pu.blend.Blended`.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class CrossFade:
     fade : (2,) ndarray
         Half width h of the band along each axis; 0 where the index repeats instead.
     flip : (2,) ndarray of bool
-        Along which axes every second copy is mirrored.
+        Axes along which every second copy is mirrored.
     shift : float
-        By which share of a tile each row across is moved along, against the row before.
+        Share of a tile by which each row across is moved along, against the row before.
     """
 
     local: LocalFits
@@ -57,20 +57,20 @@ class CrossFade:
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
-        laid = (self.corner, self.tile, self.fade, self.flip, self.shift)
+        layout = copy_loops.Layout(self.corner, self.tile, self.fade, self.flip, self.shift)
         count, dimension = queries.shape
         sums = np.empty((jet_size(dimension, level), count))
         # Copies are held beside the sums: fewer points at once keep to the memory that a blend promises.
-        most = 1 + int(CHUNK / (2 ** (1 + level) * np.prod(1 + 2 * self.fade / self.tile)))
-        for first, last in blocks(count, most):
+        size = 1 + int(CHUNK / (2 ** (1 + level) * np.prod(1 + 2 * self.fade / self.tile)))
+        for first, last in blocks(count, size):
             folded, _ = index.fold(queries[first:last])
             heads = np.zeros(len(folded) + 1, dtype=np.int64)
-            _run(copy_loops.count_copies, folded, laid, heads)
+            _run(copy_loops.count_copies, folded, layout, heads)
             np.cumsum(heads, out=heads)
             points = np.empty((int(heads[-1]), dimension))
-            _run(copy_loops.place_copies, folded, laid, heads, points)
+            _run(copy_loops.place_copies, folded, layout, heads, points)
             jets = self.local.blend(self.index, points, level=level, dtype=dtype)
-            _run(copy_loops.sum_copies, folded, laid, heads, jets, level, sums, first)
+            _run(copy_loops.sum_copies, folded, layout, heads, jets, level, sums, first)
         return sums
 
 

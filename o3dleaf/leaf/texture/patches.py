@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
@@ -25,7 +26,7 @@ AXES = {"along": 0, "up": 2}
 STRETCH = 0.1
 """A patch is stretched by at most so much to the common period: more shows in the shape of its cells."""
 
-BENDS = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
+HESSIAN_ROWS = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
 """Row of a jet that holds the second derivative by two axes."""
 
 FADE_SHARE = 1 / 8
@@ -38,7 +39,7 @@ def smooth_step(u: FloatArray) -> FloatArray:
     return np.stack([s**3 * (10 - 15 * s + 6 * s**2), 30 * (s * (1 - s)) ** 2, 60 * s * (1 - s) * (1 - 2 * s)])
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class PatchBlend(Blended):
     r"""Tiled patches that pass into one another along the leaf, or from its lower to its upper side.
 
@@ -69,7 +70,7 @@ class PatchBlend(Blended):
     axis: str
     period: FloatArray
     cell: FloatArray
-    local: "Parts"
+    local: "WeightedTextures"
     index: BallIndex
 
     def __init__(
@@ -117,17 +118,20 @@ class PatchBlend(Blended):
         along = AXES[require_choice(axis, AXES, "axis")]
         default = FADE_SHARE * (float(size[0]) if along == 0 else high - low)
         reach = require_positive(default if fade is None else fade, "fade")
-        at = as_values(np.atleast_1d(np.asarray(breaks, dtype=np.float64)), len(given) - 1, "breaks")
-        if np.any(np.diff(at) < 2 * reach):
-            raise InputError(f"breaks: {at.tolist()} do not rise by twice the fade, {2 * reach:.4g}; fade less")
+        places = as_values(np.atleast_1d(np.asarray(breaks, dtype=np.float64)), len(given) - 1, "breaks")
+        if np.any(np.diff(places) < 2 * reach):
+            raise InputError(f"breaks: {places.tolist()} do not rise by twice the fade, {2 * reach:.4g}; fade less")
         cell = np.array([[0.0, 0.0, low], [*size, high]])
         everywhere = np.array([[-np.inf, -np.inf, low], [np.inf, np.inf, high]])
         index = BallIndex.build(np.empty((0, 3)), np.empty(0), everywhere)
         parts = tuple(each if isinstance(each, TiledField) else each.with_period(size) for each in given)
-        local = Parts(parts, tuple(each.period / size for each in parts), at, reach, along)
-        kept = {"textures": given, "breaks": at, "fade": reach, "axis": axis, "period": size}
+        local = WeightedTextures(parts, tuple(each.period / size for each in parts), places, reach, along)
+        kept = {"textures": given, "breaks": places, "fade": reach, "axis": axis, "period": size}
         for name, value in (kept | {"cell": cell, "local": local, "index": index}).items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return f"PatchBlend({len(self.textures)} textures {self.axis}, unit {self.unit})"
 
     def with_period(self, period: FloatArray) -> "PatchBlend":
         """Return the same blend, breaks and all, of patches that are stretched to another period (2,)."""
@@ -153,7 +157,7 @@ class PatchBlend(Blended):
         return self.index.domain
 
     def tile_key(self, p: int) -> Hashable:
-        """Return what the field on tile p along depends on: tiles of equal keys are translates of one another.
+        """Return a key of the field on tile p along: tiles of equal keys are translates of one another.
 
         Tile p covers ``cell[0, 0] + p * period[0]`` to one period further along. Where one patch alone is
         seen, the key is the patch's; a tile that a break's band reaches has a key of its own.
@@ -170,12 +174,12 @@ class PatchBlend(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the blend as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """The patches of a blend, each weighted along one axis; what `o3dleaf.fitting.pu.blend.Blended` evaluates.
+class WeightedTextures:
+    """The textures of a blend, each weighted along one axis, for `o3dleaf.fitting.pu.blend.Blended`.
 
     Attributes
     ----------
@@ -229,21 +233,14 @@ class Parts:
         if level > 0:
             jets[1 + self.axis] = window[1]
         if level > 1:
-            jets[BENDS[self.axis, self.axis]] = window[2]
+            jets[HESSIAN_ROWS[self.axis, self.axis]] = window[2]
         return jets
 
 
 def _jets(texture: TiledField | PatchBlend, points: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
-    """Return the jets of a texture at points that may lie above or below it, where it falls with the distance."""
+    """Return the jets of a texture at points that may lie above or below it."""
     jets = texture.local.blend(texture.index, points, level=level, dtype=dtype)
-    low, high = texture.cell[:, 2]
-    off = points[:, 2] - np.clip(points[:, 2], low, high)
-    outside = np.flatnonzero(off)
-    jets[0, outside] -= np.abs(off[outside])
-    if level > 0:
-        jets[3, outside] = -np.sign(off[outside])
-    if level > 1:
-        jets[BENDS[:, 2:], outside] = 0.0
+    fall_outside(0, len(points), jets, points, texture.cell, np.append(texture.period, 0.0))
     return jets
 
 

@@ -1,4 +1,4 @@
-r"""Seams of tiles: how badly the faces that meet match.
+r"""Seams of tiles: the mismatch of the faces that meet.
 
 The field is cut off at ±c, a share of its spread, so that the surface counts and the noise of air and
 leaf does not: :math:`\bar F = \max(-c, \min(c, F))`. Over a seam between two tiles, A and B,
@@ -26,7 +26,7 @@ CUT_OFF = 0.5
 FINENESS = 4.0
 """Sections in the radius of a ball, below which the fit has no detail to compare."""
 
-FEWEST, MOST = 16, 128
+MIN_SECTIONS, MAX_SECTIONS = 16, 128
 """Sections along an axis: half a million values are sampled at most, with `LAYERS` through the patch."""
 
 LAYERS = 32
@@ -53,7 +53,7 @@ class SeamEnergy:
 
 @dataclass(frozen=True, eq=False)
 class Crop:
-    """A tile cut out of a patch, and how its copies are laid: all that the seams depend on.
+    """A tile cut out of a patch, and the layout of its copies: all that the seams depend on.
 
     Attributes
     ----------
@@ -71,17 +71,16 @@ class Crop:
     flip: npt.NDArray[np.bool_]
     shift: float
 
-    def located(self, x: FloatArray, axis: int) -> FloatArray:
-        """Return where in the patch the points at distances x from the first tile's corner are taken from."""
+    def in_patch(self, x: FloatArray, axis: int) -> FloatArray:
+        """Return the coordinates in the patch of points at distances x from the first tile's corner."""
         number, t = np.divmod(x, self.tile[axis])
         mirrored = self.flip[axis] & (number % 2 != 0)
-        found: FloatArray = self.offset[axis] + np.where(mirrored, self.tile[axis] - t, t)
-        return found
+        return np.asarray(self.offset[axis] + np.where(mirrored, self.tile[axis] - t, t))
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
-    """A fitted patch as the seams see it: cut off near its surface, on sections of a fixed fineness.
+class SampledPatch:
+    """A fitted patch sampled on sections of a fixed fineness, its values cut off near the surface.
 
     Attributes
     ----------
@@ -101,7 +100,7 @@ class Patch:
     variance: float
 
     @classmethod
-    def of(cls, field: PUInterpolant) -> "Patch":
+    def of(cls, field: PUInterpolant) -> "SampledPatch":
         """Sample the patch at the midpoints of its cells, for its spread.
 
         Raises
@@ -111,7 +110,8 @@ class Patch:
         """
         low, high = field.bounds
         fine = np.median(field.cover.radii) / FINENESS
-        counts = np.clip(np.round((high - low) / fine), FEWEST, [MOST, MOST, *[LAYERS] * (len(low) - 2)]).astype(int)
+        limits = [MAX_SECTIONS, MAX_SECTIONS, *[LAYERS] * (len(low) - 2)]
+        counts = np.clip(np.round((high - low) / fine), MIN_SECTIONS, limits).astype(int)
         middles = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(low, high, counts, strict=True)]
         rest = np.array(list(product(*middles[2:])), dtype=np.float64)
         patch = cls(field, (high - low)[:2] / counts[:2], rest, np.inf, 1.0)
@@ -136,11 +136,11 @@ class Patch:
         values = self.field(points.reshape(-1, points.shape[-1]), dtype=dtype).reshape(points.shape[:-1])
         return values.clip(-self.cut_off, self.cut_off)
 
-    def slopes(self, normal: FloatArray, beside: FloatArray, axis: int) -> FloatArray:
-        """Return the slope of F across sections: (k, n, m)."""
+    def derivatives(self, normal: FloatArray, beside: FloatArray, axis: int) -> FloatArray:
+        """Return the derivative of F across sections: (k, n, m)."""
         points = self.points(normal, beside, axis)
-        slopes: FloatArray = self.field.gradient(points.reshape(-1, points.shape[-1]))[:, axis]
-        return slopes.reshape(points.shape[:-1])
+        derivatives: FloatArray = self.field.gradient(points.reshape(-1, points.shape[-1]))[:, axis]
+        return derivatives.reshape(points.shape[:-1])
 
     def energy(self, crop: Crop, width: float) -> SeamEnergy:
         """Return the energy of a crop's seams, over a band of `width` on either side."""
@@ -157,10 +157,10 @@ class Patch:
         beside = (np.arange(count) + 0.5) * unrolled / count
         beside_next = beside - (crop.shift * crop.tile[0] if axis == 1 else 0.0)
         squares = []
-        for here, beyond in _faces(stations, crop.tile[axis], flipped=bool(crop.flip[axis])):
+        for ending, beginning in _faces(stations, crop.tile[axis], flipped=bool(crop.flip[axis])):
             tiles = (
-                self.sections(crop.offset[axis] + normal, crop.located(position, other), axis)
-                for normal, position in ((here, beside), (beyond, beside_next))
+                self.sections(crop.offset[axis] + normal, crop.in_patch(position, other), axis)
+                for normal, position in ((ending, beside), (beginning, beside_next))
             )
             squares.append(np.mean(np.subtract(*tiles) ** 2))
         return float(np.mean(squares))
@@ -172,7 +172,7 @@ class Patch:
 
 
 def _faces(t: FloatArray, size: float, *, flipped: bool) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield where two tiles that meet are taken from, at distances t beyond their seam: one continued, one begun."""
+    """Yield the coordinates of two tiles that meet, at distances t beyond their seam: one continued, one begun."""
     if not flipped:
         yield size + t, t
         return

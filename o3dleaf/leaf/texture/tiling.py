@@ -19,20 +19,20 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.crop import best_crop, reach_of_fade
 from o3dleaf.leaf.texture.crossfade import CrossFade
-from o3dleaf.leaf.texture.seams import Crop, Patch, SeamEnergy
+from o3dleaf.leaf.texture.seams import Crop, SampledPatch, SeamEnergy
 
 FLIPS = {"along": (True, False), "across": (False, True), "both": (True, True)}
 
-MOST_ROWS = 12
+MAX_ROWS = 12
 """Rows after which staggered tiles repeat, at most: a shift is a fraction with a denominator up to this."""
 
-SAME = 1e-12
+TOLERANCE = 1e-12
 """Share of the patch: lengths that differ by less are equal but for rounding."""
 
 Period = npt.ArrayLike | str | Sequence[float | str]
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class TiledField(Blended):
     r"""Copies of a patch over the plane, blended where they meet.
 
@@ -93,7 +93,7 @@ class TiledField(Blended):
         period : "best" or (2,) array_like, optional
             Size of a tile along and across, in the field's unit; by default the extent of its bounds.
             "best", for both or for one of the two, is the one whose faces match best, of at least half
-            the patch; see `o3dleaf.leaf.texture.crop.best_crop`. `tile` and `offset` tell what was chosen.
+            the patch; see `o3dleaf.leaf.texture.crop.best_crop`. `tile` and `offset` are what was chosen.
         offset : (2,) array_like, optional
             Lower corner of the tile in the patch; the patch must reach beyond the tile. Left out, the
             best one is searched for with the best period, else whole patches overlap as in the paper, or
@@ -106,7 +106,7 @@ class TiledField(Blended):
             the other way.
         shift : float
             Share of a tile by which each row across is moved along, like bricks at 1/2: a fraction whose
-            denominator is at most `MOST_ROWS`. What repeats then shows less; across, another part of the
+            denominator is at most `MAX_ROWS`. What repeats then shows less; across, another part of the
             face is met.
 
         Raises
@@ -115,7 +115,7 @@ class TiledField(Blended):
             If the period is not positive or larger than the patch, which would leave gaps, or the patch
             does not reach beyond the tile as far as the seams are to fade.
         """
-        crop, cropped = _as_crop(field, period, offset, fade, _Laid(_as_flip(flip), as_number(shift, "shift")))
+        crop, cropped = _as_crop(field, period, offset, fade, _Placing(_as_flip(flip), as_number(shift, "shift")))
         repeat = np.zeros(field.bounds.shape[1])
         repeat[:2] = size = crop.tile * _tiles_in_period(crop)
         cell = field.bounds.copy()
@@ -134,6 +134,11 @@ class TiledField(Blended):
         parts = {"field": field, "local": local, "period": size, "cell": cell, "index": index}
         for name, value in (parts | placed).items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        tile = " × ".join(f"{size:.4g}" for size in self.tile)
+        cropped = ", cross-faded" if isinstance(self.local, CrossFade) else ""
+        return f"TiledField(tiles of {tile}{cropped}, {len(self.field.cover.radii):,} balls, unit {self.unit})"
 
     def state(self) -> dict[str, Any]:
         """Return what the field is made of, for `o3dleaf.io.model_file`."""
@@ -168,9 +173,9 @@ class TiledField(Blended):
         crop = Crop(self.offset, self.tile, self.fade, _as_flip(self.flip), self.shift)
         low, high = self.field.bounds[:, :2]
         room = float(np.min(np.minimum(crop.offset - low, high - crop.offset - crop.tile)))
-        if not 0 <= width <= max(room, 0.0) * (1 + SAME):
+        if not 0 <= width <= max(room, 0.0) * (1 + TOLERANCE):
             raise InputError(f"width: is {width}; the patch reaches {room:.4g} beyond its tile, give 0 to that")
-        return Patch.of(self.field).energy(crop, width)
+        return SampledPatch.of(self.field).energy(crop, width)
 
     def tile_key(self, p: int) -> Hashable:  # noqa: ARG002 - all periods are alike
         """Return the same key for every period p along: see `o3dleaf.leaf.texture.patches.PatchBlend.tile_key`."""
@@ -193,12 +198,12 @@ class TiledField(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the tiled field as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid:
-    """How copies are laid: which axes flip, and the shift of a row."""
+class _Placing:
+    """The placing of copies: the axes that flip, and the shift of a row."""
 
     flip: npt.NDArray[np.bool_]
     shift: float
@@ -213,7 +218,11 @@ def _as_flip(flip: str | None) -> npt.NDArray[np.bool_]:
 
 
 def _as_crop(
-    field: PUInterpolant, period: Period | None, offset: npt.ArrayLike | None, fade: npt.ArrayLike | None, laid: _Laid
+    field: PUInterpolant,
+    period: Period | None,
+    offset: npt.ArrayLike | None,
+    fade: npt.ArrayLike | None,
+    placing: _Placing,
 ) -> tuple[Crop, bool]:
     """Return the crop that was asked for, and whether its tiles are cross-faded, or raise `InputError`."""
     extent = (field.bounds[1] - field.bounds[0])[:2]
@@ -223,26 +232,26 @@ def _as_crop(
         if offset is not None:
             raise InputError("offset: is found together with the best period; leave it out or give both")
         crop = best_crop(field, wished, reach)
-        return _require_room(replace(crop, flip=laid.flip, shift=laid.shift), field), True
+        return _require_room(replace(crop, flip=placing.flip, shift=placing.shift), field), True
     tile = np.array(wished, dtype=np.float64)
-    if offset is None and fade is None and laid.plain:
-        return Crop(field.bounds[0, :2].copy(), tile, np.zeros(2), laid.flip, 0.0), False
+    if offset is None and fade is None and placing.plain:
+        return Crop(field.bounds[0, :2].copy(), tile, np.zeros(2), placing.flip, 0.0), False
     low = field.bounds[0, :2]
     corner = low + (extent - tile) / 2 if offset is None else _as_pair(offset, "offset", least=-np.inf)
-    whole = tile >= extent * (1 - SAME)
+    whole = tile >= extent * (1 - TOLERANCE)
     room = np.minimum(np.minimum(corner - low, low + extent - corner - tile), tile / 2)
     if fade is None:
         reach = np.minimum(reach, room)
-    crop = Crop(np.where(whole, low, corner), tile, np.where(whole, 0.0, reach), laid.flip, laid.shift)
+    crop = Crop(np.where(whole, low, corner), tile, np.where(whole, 0.0, reach), placing.flip, placing.shift)
     return _require_room(crop, field), True
 
 
 def _require_room(crop: Crop, field: PUInterpolant) -> Crop:
     """Return the crop if the patch reaches beyond its tile as far as its seams fade, else raise `InputError`."""
     low, high = field.bounds[:, :2]
-    whole = crop.tile >= (high - low) * (1 - SAME)
+    whole = crop.tile >= (high - low) * (1 - TOLERANCE)
     room = np.minimum(np.minimum(crop.offset - low, high - crop.offset - crop.tile), crop.tile / 2)
-    if np.any(~whole & ((crop.fade <= 0) | (crop.fade > room + SAME * (high - low)))):
+    if np.any(~whole & ((crop.fade <= 0) | (crop.fade > room + TOLERANCE * (high - low)))):
         raise InputError(
             f"offset: a tile of {crop.tile.tolist()} at {crop.offset.tolist()} leaves {room.tolist()} of patch beyond "
             f"it to fade over {crop.fade.tolist()}; move the tile inwards, or make it or its fade smaller"
@@ -263,7 +272,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     given = [None if isinstance(wish, str) else as_number(wish, "period") for wish in wished]
     if any(size is not None and not size > 0 for size in given):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across")
-    if any(size is not None and size > most * (1 + SAME) for size, most in zip(given, extent, strict=True)):
+    if any(size is not None and size > most * (1 + TOLERANCE) for size, most in zip(given, extent, strict=True)):
         raise InputError(f"period: {given} is larger than the patch, {extent.tolist()}; tiles would not meet")
     return given[0], given[1]
 
@@ -280,7 +289,7 @@ def _tiles_in_period(crop: Crop) -> npt.NDArray[np.int64]:
     """Return how many tiles a period holds along and across, or raise `InputError`."""
     columns = 2 if crop.flip[0] else 1
     # Rows come back into step after whole periods along.
-    turns = Fraction(crop.shift / columns).limit_denominator(MOST_ROWS * columns)
-    if abs(float(turns) * columns - crop.shift) > SAME or turns.denominator > MOST_ROWS:
-        raise InputError(f"shift: is {crop.shift}; give a fraction such as 1/2 or 1/3, of up to {MOST_ROWS} rows")
+    turns = Fraction(crop.shift / columns).limit_denominator(MAX_ROWS * columns)
+    if abs(float(turns) * columns - crop.shift) > TOLERANCE or turns.denominator > MAX_ROWS:
+        raise InputError(f"shift: is {crop.shift}; give a fraction such as 1/2 or 1/3, of up to {MAX_ROWS} rows")
     return np.array([columns, lcm(turns.denominator, 2 if crop.flip[1] else 1)])

@@ -131,7 +131,7 @@ def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
     """Return the whole leaf with an inset of the micro-structure on it."""
     window = whole_tiles(leaf, (1, 1))
     step = float(window.tile.max()) / LEAF_STEPS
-    mesh = leaf.realise(step).extract().mesh
+    mesh = leaf.plan_mesh(step).extract().mesh
     fine = float(window.tile.max()) / TILE_STEPS
     solid = block(leaf, fine, window.region)
     inset = Inset(solid, view=_oblique(leaf.blade, solid))

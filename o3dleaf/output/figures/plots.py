@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.leaf.ct.threshold import MOST_VOXELS
+from o3dleaf.leaf.ct.threshold import thin
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, Sheet, plot, styled, words
@@ -91,8 +91,7 @@ def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
         The threshold, or how it is found.
     """
     threshold = volume.threshold(level)
-    stride = int(np.ceil((volume.data.size / MOST_VOXELS) ** (1 / 3)))
-    sample = np.asarray(volume.data[(slice(None, None, stride),) * 3], dtype=np.float64).ravel()
+    sample = np.asarray(thin(volume.data), dtype=np.float64).ravel()
     sample = sample[sample != 0]
     low, high = np.quantile(sample, (0.0005, 0.9995))
     counts, edges = np.histogram(sample, BINS, (min(low, threshold), max(high, threshold)))

@@ -14,7 +14,7 @@ from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.macro.robust import RobustChoice
-from o3dleaf.leaf.meshing import Realisation
+from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
@@ -27,7 +27,7 @@ def summarize(
     settings: dict[str, Any],
     *,
     leaf: MultiscaleLeaf | None = None,
-    surface: Realisation | None = None,
+    surface: MeshPlan | None = None,
     scan: CloudLike | None = None,
 ) -> dict[str, Any]:
     """Return the summary of a run as plain values, the times those of the open journal.
@@ -65,7 +65,7 @@ def summarize(
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
     if scan is not None:
-        summary["frame"] = blade.appraise(scan).to_dict()
+        summary["frame"] = blade.frame_quality(scan).to_dict()
     if leaf is not None:
         texture = leaf.texture
         fits = [_fit_summary(patch.local) for patch in texture.patches]
@@ -81,8 +81,8 @@ def summarize(
             "vertices": surface.vertices,
             "triangles": surface.triangles,
             "voids_filled_in_a_tile": surface.voids,
-            "specks_removed_from_a_tile": surface.specks,
-            "scraps_at_the_rim": asdict(surface.scraps),
+            "specks_removed_from_a_tile": surface.islands,
+            "scraps_at_the_rim": asdict(surface.fragments),
         }
         if settings.get("remesh") is not None:
             summary["surface"]["note"] = "as polygonised; the mesh was remeshed then"
@@ -113,5 +113,5 @@ def _choice_summary(choice: RobustChoice | None) -> dict[str, Any]:
     """Return what a robust fit chose, where there was one: lengths in the blade's unit."""
     if choice is None:
         return {"robust": False}
-    trusted = float(np.mean(choice.trust >= 1.0))
+    trusted = float(np.mean(choice.weights >= 1.0))
     return {"robust": True, "bandwidth": choice.bandwidth, "scan_noise": choice.noise, "share_trusted": trusted}

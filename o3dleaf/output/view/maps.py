@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.macro.blade import APPRAISED, Blade
+from o3dleaf.leaf.macro.blade import PLACES, Blade
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import Scalars, render
 
 
 class Measure(NamedTuple):
-    """What a map can show: how to get it, its name, and the value that means no distortion."""
+    """A quantity that a map can show: a function of the distortion, its name, and its value without distortion."""
 
     values: Callable[[Distortion], FloatArray]
     label: str
@@ -31,7 +31,7 @@ MEASURES = {
     "area": Measure(lambda found: found.area, "area factor", 1.0),
     "volume": Measure(lambda found: found.volume, "volume factor", 1.0),
 }
-LEAST_SPAN = 1e-3
+MIN_SPAN = 1e-3
 """Half the span of the colors at least, lest rounding be painted."""
 
 
@@ -75,11 +75,11 @@ def render_distortion(
         If the blade has no triangle at this spacing.
     """
     shown = MEASURES[require_choice(measure, MEASURES, "measure")]
-    step = float(np.sqrt(blade.outline.area / APPRAISED)) if spacing is None else spacing
+    step = float(np.sqrt(blade.outline.area / PLACES)) if spacing is None else spacing
     world, triangles = mesh_arrays(blade.extract_mesh(step))
     plane = blade.flatten(world)[:, :2]
     values = shown.values(blade.distortion(plane))
-    span = max(float(np.quantile(np.abs(values - shown.neutral), 0.99)), LEAST_SPAN)
+    span = max(float(np.quantile(np.abs(values - shown.neutral), 0.99)), MIN_SPAN)
     scalars = Scalars(values, shown.label, "coolwarm", (shown.neutral - span, shown.neutral + span))
     vertices = np.column_stack([plane, np.zeros(len(plane))]) if flat else world
     if flat:

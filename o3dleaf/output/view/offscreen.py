@@ -29,16 +29,16 @@ PROBE_SECONDS = 60.0
 SECONDS = 600.0
 """A page that has not been drawn by then never will be."""
 
-MOST_PIXELS = 8192
+MAX_PIXELS = 8192
 """Side of the largest picture that every driver can hold; beyond it, pixels are supersampled less."""
 
-CHUNK = 1 << 19
+BATCH_SIZE = 1 << 19
 """Triangles colored at once."""
 
 
 @cache
 def find_renderer() -> Literal["hardware", "software"] | None:
-    """Say what Open3D's renderer runs on here, None where it does not work: one triangle is drawn, once a process.
+    """Return the device of Open3D's renderer, None where it does not work: one triangle is drawn, once a process.
 
     In software, such as Mesa's llvmpipe, it takes twice as long as casting rays, without the shadows.
     """
@@ -89,7 +89,7 @@ def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray],
 
 def _hand_over(path: Path, shot: Shot) -> int:
     """Write what the child needs for one picture, and return the pixels drawn along each side of one."""
-    finer = max(1, min(shot.view.supersampling, MOST_PIXELS // max(shot.size)))
+    finer = max(1, min(shot.view.supersampling, MAX_PIXELS // max(shot.size)))
     camera = shot.camera
     corners, colors = _light_corners(shot)
     np.savez(
@@ -110,8 +110,8 @@ def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.
     normals = vertex_normals(local, shot.triangles) if shot.view.smooth else None
     corners = local[shot.triangles]
     colors = np.empty_like(corners)
-    for start in range(0, len(corners), CHUNK):
-        part = slice(start, start + CHUNK)
+    for start in range(0, len(corners), BATCH_SIZE):
+        part = slice(start, start + BATCH_SIZE)
         numbers = np.arange(len(corners))[part]
         colors[part] = _light_triangles(shot, numbers, corners[part].astype(np.float64), normals)
     return corners.reshape(-1, 3), colors.reshape(-1, 3)
@@ -123,7 +123,7 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     eye = EYE * camera.width * camera.toward
-    found = np.empty_like(corners)
+    colors = np.empty_like(corners)
     sight = corners.mean(axis=1) - eye if camera.perspective else np.broadcast_to(-camera.toward, flat.shape)
     facing = np.where(np.einsum("ij,ij->i", flat, sight) > 0, -1.0, 1.0)
     for corner in range(3):
@@ -132,8 +132,8 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
         bent = (flat if normals is None else normals[shot.triangles[numbers, corner]]) * facing[:, np.newaxis]
         light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
-        found[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
-    return found
+        colors[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
+    return colors
 
 
 def _take_back(path: Path, finer: int) -> FloatArray:

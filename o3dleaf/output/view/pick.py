@@ -12,7 +12,7 @@ from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.output.view.window import require_window
 
-FEWEST = 2
+MIN_POINTS = 2
 HELP = "shift + left click picks the midrib from base to tip, shift + right click takes back, Q ends"
 
 
@@ -34,7 +34,7 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
     O3DLeafError
         If there is no screen, or it has no OpenGL.
     """
-    points = points_of(cloud, "cloud", least=FEWEST)
+    points = points_of(cloud, "cloud", least=MIN_POINTS)
     require_window("pick_midrib", "pick the points elsewhere and give them as a file, or let find_midrib find them")
     return control_points(points, _pick(points))
 
@@ -58,7 +58,7 @@ def control_points(points: FloatArray, picked: Sequence[int]) -> FloatArray:
     """
     chosen = points[list(picked)].reshape(-1, 3)
     _, first = np.unique(chosen, axis=0, return_index=True)
-    if len(first) < FEWEST:
+    if len(first) < MIN_POINTS:
         raise InputError(f"pick_midrib: {len(first)} places were picked; {HELP}")
     return chosen[np.sort(first)]
 

@@ -28,7 +28,7 @@ SUFFIXES = PIXELS + VECTORS
 ENGINES = ("cpu", "open3d", "auto")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Inset:
     """A second mesh, drawn larger in a panel of its own: a window of the micro-structure.
 
@@ -54,6 +54,10 @@ class Inset:
     view: View = field(default_factory=lambda: View(tilt=48.0, turn=32.0))
     scalars: npt.ArrayLike | Scalars | None = None
     unit: str | None = None
+
+    def __repr__(self) -> str:
+        title = f"{self.title!r}, " if self.title else ""
+        return f"Inset({title}{type(self.mesh).__name__}, unit {self.unit})"
 
 
 def render(
@@ -149,8 +153,8 @@ def draw_page(
     scenes = [Scene.of(each.mesh, each.scalars) for each in panels]
     em = subject.view.text * em_of(size)
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
-    own = _frame(scenes[0], subject.view)
-    main, beside = lay_out(size, len(details), own.width / own.height, round(2.4 * em) if title else 0, foot)
+    fitted = _frame(scenes[0], subject.view)
+    main, beside = lay_out(size, len(details), fitted.width / fitted.height, round(2.4 * em) if title else 0, foot)
     boxes = [main, *beside]
     shots = [
         _shoot(scene, each.view, box.without_foot(foot)) for scene, each, box in zip(scenes, panels, boxes, strict=True)

@@ -19,7 +19,7 @@ NEIGHBORS = 12
 """Points by which the plane of the cloud about each one is told."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Points:
     """A point cloud to draw: a scan, control points, a curve that is sampled closely.
 
@@ -35,6 +35,10 @@ class Points:
     points: CloudLike
     radius: float | None = None
     color: str | None = None
+
+    def __repr__(self) -> str:
+        options = [f"{name}={value!r}" for name, value in (("radius", self.radius), ("color", self.color)) if value]
+        return f"Points({', '.join([type(self.points).__name__, *options])})"
 
     def positions(self) -> FloatArray:
         """Return the (n, 3) points, at least one."""

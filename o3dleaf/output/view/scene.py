@@ -1,4 +1,4 @@
-"""What is drawn in one panel: meshes and point clouds, put together into triangles that know their colors."""
+"""The scene of one panel: meshes and point clouds, put together into triangles with their colors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ TONE = 0.68
 """Full light is brighter than white paper: toned down, the colors stay those of the bar."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scalars:
     """Numbers on a mesh or a point cloud that are shown as colors.
 
@@ -60,6 +60,11 @@ class Scalars:
     label: str = ""
     color_map: str = "viridis"
     limits: tuple[float, float] | None = None
+
+    def __repr__(self) -> str:
+        label = f"{self.label!r}, " if self.label else ""
+        limits = f", limits {self.limits[0]:g} to {self.limits[1]:g}" if self.limits else ""
+        return f"Scalars({label}{np.size(self.values):,} values, {self.color_map}{limits})"
 
 
 @dataclass(frozen=True)
@@ -189,7 +194,7 @@ class Scene:
 
 
 def _is_several(things: object) -> TypeGuard[list[Any]]:
-    """Say whether it is a list of things, and not one mesh given as the list of its two arrays."""
+    """Return whether it is a list of things, and not one mesh given as the list of its two arrays."""
     return isinstance(things, list) and any(isinstance(thing, GEOMETRIES) for thing in things)
 
 

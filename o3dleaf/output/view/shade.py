@@ -19,7 +19,7 @@ from o3dleaf.output.view.camera import Camera, View
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
 
-BAND = 1 << 19
+BATCH_SIZE = 1 << 19
 """Rays cast at once."""
 
 SKY_RAYS = 4
@@ -34,7 +34,7 @@ LIGHT = np.array([-0.62, 0.50, 0.60])
 
 @dataclass(frozen=True)
 class Shot:
-    """What is to be shaded for one panel.
+    """A mesh, its colors and a camera, to be shaded for one panel.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ def shade_mesh(shot: Shot) -> FloatArray:
     width, height = size
     finer = view.supersampling
     image = np.empty((height, width, 4))
-    rows = max(1, BAND // (width * finer * finer))
+    rows = max(1, BATCH_SIZE // (width * finer * finer))
     for top in range(0, height, rows):
         bottom = min(top + rows, height)
         x = (np.arange(width * finer) + 0.5) / finer
@@ -176,7 +176,7 @@ def _sky_seen(
 def _blocked(
     scene: o3d.t.geometry.RaycastingScene, place: FloatArray, way: FloatArray, reach: float
 ) -> npt.NDArray[np.bool_]:
-    """Say for each ray whether the mesh is in its way within `reach`."""
+    """Return for each ray whether the mesh is in its way within `reach`."""
     rays = o3d.core.Tensor.from_numpy(np.hstack([place, way]).astype(np.float32))
     return np.asarray(scene.test_occlusions(rays, tfar=float(reach)).numpy(), dtype=bool)
 

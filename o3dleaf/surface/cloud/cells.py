@@ -1,4 +1,4 @@
-"""Points sorted into cubic cells, so that all within one edge of a cell are found without a search."""
+"""Points sorted into cubic cells, so that all points within one edge of a cell are known without a search."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class Cells:
     order : (n,) ndarray
         The points' rows, cell after cell, in their own order within each.
     number, first, last : (m,) ndarray
-        Of each cell that holds a point: its number (z running fastest), and its stretch of `order`.
+        Of each occupied cell: its number (z running fastest), and its stretch of `order`.
     shape : (3,) ndarray
         Cells along x, y and z.
     """

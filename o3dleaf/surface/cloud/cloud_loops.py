@@ -97,7 +97,7 @@ def take_rows(order, rank, far, near, distance, row, start, stop):
 
 @njit(nogil=True, cache=True)
 def cell_keys(points, low, size, shape):
-    """Return the number (n,) of the cell of edge `size` that holds each point, z running fastest."""
+    """Return the number (n,) of the cell of edge `size` that contains each point, z running fastest."""
     keys = np.empty(len(points), np.int64)
     for i in range(len(points)):
         key = 0
@@ -113,7 +113,7 @@ def empty_balls(points, normals, first, last, cells, sampled, shape, turn, start
 
     A ball of radius r touches x_i along n_i and passes through x_j where r = |e|² / (2 |e · n_i|), e = x_j - x_i.
     Points whose normals have n_i . n_j > `turn` belong to the same sheet and are passed over. `points` and `normals`
-    are sorted by cell; cell `cells[c]` holds rows `first[c]` to `last[c]`, of which the rows `sampled` are tested.
+    are sorted by cell; cell `cells[c]` contains rows `first[c]` to `last[c]`, of which the rows `sampled` are tested.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
     for c in range(start, stop):

@@ -19,7 +19,7 @@ DISTANCE = 0.7
 DISTANCE_OF_MEANS = 1.0
 """The same where points are means of several: their noise was as thick as the spacing."""
 EVERY = 2
-"""One point in so many has constraints off the surface: they only tell inside from outside."""
+"""One point in so many has constraints off the surface: they only distinguish inside from outside."""
 ROUNDING = 1e-9
 """Share of a distance that is no shortening of it."""
 ROOM = 2 / 3
@@ -27,7 +27,7 @@ ROOM = 2 / 3
 SAME_SHEET = 0.5
 """Cosine between normals above which two points belong to one sheet, whatever noise does to their places."""
 FLOOR = 0.1
-"""Share of the distance wanted below which a site tells nothing and is left out."""
+"""Share of the distance wanted below which a site adds nothing and is left out."""
 PAIRS = 400
 """Points tested for each point: of more, every second, third, ... is."""
 CELLS_A_BLOCK = 64

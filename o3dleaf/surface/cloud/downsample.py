@@ -10,7 +10,7 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 PER_NOISE = 1.8
 """Side of the voxels that points are averaged in, in standard deviations of the noise: wider ones take rims and
-corners off, narrower ones leave the fit with more points than tell it anything."""
+corners off, narrower ones leave the fit with more points than it needs."""
 TAIL = 0.1
 """Share of its neighbors' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
 
@@ -60,7 +60,7 @@ def voxel_down_sample(cloud: CloudLike, voxel_size: float) -> OrientedCloud:
 def adaptive_down_sample(cloud: CloudLike) -> OrientedCloud:
     """Return a cloud with its points averaged where noise is thicker than the spacing, each with its weight.
 
-    Voxels of 1.8 standard deviations of the noise hold too few points to lose any shape that the noise has left,
+    Voxels of 1.8 standard deviations of the noise contain too few points to lose any shape that the noise has left,
     and make the fit of a dense noisy scan a small one. Where they are narrower than a spacing the cloud comes back as
     it is.
 
@@ -90,8 +90,8 @@ def remove_tails(cloud: OrientedCloud) -> OrientedCloud:
     """Return a cloud of means without those that stand for a tenth of the points that their neighbors do, or fewer.
 
     What the neighbors stand for is the mean over their points, Σw²/Σw, which those in the middle decide. Such
-    voxels hold the tails of the noise: the normal of a single point three deviations off tells nothing, and a hundred
-    others determine the surface.
+    voxels contain the tails of the noise: the normal of a single point three deviations off means nothing where a
+    hundred others determine the surface.
     """
     near = cloud.weights[cloud.neighbors.row]
     kept = cloud.weights > TAIL * (near * near).sum(axis=1) / near.sum(axis=1)

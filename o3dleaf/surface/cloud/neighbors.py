@@ -1,4 +1,4 @@
-"""Nearest neighbors of all points of a cloud, the planes through them, and the spacing that their distances tell."""
+"""Nearest neighbors of all points of a cloud, the planes through them, and the spacing by their distances."""
 
 from functools import partial
 from typing import NamedTuple
@@ -17,7 +17,7 @@ IndexArray = npt.NDArray[np.int64]
 NEIGHBORS = 16
 """Of a sampled surface they lie within 2.3 spacings: fewer make normals noisy, more reach across a thin sheet."""
 SPACED = 12
-"""Neighbors whose distance tells the spacing; off by 1/(2 √12), 14 %, at one random point, before averaging."""
+"""Neighbor by whose distance the spacing is measured; off by 1/(2 √12), 14 %, at one random point, before averaging."""
 BLOCK = 4096
 BATCH = 1 << 18
 """Points whose neighbors are searched at once."""
@@ -73,9 +73,9 @@ def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:
 
 
 def smooth_spacings(near: Neighborhoods) -> FloatArray:
-    """Return the (n,) spacings that the twelfth neighbors' distances tell: their median, then mean, over 13 points."""
+    """Return the (n,) spacings by the twelfth neighbors' distances: the median, then the mean, over 13 points."""
     if near.row.shape[1] <= SPACED:
-        raise InputError(f"cloud: holds {len(near.row)} points; at least {SPACED + 1} are needed to tell its spacing")
+        raise InputError(f"cloud: holds {len(near.row)} points; at least {SPACED + 1} are needed for its spacing")
     first, middle = near.distance[:, SPACED] * np.sqrt(np.pi / SPACED), np.empty(len(near.row))
     spacing = np.empty(len(near.row))
 

@@ -91,7 +91,7 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     ----------
     cloud : (n, 3) array_like or Open3D point cloud
     normals : (n, 3) array_like, optional
-        Unit normals of either sign in place of those that the cloud holds. Where there are none, those by which the
+        Unit normals of either sign in place of those of the cloud. Where there are none, those by which the
         sides were found are returned.
 
     Raises
@@ -223,7 +223,7 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
 def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tuple[str, ...]) -> Orientation:
     """Return the normals (n, 3) blended from the surfels, turned outward from the middle of two sheets if they are two.
 
-    The heights of groups' points over their planes tell: the excess kurtosis of noise is 0, and above where groups
+    The heights of groups' points over their planes decide: the excess kurtosis of noise is 0, and above where groups
     differ; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)².
     """
     outward, height = surfels.blend(points, middle)

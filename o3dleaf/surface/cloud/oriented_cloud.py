@@ -27,7 +27,7 @@ class Removed(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OrientedCloud:
-    """A point cloud with normals and weights; its tree, neighbors, spacing and noise are found once, when asked for.
+    """A point cloud with normals and weights; tree, neighbors, spacing and noise are computed once, when first used.
 
     Every step of a cloud takes one, or what `OrientedCloud.of` makes one of, and most return one.
 
@@ -65,7 +65,7 @@ class OrientedCloud:
         ----------
         cloud : (n, 3) array_like or Open3D point cloud, legacy or tensor
         normals : (n, 3) array_like, optional
-            Outward normals in place of those that the cloud holds.
+            Outward normals in place of those of the cloud.
         weights : (n,) array_like, optional
             How many measured points each stands for; left out, one.
         spacing : float or (n,) array_like, optional
@@ -119,7 +119,7 @@ class OrientedCloud:
 
     @cached_property
     def surfels(self) -> Surfels:
-        """The cloud at the scale at which it is a surface."""
+        """The cloud at the scale at which it is a surface: its points, or under noise groups of them."""
         if len(self) < 3:
             raise InputError(f"cloud: holds {len(self)} points; at least 3 are needed")
         return Surfels.of(self.points, self.neighbors.row)
@@ -161,7 +161,7 @@ class OrientedCloud:
         return replace(self, points=points, normals=normals, weights=self.weights[rows])
 
     def reordered(self, order: IndexArray, tree: cKDTree | None = None) -> "OrientedCloud":
-        """Return all points in another order, of which `tree` may be one, with what was found of them that stays."""
+        """Return all points in another order, of which `tree` may be one, with what is known of them."""
         cloud, known = self.take(order), vars(self)
         if tree is not None:
             vars(cloud)["tree"] = tree
@@ -174,7 +174,7 @@ class OrientedCloud:
         return cloud
 
     def with_normals(self, normals: FloatArray, notes: tuple[str, ...] = ()) -> "OrientedCloud":
-        """Return the same points, and all that was found of them, with other unit normals (n, 3) and more notes."""
+        """Return the same points, with all that is known of them, other unit normals (n, 3) and more notes."""
         cloud = replace(self, normals=normals, notes=self.notes + notes)
         vars(cloud).update({name: value for name, value in vars(self).items() if name not in vars(cloud)})
         return cloud
@@ -213,7 +213,7 @@ def estimate_noise(cloud: CloudLike) -> float:
 
     At each of some hundred places a quadric :math:`z(u, v)` over the plane of the nearest k points leaves residuals
     of standard deviation :math:`σ_k`, six degrees of freedom taken off; the smallest k whose patch has a radius of
-    at least 4.5 σ_k tells σ there, and the median over the places is returned: creases and rims do not count.
+    at least 4.5 σ_k gives σ there, and the median over the places is returned: creases and rims do not count.
 
     Parameters
     ----------

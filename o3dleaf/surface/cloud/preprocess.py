@@ -47,7 +47,7 @@ def preprocess_point_cloud(
     cloud : (n, 3) array_like or Open3D point cloud
         Points that are removed are counted.
     normals : (n, 3) array_like, optional
-        Normals to use in place of those that the cloud holds. Given normals are kept as far as their neighbors agree
+        Normals in place of those of the cloud. Given normals are kept as far as their neighbors agree
         with them: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
         point inward; where they contradict one another throughout, their sides are found anew.
     voxel_size : float, optional
@@ -68,25 +68,27 @@ def preprocess_point_cloud(
     OrientationError
         If the points do not say which side is outside.
     """
-    held = _as_rows(held_points(cloud), "cloud")
-    named = held_normals(cloud) if normals is None else normals
-    given = None if named is None else _as_rows(named, "normals")
-    if given is not None and len(given) != len(held):
-        raise InputError(f"normals: {len(given)} for {len(held)} points; give one a point")
+    points = _as_rows(held_points(cloud), "cloud")
+    normals = held_normals(cloud) if normals is None else normals
+    given = None if normals is None else _as_rows(normals, "normals")
+    if given is not None and len(given) != len(points):
+        raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
+    if voxel_size is not None:
+        require_positive(voxel_size, "voxel_size")
     sorting, finding, measuring, siding, ending = progress.split(*SHARES)
     with sorting:
-        sound = _Sound.of(held, _weights_of(cloud, len(held)))
+        usable = _Usable.of(points, _weights_of(cloud, len(points)))
     with finding:
-        sound = sound.without(outliers, len(held))
+        usable = usable.without(outliers, len(points))
     with measuring:
-        _ = sound.cloud.spacing  # and with it the neighbors and planes that the sides are found by
+        _ = usable.cloud.spacing  # and with it the neighbors and planes that the sides are found by
     with siding:
-        found = _find_normals(sound.cloud, None if given is None else given[sound.rows], estimate, orient)
+        orientation = _find_normals(usable.cloud, None if given is None else given[usable.rows], estimate, orient)
     with ending:
-        oriented = sound.cloud.with_normals(*found)
+        oriented = usable.cloud.with_normals(*orientation)
         if voxel_size is None:
-            return sound.restored(oriented)
-        averaged = voxel_down_sample(oriented.take(np.argsort(sound.rows)), require_positive(voxel_size, "voxel_size"))
+            return usable.restored(oriented)
+        averaged = voxel_down_sample(oriented.take(np.argsort(usable.rows)), voxel_size)
         _require_enough(len(averaged), len(oriented))
         return averaged
 
@@ -105,12 +107,12 @@ def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -
     InputError
         If too few points are left.
     """
-    held = _as_rows(held_points(cloud), "cloud")
-    sound = _Sound.of(held, _weights_of(cloud, len(held))).without(outliers, len(held))
-    return sound.restored(sound.cloud)
+    points = _as_rows(held_points(cloud), "cloud")
+    usable = _Usable.of(points, _weights_of(cloud, len(points))).without(outliers, len(points))
+    return usable.restored(usable.cloud)
 
 
-class _Sound(NamedTuple):
+class _Usable(NamedTuple):
     """The usable points of a cloud in the order of a tree: neighbors are close in memory, and loops twice as fast.
 
     Attributes
@@ -128,17 +130,17 @@ class _Sound(NamedTuple):
     tree: cKDTree | None
 
     @classmethod
-    def of(cls, held: FloatArray, weights: FloatArray) -> "_Sound":
+    def of(cls, points: FloatArray, weights: FloatArray) -> "_Usable":
         """Leave out what is not finite, and repeated."""
-        finite = np.flatnonzero(np.isfinite(held).all(axis=1))
-        distinct = finite[_first_of_each(held[finite])]
-        _require_enough(len(distinct), len(held))
-        tree = cKDTree(held[distinct])
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        distinct = finite[_first_of_each(points[finite])]
+        _require_enough(len(distinct), len(points))
+        tree = cKDTree(points[distinct])
         rows = distinct[tree.indices]
-        removed = Removed(non_finite=len(held) - len(finite), repeated=len(finite) - len(distinct))
-        return cls(OrientedCloud(held[rows], None, weights[rows], removed), rows, tree)
+        removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))
+        return cls(OrientedCloud(points[rows], None, weights[rows], removed), rows, tree)
 
-    def without(self, outliers: Detect | None, count: int) -> "_Sound":
+    def without(self, outliers: Detect | None, count: int) -> "_Usable":
         """Leave out what a step takes for outliers, of `count` points in all."""
         if outliers is None:
             return self
@@ -147,7 +149,7 @@ class _Sound(NamedTuple):
             return self
         _require_enough(int(np.sum(~stray)), count)
         removed = self.cloud.removed._replace(outliers=int(stray.sum()))
-        return _Sound(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
+        return _Usable(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
 
     def restored(self, cloud: OrientedCloud) -> OrientedCloud:
         """Return a cloud of these points in their first order."""
@@ -200,8 +202,8 @@ def _find_normals(
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
         return Orientation(unit, notes)
     unit, more = _find_anew(cloud, estimate, orient)
-    said = f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew"
-    return Orientation(unit, (said, *more))
+    note = f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew"
+    return Orientation(unit, (note, *more))
 
 
 def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:

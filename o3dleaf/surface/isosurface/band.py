@@ -108,16 +108,16 @@ class Band:
 
     def advance(self, cells: IntArray) -> IntArray:
         """Visit new cells, keep those that the surface crosses, and return the rising keys of those beyond."""
-        corners, asked, start = np.empty((len(cells), 8), dtype=np.int32), self.count, 0
+        corners, known, start = np.empty((len(cells), 8), dtype=np.int32), self.count, 0
         while start < len(cells):
             start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
             if start < len(cells):
                 self._grow()
-        for i, j in blocks(self.count - asked, BATCH):
-            rows = slice(asked + i, asked + j)
+        for i, j in blocks(self.count - known, BATCH):
+            rows = slice(known + i, known + j)
             self.values[rows] = self._ask(self.positions(self.keys[rows]))
             # The next wave is about as large.
-            progress.report(asked + j, max(self.expected, 2 * self.count - asked))
+            progress.report(known + j, max(self.expected, 2 * self.count - known))
         codes = np.empty(len(cells), dtype=np.uint8)
         run_blocks(lambda i, j: loops.read_codes(i, j, self.values, corners, codes), len(cells), BLOCK)
         crossed = (codes > 0) & (codes < 255)

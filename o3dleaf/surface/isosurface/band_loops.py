@@ -289,7 +289,7 @@ def sharpen_fractions(start, stop, here, there, between, fraction):
         slope = there[n] - a - bend
         half = -0.5 * (slope + math.copysign(math.sqrt(max(slope * slope - 4.0 * bend * a, 0.0)), slope))
         # Both zeros without cancellation; the wanted one is between the ends.
-        found = a / half
-        if not 0.0 <= found <= 1.0:
-            found = half / bend
-        fraction[n] = min(max(found, MIN_FRACTION), 1.0 - MIN_FRACTION)
+        zero = a / half
+        if not 0.0 <= zero <= 1.0:
+            zero = half / bend
+        fraction[n] = min(max(zero, MIN_FRACTION), 1.0 - MIN_FRACTION)

@@ -119,13 +119,13 @@ def _tetrahedra_table() -> npt.NDArray[np.int64]:
     """Return (256, 12, 3) names of edges of the triangles in the six tetrahedra of every code; -1 is none."""
     table = np.full((256, MAX_TRIANGLES, 3), -1)
     for code in range(256):
-        found = []
+        triangles = []
         for path in _kuhn():
             part = sum((code >> int(corner) & 1) << n for n, corner in enumerate(path))
             for triangle in CASES[part]:
                 ends = [path[TETRAHEDRON_EDGES[edge]] for edge in triangle if edge >= 0]
-                found += [[8 * (one & other) + (one ^ other) for one, other in ends]] if ends else []
-        table[code, : len(found)] = np.array(found).reshape(-1, 3)
+                triangles += [[8 * (one & other) + (one ^ other) for one, other in ends]] if ends else []
+        table[code, : len(triangles)] = np.array(triangles).reshape(-1, 3)
     return table
 
 
@@ -172,16 +172,16 @@ def cell_triangles(method, code, fractions, places, triangles):
                 triangles[n, corner] = IN_TETRAHEDRA[code, n, corner]
         return count
     loop = np.empty(12, dtype=np.int64)
-    at = written = 0
-    while LOOPS[code, at]:
-        length = LOOPS[code, at]
+    entry = written = 0
+    while LOOPS[code, entry]:
+        length = LOOPS[code, entry]
         for n in range(length):
-            loop[n] = LOOPS[code, at + 1 + n]
+            loop[n] = LOOPS[code, entry + 1 + n]
             low, direction = CUBE_EDGES[loop[n]] >> 3, CUBE_EDGES[loop[n]] & 7
             for axis in range(3):
                 places[n, axis] = (low >> axis & 1) + (direction >> axis & 1) * fractions[loop[n]]
         written = cut_loop(loop, places, length, triangles, written)
-        at += 1 + length
+        entry += 1 + length
     return count
 
 

@@ -11,6 +11,7 @@ from o3dleaf.core.checks import FloatArray, as_mask, require_finite, require_pos
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.newton import project_to_level
 from o3dleaf.surface.isosurface.band import Band
 
 SEED_BLOCK = 4
@@ -22,14 +23,14 @@ POINTS_PER_SEED = 36
 SHARES = (1, 8, 6)
 """About how long seeds, growing and drawing take."""
 
-NEWTON_STEPS = 3
+MAX_ITERATIONS = 3
 """Steps of a seed towards the surface; each squares what is left, so that three take a cell to rounding."""
 
 TOLERANCE = 1e-3
 """Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""How far a band may grow: a reach from the seeds, or a function that says it of (n, 3) centres of cells."""
+"""The reach of a band from its seeds, or a function of (n, 3) centres of cells that says which it may have."""
 
 
 def continue_from_seeds(
@@ -89,22 +90,13 @@ def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:
     return np.asarray(seeds[np.sort(first)])
 
 
-def _toward_zero(field: Field, points: FloatArray, level: float, settled: float) -> FloatArray:
-    """Return points moved towards F = level by Newton's method along the gradient, each step within the bounds.
+def _toward_zero(field: Field, points: FloatArray, level: float, tolerance: float) -> FloatArray:
+    """Return points moved towards F = level, no step longer than the bounds, until the last is below a tolerance."""
 
-    A point that has moved less than `settled` stays: what is left is the square of that.
-    """
-    box = np.asarray(field.bounds)
-    longest = float(np.linalg.norm(box[1] - box[0]))
-    moved, asked = points.copy(), np.arange(len(points))
-    for _ in range(NEWTON_STEPS):
-        value, slope = values_and_gradients(field, moved[asked])
-        value = value - level
-        steep = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
-        # Where the field is flat the quotient may be beyond all numbers.
-        length = value / np.maximum(steep, np.abs(value) / longest)
-        moved[asked] -= (length / steep)[:, np.newaxis] * slope
-        asked = asked[np.abs(length) > settled]
-        if not len(asked):
-            break
+    def jet(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values, gradients = values_and_gradients(field, points)
+        return values - level, gradients
+
+    diagonal = float(np.linalg.norm(np.diff(field.bounds, axis=0)))
+    moved, _ = project_to_level(points, jet, max_step=diagonal, tolerance=tolerance, max_iterations=MAX_ITERATIONS)
     return require_finite(moved, "seeds moved onto the surface")

@@ -35,11 +35,11 @@ class TangentPlanes(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def loop_vertices(code, at, rows, numbering, numbers):
-    """Write the vertices of the loop at place `at` of a cell's row of `LOOPS`, and return how many there are."""
-    length = LOOPS[code, at]
+def loop_vertices(code, entry, rows, numbering, numbers):
+    """Write the vertices of the loop at `entry` of a cell's row of `LOOPS`, and return how many there are."""
+    length = LOOPS[code, entry]
     for n in range(length):
-        edge = CUBE_EDGES[LOOPS[code, at + 1 + n]]
+        edge = CUBE_EDGES[LOOPS[code, entry + 1 + n]]
         numbers[n] = vertex_at(numbering, rows[edge >> 3], edge & 7)
     return length
 
@@ -62,14 +62,14 @@ def count_creases(start, stop, corners, codes, numbering, normals, least, crease
     """Write how many creased loops each cell has, and how many triangles."""
     numbers = np.empty(12, dtype=np.int64)
     for cell in range(start, stop):
-        code, at = np.int64(codes[cell]), 0
+        code, entry = np.int64(codes[cell]), 0
         creases[cell], triangles[cell] = 0, 0
-        while LOOPS[code, at]:
-            length = loop_vertices(code, at, corners[cell], numbering, numbers)
+        while LOOPS[code, entry]:
+            length = loop_vertices(code, entry, corners[cell], numbering, numbers)
             creased = is_creased(numbers, length, normals, least)
             creases[cell] += creased
             triangles[cell] += length if creased else length - 2
-            at += 1 + length
+            entry += 1 + length
 
 
 @njit(nogil=True, cache=True)
@@ -94,9 +94,9 @@ def draw_creases(
     numbers, loop, places = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64), np.empty((12, 3))
     drawn, number_of = np.empty((MAX_TRIANGLES, 3), dtype=np.int64), np.empty(64, dtype=np.int64)
     for cell in range(start, stop):
-        code, at, crease, row = np.int64(codes[cell]), 0, offsets.creases[cell], offsets.triangles[cell]
-        while LOOPS[code, at]:
-            length = loop_vertices(code, at, corners[cell], numbering, numbers)
+        code, entry, crease, row = np.int64(codes[cell]), 0, offsets.creases[cell], offsets.triangles[cell]
+        while LOOPS[code, entry]:
+            length = loop_vertices(code, entry, corners[cell], numbering, numbers)
             if is_creased(numbers, length, normals, least):
                 _add_planes(numbers, length, vertices, normals, planes, crease)
                 planes.of_cell[crease] = cell
@@ -107,7 +107,7 @@ def draw_creases(
                 crease += 1
             else:
                 for n in range(length):
-                    loop[n] = LOOPS[code, at + 1 + n]
+                    loop[n] = LOOPS[code, entry + 1 + n]
                     edge = CUBE_EDGES[loop[n]]
                     number_of[edge] = numbers[n]
                     for axis in range(3):
@@ -117,7 +117,7 @@ def draw_creases(
                     for corner in range(3):
                         triangles[row, corner] = number_of[drawn[n, corner]]
                     row += 1
-            at += 1 + length
+            entry += 1 + length
 
 
 @njit(nogil=True, cache=True)

@@ -12,7 +12,7 @@ def discard_triangles(vertices: FloatArray, triangles: IntArray, keep_vertex: Bo
     """Return the mesh without the triangles that have a vertex to be left out.
 
     "Triangles with vertices outside the alpha-shape are discarded" (Whebell et al. 2023, section on
-    the realised surface). No vertex moves; vertices that no triangle names any more are dropped.
+    the surface at a spacing). No vertex moves; vertices that no triangle names any more are dropped.
 
     Parameters
     ----------

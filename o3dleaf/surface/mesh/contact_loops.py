@@ -2,7 +2,7 @@
 
 Corners are common where they are in the same place. A triangle comes with its view: 2 · axis, plus 1 if it runs
 counter-clockwise seen along that axis, along which it is not a line; −1 for one whose corners are in a line. Most
-neighbours of a smooth surface are told apart in that view.
+neighbours of a smooth surface are separated in that view.
 """
 
 from numba import njit
@@ -34,22 +34,22 @@ def is_same(v, i, j):
 @njit(nogil=True, cache=True)
 def meet(v, a, view_a, b, view_b):
     """Say whether triangles `a` and `b`, neither of them a line, share a point beyond their common corner or edge."""
-    common, at, also = 0, 0, 0
+    common, corner_a, corner_b = 0, 0, 0
     for i in range(3):
         for j in range(3):
             if is_same(v, a[i], b[j]):
                 common += 1
-                at += i
-                also += j
+                corner_a += i
+                corner_b += j
     if common == 0:
         return _strangers_meet(v, a, view_a, b, view_b)
     if common == 1:
-        p, one, other = a[at], a[(at + 1) % 3], a[(at + 2) % 3]
-        return _fan_meets(v, p, (one, other), view_a, (b[(also + 1) % 3], b[(also + 2) % 3]), view_b, a, b)
+        p, one, other = a[corner_a], a[(corner_a + 1) % 3], a[(corner_a + 2) % 3]
+        return _fan_meets(v, p, (one, other), view_a, (b[(corner_b + 1) % 3], b[(corner_b + 2) % 3]), view_b, a, b)
     if common == 2:
         # Of corners 0, 1 and 2 the one that is not common makes up for the sum to 3.
-        third = 3 - at
-        return _fold_meets(v, a[(third + 1) % 3], a[(third + 2) % 3], a[third], b[3 - also], view_a)
+        third = 3 - corner_a
+        return _fold_meets(v, a[(third + 1) % 3], a[(third + 2) % 3], a[third], b[3 - corner_b], view_a)
     return True
 
 

@@ -28,7 +28,7 @@ BLOCK = 2**12
 """Leaves or triangles that one thread looks up at a time."""
 
 
-def find_crossings(vertices: FloatArray, triangles: IntArray) -> BoolArray:
+def find_crossings(vertices: FloatArray, triangles: IntArray, *, block: int = BLOCK) -> BoolArray:
     """Return the (m,) triangles that meet another one in a point outside the corner or edge that they share.
 
     A mesh without any is a simplicial complex, so embedded. Touching counts: a corner that lies exactly on another
@@ -42,10 +42,12 @@ def find_crossings(vertices: FloatArray, triangles: IntArray) -> BoolArray:
     ----------
     vertices : (n, 3) ndarray
     triangles : (m, 3) ndarray of int64
+    block : int
+        Leaves or triangles that one thread looks up at a time; the result does not depend on it.
     """
     many, crosses = len(triangles), np.zeros(len(triangles), dtype=bool)
     view, size = np.empty(many, dtype=np.int8), np.empty(many, dtype=np.int16)
-    run_blocks(lambda i, j: view_triangles(vertices, triangles, DOUBLINGS, i, j, view, size), many, LEAF_SIZE * BLOCK)
+    run_blocks(lambda i, j: view_triangles(vertices, triangles, DOUBLINGS, i, j, view, size), many, LEAF_SIZE * block)
     size[view < 0] = np.iinfo(np.int16).min
     classes = [each for each in np.unique(size) if each > np.iinfo(np.int16).min]
     if not classes:
@@ -55,31 +57,38 @@ def find_crossings(vertices: FloatArray, triangles: IntArray) -> BoolArray:
     for each in classes:
         rows = np.flatnonzero(size == each).astype(index_type(many))
         trees.append(_build_tree(vertices, triangles, origin, rows))
-        _search(vertices, triangles, view, origin, trees, crosses)
+        _search(vertices, triangles, view, origin, trees, crosses, block=block)
     return crosses
 
 
 def _search(
-    vertices: FloatArray, triangles: IntArray, view: Any, origin: FloatArray, trees: list[Tree], crosses: BoolArray
+    vertices: FloatArray,
+    triangles: IntArray,
+    view: Any,
+    origin: FloatArray,
+    trees: list[Tree],
+    crosses: BoolArray,
+    *,
+    block: int,
 ) -> None:
     """Mark what the triangles of the last tree meet, in it and in those before it."""
-    own = trees[-1]
+    last = trees[-1]
 
     def within(start: int, stop: int) -> None:
-        cross_within(vertices, triangles, view, own, start, stop, crosses)
+        cross_within(vertices, triangles, view, last, start, stop, crosses)
 
-    run_blocks(within, 1 << own.depth, BLOCK // LEAF_SIZE)
+    run_blocks(within, 1 << last.depth, max(1, block // LEAF_SIZE))
     for other in trees[:-1]:
         # The fewer are looked up. If they are the larger ones, they leave out what their planes and sides miss; if they
         # are the smaller ones, they meet no more boxes each than the larger ones met among themselves.
-        few, many = sorted((own, other), key=lambda tree: len(tree.rows))
+        few, many = sorted((last, other), key=lambda tree: len(tree.rows))
         # Boxes are rounded to 2⁻²⁴ of a coordinate.
         slack = float(np.abs([few.nodes[1], many.nodes[1]]).max()) * 2.0**-20
 
         def between(start: int, stop: int, few: Tree = few, many: Tree = many, slack: float = slack) -> None:
             cross_between(vertices, triangles, view, origin, slack, few, start, stop, many, crosses)
 
-        run_blocks(between, len(few.rows), BLOCK)
+        run_blocks(between, len(few.rows), block)
 
 
 def _build_tree(vertices: FloatArray, triangles: IntArray, origin: FloatArray, rows: IndexArray) -> Tree:

@@ -78,11 +78,11 @@ def plane_side(v, i, j, k, m):
     bx, by, bz = v[j, 0] - v[m, 0], v[j, 1] - v[m, 1], v[j, 2] - v[m, 2]
     cx, cy, cz = v[k, 0] - v[m, 0], v[k, 1] - v[m, 1], v[k, 2] - v[m, 2]
     bc, cb, ca, ac, ab, ba = bx * cy, cx * by, cx * ay, ax * cy, ax * by, bx * ay
-    found = az * (bc - cb) + bz * (ca - ac) + cz * (ab - ba)
-    most = abs(az) * (abs(bc) + abs(cb)) + abs(bz) * (abs(ca) + abs(ac)) + abs(cz) * (abs(ab) + abs(ba))
-    if abs(found) > PLANE_BOUND * most:
-        return 1 if found > 0 else -1
-    return 0 if most == 0 else _exact_plane_side(v, i, j, k, m)
+    determinant = az * (bc - cb) + bz * (ca - ac) + cz * (ab - ba)
+    permanent = abs(az) * (abs(bc) + abs(cb)) + abs(bz) * (abs(ca) + abs(ac)) + abs(cz) * (abs(ab) + abs(ba))
+    if abs(determinant) > PLANE_BOUND * permanent:
+        return 1 if determinant > 0 else -1
+    return 0 if permanent == 0 else _exact_plane_side(v, i, j, k, m)
 
 
 @njit(nogil=True, cache=True)
@@ -106,10 +106,10 @@ def line_side(v, axis, i, j, k):
     """Return the sign of det(v_i − v_k, v_j − v_k), seen along an axis: 1 for counter-clockwise, 0 for in a line."""
     x, y = (axis + 1) % 3, (axis + 2) % 3
     left, right = (v[i, x] - v[k, x]) * (v[j, y] - v[k, y]), (v[i, y] - v[k, y]) * (v[j, x] - v[k, x])
-    found, most = left - right, abs(left) + abs(right)
-    if abs(found) > LINE_BOUND * most:
-        return 1 if found > 0 else -1
-    return 0 if most == 0 else _exact_line_side(v, x, y, i, j, k)
+    determinant, permanent = left - right, abs(left) + abs(right)
+    if abs(determinant) > LINE_BOUND * permanent:
+        return 1 if determinant > 0 else -1
+    return 0 if permanent == 0 else _exact_line_side(v, x, y, i, j, k)
 
 
 @njit(nogil=True, cache=True)

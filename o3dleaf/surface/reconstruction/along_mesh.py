@@ -25,7 +25,7 @@ FACING = -0.3
 surface has turned over and runs back between sheets that both face the other way."""
 
 SAMPLED = 20_000
-"""Triangles whose edges tell how fine a mesh is."""
+"""Triangles by whose edges the fineness of a mesh is measured."""
 
 BLOCK = 1 << 14
 

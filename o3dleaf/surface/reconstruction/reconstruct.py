@@ -47,7 +47,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     r"""Return the surface of a point cloud as a mesh, and the field whose zero it is.
 
     Beside `o3d.geometry.TriangleMesh.create_from_point_cloud_poisson`: open where the data are open and closed
-    where they are closed, smoothed as much as the noise asks for, and with no parameter that must be given.
+    where they are closed, smoothed as much as the noise requires, and with no parameter that must be given.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     Raises
     ------
     InputError, OrientationError
-        If no surface can be told from the cloud, with the reason.
+        If the cloud is no surface, with the reason.
     ReconstructionError
         If no surface is left.
 

@@ -34,7 +34,7 @@ NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
 
 SAMPLED = 20_000
-"""Points whose distance from the mesh tells the noise."""
+"""Points by whose distance from the mesh the noise is measured."""
 
 MIN_SHARE = 0.05
 """A vertex on the rim keeps this share of its edge from both ends: no slivers, no vertex on another."""
@@ -57,7 +57,7 @@ def trim_to_data(
     r"""Return a mesh without what no data support: cut off past the rim of open data, untouched where they are closed.
 
     A ball of `factor` spacings rolls over the mesh, outside the data: where it can stand without touching a point,
-    there is a hole or an end of the data, and what comes within `factor` − `margin` of its centres, along the mesh,
+    there is a hole or an end of the data, and what comes within `factor` − `margin` of its centers, along the mesh,
     goes. The rim is then `margin` spacings past the outermost points, as smooth as the ball's path, and no gap
     narrower than the ball makes a hole: a closing of the data, or an α-shape of the surface, with α = `factor`.
     Farther than a spacing from the data distances are measured along the mesh, and where the cloud has normals, data

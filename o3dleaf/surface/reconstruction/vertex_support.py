@@ -90,7 +90,7 @@ def vertex_support(mesh: MeshLike | npt.ArrayLike, cloud: CloudLike, field: Fiel
     data = OrientedCloud.of(cloud)
     spacing = float(np.median(data.point_spacing))
     if field is None and not len(triangles):
-        raise InputError("support: vertices alone tell no distance of the data from the surface; give the field too")
+        raise InputError("support: vertices alone have no surface to measure residuals from; give the field too")
     projecting, searching, summing = progress.split(3, 1, 2)
     reach = REACH * spacing
     with projecting:

@@ -9,7 +9,7 @@ RELAXED = ((15.0, 1.25, 0.2), (5.0, 1.5, -0.2))
 
 
 class Limits(NamedTuple):
-    """What an edit may do; compiled passes take it as it is.
+    """Limits of an edit; compiled passes take them as they are.
 
     Attributes
     ----------
@@ -48,5 +48,5 @@ class Limits(NamedTuple):
 
     @property
     def loose(self) -> "Limits":
-        """What is allowed on the way to the surface."""
+        """Limits on the way to the surface."""
         return self._replace(longest=2 * self.longest, quality=0.05, min_cosine=-0.2)

@@ -1,6 +1,5 @@
 """Projection targets of vertices that have moved: a field's surface, or the mesh as it was."""
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -9,13 +8,14 @@ import open3d as o3d
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.newton import Jet, project_to_level
 
-MAX_STEPS = 20
+MAX_ITERATIONS = 20
 TOLERANCE = 1e-4
 """Length of Newton's last step, of the longest one allowed: what is left is about its square."""
 
 Masks = npt.NDArray[np.uint8]
-"""Which labels the triangles around a point have, one bit a label."""
+"""Labels of the triangles around a point, one bit a label."""
 
 
 class ProjectionTarget(Protocol):
@@ -49,11 +49,9 @@ class ProjectionTarget(Protocol):
 class FieldTarget:
     """The surface of a field, where it is zero; charts are places. Creases stay where they are."""
 
-    def __init__(
-        self, values: Callable[[FloatArray], FloatArray], gradient: Callable[[FloatArray], FloatArray], longest: float
-    ) -> None:
-        """Take a field by its `values` (n,) and `gradient` (n, 3); no step is longer than `longest`."""
-        self.values, self.gradient, self.longest = values, gradient, longest
+    def __init__(self, jet: Jet, max_step: float) -> None:
+        """Take a field by its values and gradients; no step is longer than `max_step`."""
+        self.jet, self.max_step = jet, max_step
 
     def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
@@ -62,18 +60,13 @@ class FieldTarget:
         del masks
         places = np.where(creased[:, np.newaxis], charts, charts + shifts)
         reached = ~creased | ~shifts.any(axis=1)
-        active = np.flatnonzero(~creased)
-        for _ in range(MAX_STEPS):
-            if not len(active):
-                break
-            values, slopes = self.values(places[active]), self.gradient(places[active])
-            square = np.maximum(np.einsum("ij,ij->i", slopes, slopes), 1e-300)
-            steps = -(values / square)[:, np.newaxis] * slopes
-            length = np.linalg.norm(steps, axis=1)
-            places[active] += steps / np.maximum(length / self.longest, 1.0)[:, np.newaxis]
-            # Where the slope is zero there is nowhere to go.
-            active = active[(length > TOLERANCE * self.longest) | ((length == 0) & (values != 0))]
-        reached[active] = False
+        places[~creased], reached[~creased] = project_to_level(
+            places[~creased],
+            self.jet,
+            max_step=self.max_step,
+            tolerance=TOLERANCE * self.max_step,
+            max_iterations=MAX_ITERATIONS,
+        )
         return places, places, reached
 
 

@@ -19,11 +19,11 @@ from o3dleaf.surface.remeshing.projection_target import FieldTarget, MeshTarget,
 from o3dleaf.surface.remeshing.submesh import NOT_MANIFOLD, Submesh
 
 SWEEPS = ((0.5, 5), (0.38, 2), (0.62, 1))
-"""Where blocks are cut, as a share of their triangles, and rounds of edits; borders of one are within others."""
+"""Cuts of blocks, as a share of their triangles, and rounds of edits; borders of one are within others."""
 SHORTEST, LONGEST = 0.7, 1.33
 """Edges shorter than these, of the target, are collapsed, and longer ones split (Botsch & Kobbelt 2004: 4/5, 4/3)."""
 DEVIATION = 0.1
-"""How far an edit may take the surface by default, of the target edge."""
+"""The deviation that an edit may make by default, of the target edge."""
 MIN_GROWTH = 1.1
 """Times as many triangles as before that splitting has to bring to go on."""
 LAST_ROUNDS = 2
@@ -91,12 +91,12 @@ def remesh(
     target: ProjectionTarget = (
         MeshTarget(vertices, triangles)
         if field is None
-        else FieldTarget(lambda points: field(points) - level, field.gradient, edge / 2)
+        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(mesh.labels, len(triangles)))
-    found = remesh_charted(charted, target, edge, far)
-    labels = None if mesh.labels is None else found.labels
-    return replace(mesh, mesh=build_mesh(found.places, found.triangles), labels=labels)
+    remeshed = remesh_charted(charted, target, edge, far)
+    labels = None if mesh.labels is None else remeshed.labels
+    return replace(mesh, mesh=build_mesh(remeshed.places, remeshed.triangles), labels=labels)
 
 
 def remesh_charted(
@@ -182,7 +182,7 @@ def _untangle(mesh: Charted, target: ProjectionTarget, limits: Limits) -> Charte
 
 def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8]:
     """Return one label a triangle, 0 for all by default."""
-    found = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
-    if found.shape != (count,) or not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() > 7:
+    whole = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
+    if whole.shape != (count,) or not np.issubdtype(whole.dtype, np.integer) or whole.min() < 0 or whole.max() > 7:
         raise InputError(f"labels: give one whole number from 0 to 7 a triangle, ({count},)")
-    return found.astype(np.uint8)
+    return whole.astype(np.uint8)

@@ -57,7 +57,7 @@ class _Flips:
 
 @dataclass(frozen=True, eq=False)
 class _Faults:
-    """What flips can mend: degenerate and flat triangles, folded edges."""
+    """Faults that flips repair: degenerate and flat triangles, folded edges."""
 
     edges: EdgeTable
     degenerate: BoolArray
@@ -69,12 +69,12 @@ class _Faults:
     @classmethod
     def of(cls, mesh: EditableMesh, height: float, angle: float) -> "_Faults":
         edges = EdgeTable.of(mesh.triangles)
-        found, corner, degenerate = mesh.heights()
+        heights, corner, degenerate = mesh.heights()
         longest = 3 * np.arange(len(corner)) + corner
         folded = folded_edges(mesh.vertices, edges, angle)
         side = mesh.vertices[mesh.triangles.ravel()[longest]] - mesh.vertices[edges.corners[_before(_before(longest))]]
-        slimness = found / np.maximum(np.linalg.norm(side, axis=1), np.finfo(float).tiny)
-        return cls(edges, degenerate, folded, degenerate | (found <= height), longest, slimness)
+        slimness = heights / np.maximum(np.linalg.norm(side, axis=1), np.finfo(float).tiny)
+        return cls(edges, degenerate, folded, degenerate | (heights <= height), longest, slimness)
 
     def count(self, rows: IntArray) -> tuple[IntArray, IntArray, IntArray]:
         """Return the faults in each of (k, 2) pairs of triangles, an edge of both counted once."""
@@ -105,8 +105,8 @@ def flip_edges(mesh: EditableMesh, height: float, angle: float) -> EditableMesh:
             return mesh
         while len(flips.rows):
             changed = flips.applied(mesh)
-            some, at = _around(changed, flips.rows)
-            good = _is_better((before, flips.rows), (_Faults.of(some, height, angle), at))
+            some, rows = _around(changed, flips.rows)
+            good = _is_better((before, flips.rows), (_Faults.of(some, height, angle), rows))
             good &= ~find_crossings(changed.vertices, changed.triangles)[flips.rows].any(axis=1)
             if good.all():
                 mesh = changed
@@ -123,7 +123,7 @@ def _around(mesh: EditableMesh, rows: IntArray) -> tuple[EditableMesh, IntArray]
 
 
 def _is_better(before: tuple[_Faults, IntArray], after: tuple[_Faults, IntArray]) -> BoolArray:
-    """Return which flips mend: not more degenerate, not more folded, and fewer of these or else fewer flat.
+    """Return which flips repair: not more degenerate, not more folded, and fewer of these or else fewer flat.
 
     For the last alone no triangle may become slimmer than the slimmer one was. Given are the faults and the
     rows, (k, 2), of the flips' triangles.
@@ -146,8 +146,8 @@ def _choose(mesh: EditableMesh, faults: _Faults, tried: set[tuple[int, int]]) ->
     base = len(mesh.vertices)
     known = edges.ends[:, 0].astype(np.int64) * base + edges.ends[:, 1]
     across = apex.min(axis=1) * base + apex.max(axis=1)
-    at = np.minimum(np.searchsorted(known, across), len(known) - 1)
-    free = (known[at] != across) & (apex[:, 0] != apex[:, 1])
+    place = np.minimum(np.searchsorted(known, across), len(known) - 1)
+    free = (known[place] != across) & (apex[:, 0] != apex[:, 1])
     chosen: list[int] = []
     busy: set[int] = set()
     for k in np.flatnonzero(free).tolist():

@@ -53,7 +53,7 @@ def _fill(mesh: EditableMesh, largest: float) -> IntArray:
 
 
 def _is_defective(mesh: EditableMesh, angle: float) -> BoolArray:
-    """Return which triangles have any defect that `clean_mesh` counts and does not mend afterwards."""
+    """Return which triangles have any defect that `clean_mesh` counts and does not repair afterwards."""
     edges = EdgeTable.of(mesh.triangles)
     bad_edge = (edges.count > 2) | edges.inconsistent | folded_edges(mesh.vertices, edges, angle)
     bad = find_crossings(mesh.vertices, mesh.triangles) | mesh.heights()[2]

@@ -1,4 +1,4 @@
-"""Vertices nearer to each other than a tolerance are joined, where that breaks nothing."""
+"""Vertices nearer to each other than a tolerance are joined, where that makes no defect."""
 
 from dataclasses import replace
 
@@ -20,9 +20,8 @@ def merge_close(mesh: EditableMesh, distance: float, angle: float, *, orient: bo
     So nothing moves by more than `distance`, however long a chain of close vertices is. Merges are
     undone where they would make a triangle cross another one, fold over (meet its neighbour at less
     than `angle`, in degrees), stand on an edge of three, or run against its neighbour; where triangles
-    may be turned (`orient`), only if that cannot be mended.
+    may be turned (`orient`), only if turning does not help.
     """
-    target = _targets(mesh.vertices, distance)
     turn = turn_flipped if orient else _as_it_is
     rows = replace(mesh, triangle_origin=np.arange(len(mesh.triangles)))
     target = _targets(mesh.vertices, distance)

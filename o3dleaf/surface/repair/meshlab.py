@@ -39,15 +39,15 @@ def collapse_edges(
         planarquadric=True,
         autoclean=False,
     )
-    found, left = _result(session)
-    held = session.current_mesh().vertex_scalar_array().astype(np.int64) - 1
+    vertices_left, left = _result(session)
+    source = session.current_mesh().vertex_scalar_array().astype(np.int64) - 1
     shared = np.flatnonzero(np.bincount(origin, minlength=len(vertices)) > 1)
-    same = np.isin(held, shared)
-    first = np.full(len(vertices), len(found))
-    np.minimum.at(first, held[same], np.flatnonzero(same))
-    target_of = np.where(same, first[held], np.arange(len(found)))
+    same = np.isin(source, shared)
+    first = np.full(len(vertices), len(vertices_left))
+    np.minimum.at(first, source[same], np.flatnonzero(same))
+    target_of = np.where(same, first[source], np.arange(len(vertices_left)))
     left_kind = session.current_mesh().face_scalar_array().astype(np.int64)
-    return *drop_unused_vertices(found, target_of[left]), left_kind
+    return *drop_unused_vertices(vertices_left, target_of[left]), left_kind
 
 
 def _session(

@@ -1,4 +1,4 @@
-"""Repairs that move no vertex: what is there twice, flat, non-manifold, small or turned the wrong way."""
+"""Repairs that move no vertex: of duplicate, flat, non-manifold, small, crossing or flipped triangles."""
 
 from dataclasses import replace
 
@@ -39,13 +39,13 @@ def thin_edges(mesh: EditableMesh) -> EditableMesh:
     ones: a fin goes before what it stands on.
     """
     edges = EdgeTable.of(mesh.triangles)
-    heavy = edges.count > 2
-    if not heavy.any():
+    nonmanifold = edges.count > 2
+    if not nonmanifold.any():
         return mesh
     area, of_triangle = triangle_areas(mesh.vertices, mesh.triangles), edges.of_half.reshape(-1, 3)
     pairs = edges.order[edges.first(np.flatnonzero(edges.count == 2))[:, np.newaxis] + [0, 1]] // 3
     patch = label_nodes(pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64), len(area))
-    involved = np.flatnonzero(heavy[of_triangle].any(axis=1))
+    involved = np.flatnonzero(nonmanifold[of_triangle].any(axis=1))
     size = np.bincount(patch, weights=area)[patch[involved]]
     left, keep = edges.count.copy(), np.ones(len(area), dtype=bool)
     for triangle in involved[np.lexsort((area[involved], size))].tolist():

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf import InputError, PUInterpolant
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.outside_loops import fall_outside
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from tolerances import FIELD_GRADIENT, RIM, ROUNDING
 
 
@@ -45,6 +47,23 @@ def test_far_away_is_outside_and_finite(field):
     far = np.array([[1e6, -1e6, 1e6]])
     assert field(far)[0] < -1e6
     np.testing.assert_allclose(np.linalg.norm(field.gradient(far), axis=1), 1.0, rtol=ROUNDING)
+
+
+def test_outside_a_field_falls_with_the_distance_along_the_way_out():
+    bounds, points = np.array([[0.0, 0.0], [1.0, 2.0]]), np.array([[0.5, 1.0], [-3.0, 1.0], [4.0, 6.0], [1.0, 2.0]])
+    jets = np.repeat([[10.0], [7.0], [8.0], [1.0], [2.0], [3.0]], 4, axis=1)
+    fall_outside(0, 4, jets, points, bounds, np.zeros(2))
+    np.testing.assert_array_equal(jets[0], [10, 7, 5, 10])
+    np.testing.assert_allclose(jets[1:3].T, [[7, 8], [1, 8], [-0.6, -0.8], [7, 8]], rtol=ROUNDING)
+    np.testing.assert_array_equal(jets[3:, [0, 3]].T, [[1, 2, 3]] * 2)
+    np.testing.assert_allclose(jets[3:, 2], [(0.36 - 1) / 5, 0.48 / 5, (0.64 - 1) / 5], rtol=ROUNDING)
+
+
+def test_along_an_axis_that_repeats_there_is_no_outside():
+    bounds, points = np.array([[0.0, 0.0], [1.0, 2.0]]), np.array([[-3.0, 1.0], [4.0, 6.0]])
+    jets = np.ones((1, 2))
+    fall_outside(0, 2, jets, points, bounds, np.array([1.0, 0.0]))
+    np.testing.assert_array_equal(jets, [[1, -3]])
 
 
 def test_a_query_that_is_no_point_is_an_error(field):

@@ -208,6 +208,15 @@ def test_a_local_fit_says_how_large_its_balls_are_unless_the_caller_does():
         np.testing.assert_array_equal(found, expected)
 
 
+def test_what_is_printed_is_one_line_that_counts():
+    points, values, _ = wavy(3, 1234)
+    field = PUInterpolant.fit(points, values, points_per_ball=BALLS, unit="mm")
+    assert repr(field) == f"PUInterpolant(3-D, 1,234 points in {len(field.cover.radii)} balls, unit mm)"
+    assert repr(RBFInterpolant.fit(points[:50], values[:50])) == "RBFInterpolant(3-D, 50 points, r^3)"
+    for part in (field.cover, field.index, field.local, field.diagnostics([0])):
+        assert len(repr(part)) < 80
+
+
 def test_bad_input_is_named():
     points, values, _ = wavy(3)
     field = PUInterpolant.fit(points, values)

@@ -10,9 +10,10 @@ import pytest
 import SimpleITK
 
 from leaf_fields import leaf_of, texture
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.leaf.distance import grid
-from o3dleaf.leaf.distance.around import Around
+from o3dleaf.leaf.distance.around import BoundingBalls
 
 BOX = np.array([[4.0, -1.0, -0.6], [5.5, 0.4, 0.7]])
 STEP = np.array([0.11, 0.07, 0.13])
@@ -97,8 +98,8 @@ def test_a_failure_leaves_no_file(leaf, tmp_path):
     def stop(done, total):
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        leaf.write_grid(tmp_path / "g.vti", 0.5, progress=stop)
+    with pytest.raises(KeyboardInterrupt), progress.listening(stop):
+        leaf.write_grid(tmp_path / "g.vti", 0.5)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -118,5 +119,5 @@ def test_empty_air_is_left_out_of_a_mask_and_nothing_else(tmp_path):
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     held = (bent(points) > 0) & bent.blade.outline.contains(bent.blade.flatten(points)[:, :2])
     assert np.array_equal(values.ravel(), held)
-    asked = Around.of(bent).rows(points)
+    asked = BoundingBalls.of(bent).rows(points)
     assert held.sum() < len(asked) < len(points) / 2

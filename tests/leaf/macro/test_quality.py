@@ -34,11 +34,11 @@ def flat_blade(frame, plane):
 def test_on_an_arc_the_least_determinant_is_one_less_half_the_width_over_the_radius():
     scan, control, plane = ring(8.0)
     frame = LeafFrame.fit(scan, control)
-    quality = frame.appraise(scan)
+    quality = frame.quality(scan)
     assert quality.scan_jacobian == pytest.approx(1 - 8.0 / RADIUS, abs=ARC_OF_CIRCLE)
     assert abs(quality.scan_least_at[1]) == pytest.approx(8.0, abs=1e-3)
     assert quality.blade_jacobian is None
-    assert flat_blade(frame, plane).appraise(scan).blade_jacobian == pytest.approx(0.8, abs=ARC_OF_CIRCLE)
+    assert flat_blade(frame, plane).frame_quality(scan).blade_jacobian == pytest.approx(0.8, abs=ARC_OF_CIRCLE)
     assert quality.round_trip <= ROUND_TRIP * frame.length
     assert quality.torn == 0
     assert not quality.folded
@@ -50,7 +50,7 @@ def test_points_past_the_ends_are_counted():
     frame = LeafFrame.fit(scan, control[4:])
     along = LeafFrame.fit(scan, control).to_leaf(scan)[:, 0]
     start = LeafFrame.fit(scan, control).breaks[4]
-    quality = frame.appraise(scan)
+    quality = frame.quality(scan)
     assert abs(quality.past_ends - np.sum(along < start)) < 10
     assert ["past the ends" in warning for warning in quality.warnings] == [True]
 
@@ -59,7 +59,7 @@ def test_a_blade_wider_than_the_bend_is_folded_and_says_where():
     """In the gaps between the points too: at the points' own coordinates the determinant cannot be negative."""
     scan, control, plane = ring(10.0, radius=8.0)
     frame = LeafFrame.fit(scan, control)
-    alone, quality = frame.appraise(scan), flat_blade(frame, plane).appraise(scan)
+    alone, quality = frame.quality(scan), flat_blade(frame, plane).frame_quality(scan)
     assert 0 <= alone.scan_jacobian < 0.05
     assert alone.torn > 0
     assert quality.folded
@@ -73,7 +73,7 @@ def test_a_leaf_that_touches_itself_is_torn_but_not_folded():
     axis = 20 * np.column_stack([np.cos(t), np.sin(t), np.zeros(400)])
     scan = (axis[:, None] + np.linspace(-3, 3, 13)[None, :, None] * [0, 0, 1]).reshape(-1, 3)
     scan = np.concatenate([scan, scan[:13] - [0, 0.7, 0]])
-    quality = LeafFrame.fit(scan, axis[::20]).appraise(scan)
+    quality = LeafFrame.fit(scan, axis[::20]).quality(scan)
     assert quality.torn > 0
     assert not quality.folded
     assert any("touches" in warning for warning in quality.warnings)
@@ -81,7 +81,7 @@ def test_a_leaf_that_touches_itself_is_torn_but_not_folded():
 
 def test_the_read_out_is_plain_values():
     scan, control, plane = ring(5.0)
-    quality = flat_blade(LeafFrame.fit(scan, control), plane).appraise(scan)
+    quality = flat_blade(LeafFrame.fit(scan, control), plane).frame_quality(scan)
     read = json.loads(json.dumps(quality.to_dict()))
     assert read["least_jacobian"] == quality.least_jacobian
     assert read["warnings"] == []

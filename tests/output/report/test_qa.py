@@ -20,7 +20,7 @@ from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
 from o3dleaf.output.report.reduce import reduce_mesh
 from o3dleaf.output.report.requirements import RULES, parse_requirements
-from o3dleaf.output.report.words import FIGURES
+from o3dleaf.output.report.words import QUANTITIES
 from o3dleaf.output.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
 
@@ -201,8 +201,8 @@ def test_a_model_that_is_no_field_is_refused():
 
 
 def test_every_figure_of_a_report_has_a_name(broken):
-    assert set(broken.inspection.report.to_dict()) <= set(FIGURES)
-    assert {rule.attribute for rule in RULES.values()} <= set(FIGURES)
+    assert set(broken.inspection.report.to_dict()) <= set(QUANTITIES)
+    assert {rule.attribute for rule in RULES.values()} <= set(QUANTITIES)
 
 
 # --- what is drawn ---

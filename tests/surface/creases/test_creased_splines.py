@@ -1,11 +1,14 @@
 """Creases: planes come back as they are, up to where they meet, and smooth surfaces as if none were sought."""
 
+import zlib
+
 import numpy as np
 import pytest
 
 import o3dleaf as o3l
 import tolerances
 from o3dleaf import CreasedSplines, InputError, PUInterpolant
+from o3dleaf.io.model_file import MAGIC, PREFIX
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -80,6 +83,20 @@ def test_saved_creases_are_loaded_as_they_were(tmp_path):
     field, x = fitted(3, -1, TURN), near_crease(3, TURN)
     field.save(tmp_path / "creased.o3l")
     assert np.array_equal(o3l.load(tmp_path / "creased.o3l")(x), field(x))
+
+
+def test_a_file_of_version_0_1_is_read(tmp_path):
+    """There the splines had another name."""
+    field, x = fitted(3, -1, TURN), near_crease(3, TURN)
+    file = tmp_path / "creased.o3l"
+    field.save(file)
+    content = file.read_bytes()
+    _, length, _ = PREFIX.unpack(content[: PREFIX.size])
+    header = content[PREFIX.size : PREFIX.size + length]
+    older = header.replace(b'"LocalCreasedSplines"', b'"CreasedSplines"').ljust(length)
+    assert older != header
+    file.write_bytes(PREFIX.pack(MAGIC, length, zlib.crc32(older)) + older + content[PREFIX.size + length :])
+    assert np.array_equal(o3l.load(file)(x), field(x))
 
 
 def test_no_bit_depends_on_the_number_of_threads():

@@ -5,7 +5,6 @@ import pytest
 
 import reference
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.surface.mesh import crossings
 from o3dleaf.surface.mesh.contact_loops import find_view, meet
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.predicate_loops import line_side, plane_side
@@ -76,14 +75,14 @@ def test_sides_are_exact_where_rounding_is_all(seed):
             assert line_side(line, axis, n, n + 1, n + 2) == side
 
 
-def test_threads_change_nothing(monkeypatch):
-    monkeypatch.setattr(crossings, "BLOCK", 256)  # so that trees of few triangles are several blocks
+def test_threads_change_nothing():
     vertices, triangles = uneven(5, 5000)
     threads, found = get_num_threads(), []
     try:
         for number in (1, 4):
             set_num_threads(number)
-            found.append(find_crossings(vertices, triangles))
+            # Trees of few triangles are several blocks.
+            found.append(find_crossings(vertices, triangles, block=256))
     finally:
         set_num_threads(threads)
     assert np.array_equal(*found)

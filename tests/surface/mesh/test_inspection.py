@@ -10,17 +10,22 @@ from scipy.spatial.transform import Rotation
 
 import reference
 from mesh_fields import DEFECTS, Analytic, planted, sphere, torus, wavy_sheets
-from o3dleaf.core.errors import InputError, UnitError
+from o3dleaf import (
+    InputError,
+    MultiscaleLeaf,
+    UnitError,
+    create_blade,
+    create_texture,
+    extract_isosurface,
+    find_defects,
+    inspect_mesh,
+    mesh_report,
+)
+from o3dleaf.core import progress
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.pipeline import create_blade, create_texture
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
-from o3dleaf.surface.mesh.defects import find_defects
 from o3dleaf.surface.mesh.deviation import SUPPORT
-from o3dleaf.surface.mesh.inspection import inspect_mesh
-from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from tolerances import MESHLAB_AREA, NEWTON_STEP, RIGHT_ANGLE, SCENE, SMALL_ANGLE, TURNED_MESH
 
@@ -324,3 +329,24 @@ def test_what_was_not_asked_is_none_and_the_report_is_flat(ball):
     assert told["extent"] == tuple(np.subtract(told["upper"], told["lower"]))
     with pytest.raises(InputError, match="zero"):
         find_defects(ball, worst=-1)
+
+
+def test_reports_and_defects_are_shown_in_a_line(ball):
+    found = inspect_mesh(planted("duplicated face", ball)[0], sphere(), ball[0])
+    for each in (found.report, found.defects, found.deviation, found.measurements):
+        assert repr(each).startswith(type(each).__name__ + "(")
+        assert len(repr(each)) < 160
+        assert repr(each) in repr(found) or each is found.measurements
+    assert "\n" not in repr(found)
+    assert "2 duplicate" not in repr(found.defects)
+    assert "1 duplicate" in repr(found.defects)
+
+
+@pytest.mark.parametrize("field", [None, sphere()])
+def test_progress_of_a_report_runs_from_stage_to_stage_to_its_end(ball, field):
+    heard = []
+    with progress.listening(lambda done, total: heard.append(done / total)):
+        mesh_report(ball, field)
+        assert heard[-1] == 1
+    assert heard == sorted(heard)
+    assert len(heard) == (5 if field is None else 6)

@@ -241,9 +241,7 @@ def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
         ground = MeshTarget(factor * vertices, triangles)
         if with_field:
             ground = FieldTarget(
-                lambda x, factor=factor: factor * field(x / factor),
-                lambda x, factor=factor: field.gradient(x / factor),
-                factor * 0.05,
+                lambda x, factor=factor: (factor * field(x / factor), field.gradient(x / factor)), factor * 0.05
             )
         mesh = blocks.Charted.of(factor * vertices, factor * vertices, triangles, np.zeros(len(triangles), np.uint8))
         part = remesh_charted(mesh, ground, factor * 0.1)

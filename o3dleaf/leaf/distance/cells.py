@@ -1,0 +1,162 @@
+"""The cells of the blade: each shows a block of the tile through the lift's Jacobian at its middle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.distance.boxes import grow_tree
+from o3dleaf.leaf.distance.rim_strips import rim_pieces
+from o3dleaf.leaf.distance.search_loops import BladeCells
+from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.distance.tile_samples import TileSamples
+from o3dleaf.leaf.textured_blade import TexturedBlade
+
+BLOCK = 1 << 10
+"""BladeCells that a thread looks at together: 1 MB."""
+RIM_BLOCK = 16
+"""The same at the rim."""
+MIN_VOLUME = 1e-3
+"""Determinant of the lift's Jacobian below which a cell lies in a fold of the frame and is left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellTree:
+    """The cells that the leaf's surface lies in, and a tree over them.
+
+    Attributes
+    ----------
+    corners : (n, 2) int64 ndarray
+        Each cell's place in the plane, in cells from the tile's corner.
+    cells : BladeCells
+    mask : (m,) uint8 ndarray
+        Which samples of the cells at the rim are in the outline, a bit each.
+    boxes : (2k, 15) float32 ndarray
+        The tree; see `o3dleaf.leaf.distance.boxes`.
+    """
+
+    corners: IntArray
+    cells: BladeCells
+    mask: npt.NDArray[np.uint8]
+    boxes: npt.NDArray[np.float32]
+
+    @classmethod
+    def build(cls, leaf: TexturedBlade, solid: LeafSolid, tile: TileSamples) -> "CellTree":
+        """Lay cells over a solid."""
+        corners, at_rim = _cells_in(solid, tile)
+        block = (corners[:, 0] % tile.shape[0]) * tile.shape[1] + corners[:, 1] % tile.shape[1]
+        kept = tile.bricks[block + 1] > tile.bricks[block]
+        corners, at_rim, block = corners[kept], at_rim[kept], block[kept]
+        # Neighbors in a row are neighbors on the leaf.
+        order = morton_order(corners - corners.min(axis=0), 31)
+        corners, at_rim, block = corners[order], at_rim[order], block[order]
+        centers, columns = _lifted_middles(leaf, tile, corners)
+        mask, bits, ends = _shown_samples(solid, tile, corners, at_rim, block)
+        kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > MIN_VOLUME)
+        corners, ends = corners[kept], ends[:, kept]
+
+        def hulls(start: int, stop: int) -> tuple[FloatArray, FloatArray]:
+            return _hulls(leaf, tile, corners[start:stop], ends[:, start:stop])
+
+        cells = BladeCells(block[kept], bits[kept], centers[kept], columns[kept])
+        return cls(corners, cells, mask, grow_tree(len(corners), hulls))
+
+
+def morton_order(places: IntArray, bits: int) -> IntArray:
+    """Return the order along Morton's curve, which fills space, of places (n, d) from 0 on, of so many bits."""
+    number = np.zeros(len(places), dtype=np.int64)
+    dimension = places.shape[1]
+    for bit in range(bits):
+        for axis in range(dimension):
+            number |= ((places[:, axis] >> bit) & 1) << (dimension * bit + axis)
+    return np.argsort(number, kind="stable")
+
+
+def _cells_in(solid: LeafSolid, tile: TileSamples) -> tuple[IntArray, BoolArray]:
+    """Return the cells (n, 2) that the outline contains or cuts, and which it may cut."""
+    bounds = np.reshape(solid.outline.bounds, (2, 2))
+    first, last = np.floor((bounds - tile.origin) / tile.cell).astype(np.int64)
+    first, shape = first - 2, last - first + 5
+    i, j = np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij")
+    corners = np.stack([i, j], axis=-1).reshape(-1, 2) + first
+    cut = np.zeros(shape, dtype=bool)
+    edge, half = rim_pieces(solid.outline, tile.step)
+    ends = np.floor((edge + half - tile.origin) / tile.cell).astype(np.int64) - first
+    for di in (-1, 0, 1):
+        for dj in (-1, 0, 1):  # a piece may cut the corner of a cell that contains neither of its ends
+            cut[ends[:, 0] + di, ends[:, 1] + dj] = True
+    kept = solid.contains(tile.origin + (corners + 0.5) * tile.cell) | cut.ravel()
+    return corners[kept], cut.ravel()[kept]
+
+
+def _middles(tile: TileSamples, corners: IntArray) -> FloatArray:
+    """Return the flat coordinates (n, 3) of the cells' middles at height 0."""
+    return np.column_stack([tile.origin + (corners + 0.5) * tile.cell, np.zeros(len(corners))])
+
+
+def _lifted_middles(
+    leaf: TexturedBlade, tile: TileSamples, corners: IntArray
+) -> tuple[FloatArray, npt.NDArray[np.float32]]:
+    """Return the middle (n, 3) of each cell in the world, at height 0, and the lift's Jacobian there in float32."""
+    centers, columns = np.empty((len(corners), 3)), np.empty((len(corners), 3, 3), dtype=np.float32)
+
+    def task(start: int, stop: int) -> None:
+        middle = leaf.blade.lift_with_jacobian(_middles(tile, corners[start:stop]))
+        centers[start:stop], columns[start:stop] = middle.world, middle.columns
+
+    run_blocks(task, len(corners), BLOCK)
+    return centers, columns
+
+
+def _hulls(
+    leaf: TexturedBlade, tile: TileSamples, corners: IntArray, ends: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return points (n, 16, 3) whose hull contains each cell, and its Jacobian.
+
+    They are the corners of its box as they are, and as its middle sees them: the surface bends between the two.
+    """
+    base = _middles(tile, corners)
+    middle, points = leaf.blade.lift_with_jacobian(base), np.empty((len(base), 16, 3))
+    for number in range(8):
+        off = np.column_stack([ends[number >> k & 1, :, k] for k in range(3)]).astype(np.float64)
+        points[:, number] = leaf.blade.lift(base + off)
+        points[:, 8 + number] = middle.world + np.einsum("ni,nik->nk", off, middle.columns)
+    return points, middle.columns
+
+
+def _shown_samples(
+    solid: LeafSolid, tile: TileSamples, corners: IntArray, at_rim: BoolArray, block: IntArray
+) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
+    """Return which samples of cells at the rim are in the outline, and of each cell its place there and its box.
+
+    Returns
+    -------
+    mask : (m,) uint8 ndarray
+        Whole bytes for each cell at the rim, so that no two threads write the same one.
+    bits : (n,) ndarray
+        Where each cell's bits begin, −1: it shows all samples.
+    ends : (2, n, 3) ndarray
+        The box of the samples that it shows; ∞ and −∞ where there are none.
+    """
+    firsts, rows = tile.places[tile.bricks], np.flatnonzero(at_rim)
+    sizes = np.where(at_rim, -(-(firsts[block + 1] - firsts[block]) // 8), 0)
+    bits = np.where(at_rim, 8 * (np.cumsum(sizes) - sizes), -1)
+    mask = np.empty(sizes.sum(), dtype=np.uint8)
+    middle, half = tile.extents[block].transpose(1, 0, 2)
+    ends = np.stack([middle - half, middle + half])
+
+    def task(start: int, stop: int) -> None:
+        for cell in rows[start:stop]:
+            samples = tile.samples[:, firsts[block[cell]] : firsts[block[cell] + 1]]
+            shown = solid.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
+            first = bits[cell] >> 3
+            mask[first : first + sizes[cell]] = np.packbits(shown, bitorder="little")
+            part = samples[:, shown]
+            ends[0, cell], ends[1, cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
+
+    run_blocks(task, len(rows), RIM_BLOCK)
+    return mask, bits, ends

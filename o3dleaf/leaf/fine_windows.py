@@ -1,0 +1,69 @@
+"""Windows: one mesh of the leaf without a crack, coarse but for the windows in it."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import build_mesh
+from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.instancing.levels import Level, extract_levels
+from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.macro.outline import sides_of
+from o3dleaf.leaf.textured_blade import TexturedBlade
+from o3dleaf.leaf.tile_lattice import leaf_lattice
+
+
+def extract_windows(
+    leaf: TexturedBlade, spacing: float, windows: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
+) -> LabelledMesh:
+    """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
+    lattice, outline = leaf_lattice(leaf, spacing), leaf.blade.outline
+    plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+    area = footprint(sides_of(outline.rounded if closed else outline.polygon), *plane, None)
+    root = Level(extract_tile(leaf.values, lattice, sharpen=lattice.shape[:2]), area, area.box, closed)
+    for region, step in windows:
+        _insert(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), leaf.values)
+    vertices, triangles, labels = extract_levels(root, leaf.values)
+    return LabelledMesh(build_mesh(leaf.blade.lift(vertices), triangles), labels, unit=leaf.unit)
+
+
+def _insert(root: Level, region: FloatArray, step: float, values: Callable[[FloatArray], FloatArray]) -> None:
+    """Insert a window into the finest level that contains it; its box grows to whole columns of that level."""
+    parent = _innermost(root, region)
+    lattice = parent.tile.lattice
+    coarse = max(lattice.spacing[:2])
+    ratio = 2 ** round(np.log2(coarse / step))
+    if ratio < 2:
+        raise InputError(
+            f"levels: a window at {step:g} is no finer than the {coarse:.4g} around it; give half of that or less"
+        )
+    low, high = _columns(parent, region)
+    box = np.stack([np.floor(low + 1e-9), np.ceil(high - 1e-9)]).astype(np.int64)
+    # A cell beside each curtain, and one at least between them.
+    box[1] = ratio * np.maximum(box[1], box[0] + (2 if ratio == 2 else 1))
+    box[0] *= ratio
+    (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
+    fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
+    tile = extract_tile(values, fine, sharpen=fine.shape[:2])
+    parent.children.append(Level(tile, parent.footprint, box, ratio=ratio))
+
+
+def _columns(level: Level, region: FloatArray) -> FloatArray:
+    """Return a region in columns of a level's lattice."""
+    lattice = level.tile.lattice
+    return np.asarray((region - lattice.origin[:2]) / lattice.spacing[:2])
+
+
+def _innermost(level: Level, region: FloatArray) -> Level:
+    """Return the finest level that contains a region."""
+    for child in level.children:
+        low, high = _columns(child, region)
+        if (low >= child.box[0] + child.ratio).all() and (high <= child.box[1] - child.ratio).all():
+            return _innermost(child, region)
+        if (low < child.box[1]).all() and (high > child.box[0]).all():
+            raise InputError("levels: two windows cross; set the finer one into the other, and name it later")
+    return level

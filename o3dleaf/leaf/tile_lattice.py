@@ -1,0 +1,44 @@
+"""The lattices on which the texture of a blade is sampled: they divide its period."""
+
+import numpy as np
+
+from o3dleaf.core.checks import require_positive
+from o3dleaf.leaf.instancing.tile import TileLattice
+from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
+
+LAYERS = 16
+"""Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
+
+MIN_CELLS = 64
+"""Cells along each axis of what is set down together."""
+
+
+def leaf_lattice(leaf: TexturedBlade, spacing: float, *, together: bool = False) -> TileLattice:
+    """Return the lattice of what is set down over a blade: a tile, some of them, or one row of tiles along all of it.
+
+    `together`, small tiles are set down as one, as each place costs time too. Where several patches are blended along
+    the blade, the row repeats across only, and memory grows with its length.
+    """
+    lattice = tile_lattice(leaf.texture, leaf.scale, spacing)
+    (nx, ny, nz), (x, y, z) = lattice.shape, lattice.origin
+    along, across = (-(-MIN_CELLS // count) if together else 1 for count in (nx, ny))
+    if leaf.is_one_tile:
+        return TileLattice(lattice.origin, lattice.spacing, (nx * along, ny * across, nz))
+    rows = leaf.tile_rows
+    origin = x + rows[0] * float(lattice.period[0]), y, z
+    return TileLattice(origin, lattice.spacing, (nx * len(rows), ny * across, nz))
+
+
+def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
+    """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
+
+    The texture lies within the layers but for the first and the last one.
+    """
+    step = require_positive(spacing, "spacing")
+    low, high = texture.cell[:, 2] / scale
+    layer = step / np.ceil(step * LAYERS / (high - low))
+    first, last = np.floor(low / layer + 1e-9) - 1, np.ceil(high / layer - 1e-9) + 1
+    period = texture.period / scale
+    count = np.maximum(np.round(period / step), 1).astype(int)
+    origin = *(texture.cell[0, :2] / scale).tolist(), float(first * layer)
+    return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
