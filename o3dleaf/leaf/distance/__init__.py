@@ -11,5 +11,6 @@
 `grid`              a regular grid in a file
 `measured_leaf`     a leaf that can be measured
 `projection_loops`  mean curvatures, steps towards the closest point
-`search_loops`      the nearest sample and the nearest strip
+`search_loops`      the nearest sample of the surface
+`strip_loops`       the nearest strip of the rim
 """

@@ -17,7 +17,7 @@ from o3dleaf.leaf.distance.tile_samples import TileSamples
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 10
-"""BladeCells that a thread looks at together: 1 MB."""
+"""Cells that a thread looks at together: 1 MB."""
 RIM_BLOCK = 16
 """The same at the rim."""
 MIN_VOLUME = 1e-3

@@ -15,10 +15,12 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.distance import projection_loops, search_loops
+from o3dleaf.leaf.distance import projection_loops
 from o3dleaf.leaf.distance.cells import CellTree, morton_order
 from o3dleaf.leaf.distance.rim_strips import rim_strips
+from o3dleaf.leaf.distance.search_loops import nearest_samples
 from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.distance.strip_loops import Strips, nearest_strips
 from o3dleaf.leaf.distance.tile_samples import TileSamples
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
@@ -61,7 +63,7 @@ class SurfaceIndex:
     solid: LeafSolid
     tile: TileSamples
     cells: CellTree
-    strips: search_loops.Strips
+    strips: Strips
     strip_boxes: npt.NDArray[np.float32]
     middle: FloatArray
     reach: float
@@ -107,13 +109,11 @@ class SurfaceIndex:
         """Return the closest points (n, 3) of the surface, and the distances (n,) to them."""
         near_points, step = self._brought_near(points), self.tile.step
         feet, square = np.empty_like(near_points), np.full(len(near_points), np.inf)
-        search_loops.nearest_strips(near_points, self.strip_boxes, self.strips, feet, square)
+        nearest_strips(near_points, self.strip_boxes, self.strips, feet, square)
         cell, sample = np.empty(len(near_points), dtype=np.int64), np.empty(len(near_points), dtype=np.int64)
         # A face may be nearer than the rim where its nearest sample is not.
         bound, tree = (np.sqrt(square) + step) ** 2, self.cells
-        search_loops.nearest_samples(
-            near_points, tree.boxes, tree.cells, self.tile.arrays, tree.mask, step, cell, sample, bound
-        )
+        nearest_samples(near_points, tree.boxes, tree.cells, self.tile.arrays, tree.mask, step, cell, sample, bound)
         rows = np.flatnonzero(sample >= 0)
         flat = self.tile.samples[:, sample[rows]].T.astype(np.float64)
         flat[:, :2] += self.tile.origin + (tree.corners[cell[rows]] + 0.5) * self.tile.cell

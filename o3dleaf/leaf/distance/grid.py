@@ -34,6 +34,11 @@ def plan_grid(
     return GridFile.plan(path, spacing, bounds, what, unit, KINDS[what], suffixes=SUFFIXES)
 
 
+def write_grid(grid: GridFile, sampler: Sampler) -> None:
+    """Write what a sampler says at the points of a grid, slab by slab."""
+    grid.write(sampler(points) for points in grid.points(SLAB))
+
+
 def mask_sampler(leaf: TexturedBlade, solid: LeafSolid) -> Sampler:
     """Return the function that says of (n, 3) points whether they lie in a solid."""
     balls = BoundingBalls.of(leaf)

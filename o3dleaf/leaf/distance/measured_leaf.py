@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.distance.distance import SurfaceIndex
-from o3dleaf.leaf.distance.grid import SLAB, Sampler, mask_sampler, plan_grid
+from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_grid
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.textured_blade import TexturedBlade
@@ -134,8 +134,7 @@ class MeasuredLeaf(TexturedBlade):
             If the disk has no room for the grid.
         """
         grid = plan_grid(path, spacing, self.bounds if bounds is None else bounds, what, self.unit)
-        sampler = self._sampler(what, closed=closed)
-        grid.write(sampler(points) for points in grid.points(SLAB))
+        write_grid(grid, self._sampler(what, closed=closed))
 
     def _sampler(self, what: str, *, closed: bool) -> Sampler:
         if what == "field":

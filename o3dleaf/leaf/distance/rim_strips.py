@@ -10,8 +10,8 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.boxes import grow_tree
-from o3dleaf.leaf.distance.search_loops import Strips
 from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.distance.strip_loops import Strips
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 5

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
@@ -163,7 +164,8 @@ def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[
     counts = np.ceil((high - low) / step).astype(np.int64)
     steps = (high - low) / counts
     positive = np.empty((*counts[:2], counts[2] + 3), dtype=bool) if closed else None
-    parts = [_slab_vertices(leaf, low, steps, counts, slab, positive) for slab in blocks(int(counts[0]), SLAB)]
+    with progress.silent():
+        parts = [_slab_vertices(leaf, low, steps, counts, slab, positive) for slab in blocks(int(counts[0]), SLAB)]
     vertices = np.concatenate(parts)
     if not len(vertices):
         raise ReconstructionError(

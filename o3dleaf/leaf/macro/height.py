@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
@@ -73,21 +74,26 @@ class HeightMap:
         points = as_points(leaf_points, "leaf_points", dim=3, least=3)
         plane, heights = np.ascontiguousarray(points[:, :2]), np.ascontiguousarray(points[:, 2])
         phi, choice, weights = as_kernel(kernel, 2), None, None
-        if smoothing == "robust" or (smoothing is None and rho is None):
-            points_per_ball, choice = _choose(points, phi, points_per_ball, overlap)
-            smoothing, weights = choice.smoothing, choice.weights
-        interpolant = PUInterpolant.fit(
-            plane,
-            heights,
-            kernel=phi,
-            degree=1,
-            smoothing=smoothing,
-            rho=rho,
-            weights=weights,
-            points_per_ball=points_per_ball,
-            overlap=overlap,
-            unit=unit,
-        )
+        is_robust = smoothing == "robust" or (smoothing is None and rho is None)
+        value = None if smoothing == "robust" else smoothing
+        choosing, fitting = progress.split(20 if is_robust else 0, 1)
+        with choosing:
+            if is_robust:
+                points_per_ball, choice = _choose(points, phi, points_per_ball, overlap)
+                value, weights = choice.smoothing, choice.weights
+        with fitting:
+            interpolant = PUInterpolant.fit(
+                plane,
+                heights,
+                kernel=phi,
+                degree=1,
+                smoothing=value,
+                rho=rho,
+                weights=weights,
+                points_per_ball=points_per_ball,
+                overlap=overlap,
+                unit=unit,
+            )
         return cls(interpolant, choice)
 
     def __repr__(self) -> str:

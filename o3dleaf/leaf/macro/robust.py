@@ -143,8 +143,9 @@ def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
     trials = list(_trial_smoothings(leaf_points, kernel, half_width))
     # From smooth to rough: each weighting starts from its smoother neighbor's, which knows the majority.
     for done, (bandwidth, smoothing) in enumerate(trials, start=1):
-        weights = problem.reweight(smoothing, weights)
-        loss = problem.held_out_loss(smoothing, weights, stretches)
+        with progress.silent():
+            weights = problem.reweight(smoothing, weights)
+            loss = problem.held_out_loss(smoothing, weights, stretches)
         if best is None or loss < best[0]:
             best = (loss, bandwidth, smoothing, weights)
         progress.report(done, len(trials))

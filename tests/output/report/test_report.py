@@ -26,7 +26,7 @@ def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
     assert [chosen["smoothing"], chosen["bandwidth"], chosen["scan_noise"]] == pytest.approx(
         [choice.smoothing, choice.bandwidth, choice.noise], rel=1e-12
     )
-    assert chosen["share_trusted"] == np.mean(choice.trust == 1)
+    assert chosen["share_trusted"] == np.mean(choice.weights == 1)
     assert read["frame"] == json.loads(json.dumps(blade.frame_quality(scan).to_dict()))
     least, median, greatest = read["distortion"]["thickness"]
     assert 0 < least <= median <= greatest <= 1 + 1e-12
