@@ -4,7 +4,7 @@
 `labelled_mesh`  a triangle mesh with a label for each triangle
 `triangle_mesh`  `read_mesh` and `write_mesh`, by the suffix of the name
 `geometry`       the mesh of a file, or its point cloud
-`mesh_data`      what every writer is given: arrays of a mesh, block by block
+`mesh_data`      arrays of a mesh for the writers, block by block
 `mesh_stream`    a surface made block by block, in memory or in a file
 `ply`            binary PLY of meshes and points, written at known places
 `ply_reader`     headers of PLY files, whether a file was cut off, labelled faces

@@ -18,7 +18,7 @@ LabelArray = npt.NDArray[np.uint8]
 LABELS = ("adaxial", "abaxial", "rim")
 """Names of the labels 0, 1 and 2 of a leaf, which the labels of a file have if it names none."""
 MAX_LABELS = 256
-"""What labels of one byte tell apart."""
+"""Number of labels that one byte tells apart."""
 
 ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
 """Upper side, lower side and rim of the solid, as `o3dleaf.leaf.instancing.components` numbers them."""
@@ -62,7 +62,7 @@ class LabelledMesh:
 
 
 AnyMesh = MeshLike | LabelledMesh
-"""What is written: a mesh, with labels or without."""
+"""A mesh, with labels or without, as writers take it."""
 
 
 class MeshFunction(Protocol[Options]):

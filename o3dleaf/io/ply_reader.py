@@ -56,7 +56,7 @@ class PlyHeader:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many there are of each element."""
+        """The number of each element."""
         return {words[1]: int(words[2]) for words in self.lines if words[0] == "element" and words[-1].isdigit()}
 
     @property

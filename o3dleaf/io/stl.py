@@ -17,9 +17,9 @@ TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("labe
 HEADER = 80
 """Bytes for words."""
 START = HEADER + 4
-"""Where the triangles begin, behind their number."""
+"""Offset of the first triangle, behind their number."""
 OURS = b"o3dleaf"
-"""What the words begin with where attributes are labels."""
+"""First word of files whose attributes are labels."""
 BLOCK = 1 << 17
 """Triangles written at once."""
 

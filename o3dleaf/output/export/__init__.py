@@ -4,7 +4,7 @@ Nothing here changes a mesh: what a program cannot take is refused. The formats 
 
 `selection`       one part of a mesh, another origin
 `leaf_scalars`    values of a leaf's field at the vertices
-`consumers`       which program wants which format and unit; `export_mesh`
+`consumers`       programs, their formats and units; `export_mesh`
 `particles`       a surface covered and a solid filled with particles
 `distance_grid`   the signed distance to a closed mesh on a grid
 `particle_loops`  samples thinned, columns through a mesh

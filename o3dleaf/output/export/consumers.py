@@ -1,4 +1,4 @@
-"""Which program wants which format and unit, and the one function that serves them all."""
+"""Programs that read our files, the formats and units that they take, and the one function that serves them all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,12 +25,12 @@ from o3dleaf.io.vtk import write_vtp
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
-"""What a mesh can be exported as."""
+"""Formats of an exported mesh."""
 
 
 @dataclass(frozen=True)
 class Consumer:
-    """What a program takes.
+    """Formats and conditions of a program.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ CONSUMERS = {
 """The programs that are known by name; docs/consumers has a page on each."""
 NO_UNIT = "no stated unit"
 RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
-"""What scalars cannot be called."""
+"""Names that scalars cannot have."""
 
 
 def export_mesh(

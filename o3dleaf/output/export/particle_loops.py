@@ -5,7 +5,7 @@ from numba import njit
 
 
 @njit(nogil=True, cache=True)
-def thin_samples(points, normals, owner, cell, starts, beside, order, radius, members, held):
+def thin_samples(points, normals, triangle, cell, starts, neighbors, order, radius, members, counts):
     """Keep more samples, visited in `order`, each unless a kept one of its face is nearer than `radius`.
 
     Samples are sorted by their cubes of edge `radius`. Those on the other face of a thin blade, their normals turned
@@ -16,49 +16,49 @@ def thin_samples(points, normals, owner, cell, starts, beside, order, radius, me
     points : (n, 3) array
     normals : (m, 3) array
         Of the triangles.
-    owner, cell : (n,) arrays of int
+    triangle, cell : (n,) arrays of int
         The triangle and the cube of each sample.
     starts : (c,) array of int64
         The first sample of each cube.
-    beside : (c, 27) array of int64
+    neighbors : (c, 27) array of int64
         The cubes around each cube and itself; −1 where there is none.
     order : (k,) array of int64
     members : (n,) array of int64
-        The kept samples of cube c are members[starts[c]], ..., held[c] of them; written to, as is `held`.
-    held : (c,) array of int64
+        The kept samples of cube c are members[starts[c]], ..., counts[c] of them; written to, as is `counts`.
+    counts : (c,) array of int64
     """
     for rank in range(len(order)):
         i = order[rank]
-        if nearest_kept(points, normals, owner, i, beside[cell[i]], starts, members, held, radius) < 0:
+        if nearest_kept(points, normals, triangle, i, neighbors[cell[i]], starts, members, counts, radius) < 0:
             c = cell[i]
-            members[starts[c] + held[c]] = i
-            held[c] += 1
+            members[starts[c] + counts[c]] = i
+            counts[c] += 1
 
 
 @njit(nogil=True, cache=True)
-def nearest_kept(points, normals, owner, i, cubes, starts, members, held, radius):
-    """Return the kept sample of its face that is the nearest to sample i, −1 if none is nearer than `radius`."""
-    best, found = radius * radius, -1
+def nearest_kept(points, normals, triangle, i, cubes, starts, members, counts, radius):
+    """Return the kept sample of its face that is nearest to sample i, −1 if none is nearer than `radius`."""
+    best, nearest_one = radius * radius, -1
     for n in range(len(cubes)):
         c = cubes[n]
         if c < 0:
             continue
-        for m in range(starts[c], starts[c] + held[c]):
+        for m in range(starts[c], starts[c] + counts[c]):
             j = members[m]
             square, turned = 0.0, 0.0
             for axis in range(3):
                 square += (points[i, axis] - points[j, axis]) ** 2
-                turned += normals[owner[i], axis] * normals[owner[j], axis]
+                turned += normals[triangle[i], axis] * normals[triangle[j], axis]
             if turned > 0.0 and square < best:
-                best, found = square, j
-    return found
+                best, nearest_one = square, j
+    return nearest_one
 
 
 @njit(nogil=True, cache=True)
-def assign_samples(points, normals, owner, cell, starts, beside, members, held, radius, start, stop, nearest):
+def assign_samples(points, normals, triangle, cell, starts, neighbors, members, counts, radius, start, stop, nearest):
     """Write the nearest kept sample of samples start ... stop into `nearest`: of a maximal choice there is one."""
     for i in range(start, stop):
-        nearest[i] = nearest_kept(points, normals, owner, i, beside[cell[i]], starts, members, held, radius)
+        nearest[i] = nearest_kept(points, normals, triangle, i, neighbors[cell[i]], starts, members, counts, radius)
 
 
 @njit(nogil=True, cache=True)

@@ -27,7 +27,7 @@ MAX_SAMPLES = 100_000_000
 BLOCK = 1 << 14
 AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 SUFFIXES = (".ply", ".csv", ".vtp")
-"""What particles can be written as."""
+"""Formats of particles."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,32 +96,32 @@ def sample_particles(
     corners = surface.vertices[surface.triangles]
     vectors = face_vectors(corners)
     normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
-    points, owner, shares = _samples(corners, areas, step / FINER)
+    points, triangle, shares = _samples(corners, areas, step / FINER)
     key, strides = _cubes(points, step)
     by_cell = np.argsort(key, kind="stable")
-    points, owner, shares = points[by_cell], owner[by_cell], shares[by_cell]
+    points, triangle, shares = points[by_cell], triangle[by_cell], shares[by_cell]
     keys, starts, cell = np.unique(key[by_cell], return_index=True, return_inverse=True)
-    beside = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
-    beside[keys[np.minimum(beside, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
+    neighbors = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
+    neighbors[keys[np.minimum(neighbors, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
     order = np.random.default_rng(seed).permutation(len(points))
     members, nearest = np.empty((2, len(points)), dtype=np.int64)
-    held = np.zeros(len(keys), dtype=np.int64)
-    samples = points, normals, owner, cell, starts, beside
+    counts = np.zeros(len(keys), dtype=np.int64)
+    samples = points, normals, triangle, cell, starts, neighbors
 
     def task(start: int, stop: int) -> None:
-        assign_samples(*samples, members, held, step, start, stop, nearest)
+        assign_samples(*samples, members, counts, step, start, stop, nearest)
 
     thinning, assigning = progress.split(1, 1)
     with thinning:
         for start, stop in blocks(len(points), BLOCK):
-            thin_samples(*samples, order[start:stop], step, members, held)
+            thin_samples(*samples, order[start:stop], step, members, counts)
             progress.report(stop, len(points))
     with assigning:
         run_blocks(task, len(points), BLOCK, reports=True)
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
-    own = None if surface.labels is None else surface.labels[owner[kept]]
-    return Particles(points[kept], normals[owner[kept]], sizes, own, surface.unit)
+    own = None if surface.labels is None else surface.labels[triangle[kept]]
+    return Particles(points[kept], normals[triangle[kept]], sizes, own, surface.unit)
 
 
 def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:
@@ -169,7 +169,7 @@ def _middles(k: int) -> FloatArray:
 def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Particles:
     """Return particles inside a closed mesh, at the middles of the cubes of edge `step` of one lattice of the world.
 
-    Inside is told exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
+    Inside is decided exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
     inside, and where it meets an edge, one of its triangles is passed.
 
     Parameters
