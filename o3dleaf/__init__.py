@@ -33,6 +33,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # noqa: PLC0415 - reading metadata costs as much as all the rest here
 
         return version("o3dleaf")
-    from o3dleaf.deprecated import new_name  # noqa: PLC0415 - nobody else needs it
+    if name not in __all__:
+        from o3dleaf.deprecated import old_name  # noqa: PLC0415 - nobody else needs it
 
-    return _load(new_name(name) or name)
+        thing = old_name(name)
+        if thing is not None:
+            return thing
+    return _load(name)

@@ -5,13 +5,11 @@ from .surface.cloud.oriented_cloud import OrientedCloud as OrientedCloud
 from .surface.cloud.outliers import detect_outliers as detect_outliers
 from .surface.cloud.orientation import estimate_normals as estimate_normals
 from .surface.cloud.orientation import orient_normals as orient_normals
-from .surface.cloud.orientation import Orientation as Orientation
 from .surface.cloud.oriented_cloud import point_spacing as point_spacing
 from .surface.cloud.oriented_cloud import estimate_noise as estimate_noise
 from .surface.cloud.downsample import voxel_down_sample as voxel_down_sample
 from .surface.cloud.downsample import adaptive_down_sample as adaptive_down_sample
 from .surface.cloud.constraints import offset_constraints as offset_constraints
-from .surface.cloud.constraints import OffsetConstraints as OffsetConstraints
 from .leaf.ct.formats import read_volume as read_volume
 from .leaf.ct.volume import Volume as Volume
 from .leaf.ct.align import align_blade as align_blade
@@ -25,11 +23,9 @@ from .fitting.local.polynomials import MovingLeastSquares as MovingLeastSquares
 from .surface.creases.creased_splines import CreasedSplines as CreasedSplines
 from .leaf.macro.midrib import find_midrib as find_midrib
 from .leaf.macro.frame import LeafFrame as LeafFrame
-from .leaf.macro.frame_quality import FrameQuality as FrameQuality
 from .leaf.macro.height import HeightMap as HeightMap
 from .leaf.macro.outline import AlphaShape as AlphaShape
 from .leaf.macro.blade import Blade as Blade
-from .leaf.macro.distortion import Distortion as Distortion
 from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
@@ -45,7 +41,6 @@ from .surface.reconstruction.proximity import distance_mask as distance_mask
 from .surface.reconstruction.trim import trim_to_data as trim_to_data
 from .surface.reconstruction.along_mesh import find_inverted_regions as find_inverted_regions
 from .surface.reconstruction.vertex_support import vertex_support as vertex_support
-from .surface.reconstruction.vertex_support import VertexSupport as VertexSupport
 from .surface.reconstruction.vertex_support import color_by_support as color_by_support
 from .surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .surface.repair.clean import clean_mesh as clean_mesh
@@ -53,10 +48,7 @@ from .surface.repair.simplify import simplify_mesh as simplify_mesh
 from .surface.mesh.surface_distance import surface_distance as surface_distance
 from .surface.mesh.mesh_report import mesh_report as mesh_report
 from .surface.mesh.mesh_report import MeshReport as MeshReport
-from .surface.mesh.defects import find_defects as find_defects
-from .surface.mesh.defects import Defects as Defects
 from .surface.mesh.inspection import inspect_mesh as inspect_mesh
-from .surface.mesh.inspection import Inspection as Inspection
 from .io.triangle_mesh import read_mesh as read_mesh
 from .io.triangle_mesh import write_mesh as write_mesh
 from .surface.remeshing.remesh import remesh as remesh
@@ -68,27 +60,13 @@ from .output.export.particles import export_particles as export_particles
 from .output.export.particles import Particles as Particles
 from .output.export.distance_grid import export_distance as export_distance
 from .output.report.requirements import check_report as check_report
-from .output.report.requirements import CheckResult as CheckResult
 from .output.report.examine import write_report as write_report
-from .output.view.picture import render as render
-from .output.view.maps import render_distortion as render_distortion
-from .output.view.points import Points as Points
-from .output.view.window import show as show
-from .output.view.pick import pick_midrib as pick_midrib
 from .output.figures.draw import draw_figures as draw_figures
-from .output import figures as figures
 from .output import view as view
+from .core import errors as errors
 from . import samples as samples
 from .core.field import Field as Field
 from .core.parallel import get_num_threads as get_num_threads
 from .core.parallel import set_num_threads as set_num_threads
-from .core.errors import O3DLeafError as O3DLeafError
-from .core.errors import InputError as InputError
-from .core.errors import UnitError as UnitError
-from .core.errors import OrientationError as OrientationError
-from .core.errors import CloudWarning as CloudWarning
-from .core.errors import IllPosedError as IllPosedError
-from .core.errors import ReconstructionError as ReconstructionError
-from .core.errors import MemoryBudgetError as MemoryBudgetError
 
 __version__: str

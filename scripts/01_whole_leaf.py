@@ -23,7 +23,7 @@ def main(folder):
     # A window of the leaf, 3 mm by 3 mm half-way along it, at the step of the CT.
     mesh = leaf.extract_mesh(spacing=0.024, region=[[100, -1.5], [103, 1.5]])
     o3l.write_mesh(mesh, folder / "window.ply")
-    o3l.render(mesh, folder / "window.png", unit="mm")
+    o3l.view.render(mesh, folder / "window.png", unit="mm")
     return leaf, mesh
 
 

@@ -84,7 +84,7 @@ def check_surface(name, mesh, folder, suffix):
     folder.mkdir(parents=True)
     try:
         o3l.export_mesh(mesh, folder / f"leaf{suffix}", consumer="openfoam")
-    except o3l.InputError as error:
+    except o3l.errors.InputError as error:
         verdict.note("exported", error, good=False)
         return verdict
     judge_surface(verdict, *run(folder, "surfaceCheck", f"leaf{suffix}"))

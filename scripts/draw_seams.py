@@ -29,7 +29,7 @@ def draw(tiled, spacing, title, path):
     centre, half, depth = tiled.offset + tiled.tile, 0.5 * np.array(PIECE), tiled.cell[:, 2]
     box = np.array([[*(centre - half), depth[0] - spacing], [*(centre + half), depth[1] + spacing]])
     mesh = o3l.extract_isosurface(tiled, spacing, box)
-    o3l.render(mesh, path, size=SIZE, unit=tiled.unit, title=title, view=FROM_ABOVE)
+    o3l.view.render(mesh, path, size=SIZE, unit=tiled.unit, title=title, view=FROM_ABOVE)
     print(f"{path.name}: {len(mesh.triangles):,} triangles, {path.stat().st_size / 1000:.0f} kB")
 
 

@@ -74,6 +74,21 @@ def test_contributing_shows_the_tree():
     assert named == sorted(path.name for path in PACKAGES[1:])
 
 
+def test_glossary_names_what_is_there():
+    """The last column names a public name, one of its attributes, or a file or folder of the package."""
+    rows = [line for line in (ROOT / "docs" / "glossary.md").read_text().splitlines() if line.count("`") >= 2]
+    names = [name for row in rows if row.startswith("|") for name in re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1])]
+    files = {path.relative_to(ROOT / "o3dleaf").with_suffix("").as_posix() for path in (ROOT / "o3dleaf").rglob("*")}
+    gone = [name for name in names if "/" in name and name not in files]
+    for name in (name for name in names if "/" not in name):
+        thing, *attributes = name.split(".")
+        public = getattr(o3dleaf, thing, None)
+        fields = getattr(public, "__annotations__", {})
+        gone += [name] if public is None or any(not hasattr(public, a) and a not in fields for a in attributes) else []
+    assert len(names) > 80
+    assert gone == []
+
+
 def test_no_two_classes_share_a_name():
     names = Counter(
         node.name
@@ -127,7 +142,7 @@ def test_public_name_is_documented(name):
         assert [p for p in parameters if not re.search(rf"\b{p}\b", text)] == []
 
 
-@pytest.mark.parametrize("namespace", ["samples", "view", "figures"])
+@pytest.mark.parametrize("namespace", ["samples", "view", "errors"])
 def test_namespaces_hold_what_they_list(namespace):
     """Each is there first thing in a new process, and each of its names has a docstring."""
     code = f"import o3dleaf; room = o3dleaf.{namespace}; print(all(getattr(room, n).__doc__ for n in room.__all__))"

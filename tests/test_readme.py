@@ -60,7 +60,7 @@ def test_a_block_runs(given, tmp_path, monkeypatch, block, written):
     o3d.io.write_point_cloud(
         "cloud.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(5 * torus(1500, tube=0.5)[0]))
     )
-    write_volume("ct.tif", given["volume"])
+    write_volume(given["volume"], "ct.tif")
     before = {path.name for path in tmp_path.iterdir()}
     lines = "\n" * TEXT.count("\n", 0, block.start(1)) + block[1].replace('"qa.html"', '"qa.json"')
     exec(compile(lines, README, "exec"), dict(given))

@@ -146,7 +146,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             self.write_more(leaf)
         if self.model is not None:
             with journal.stage("write model"):
-                write_model(self.model, leaf or blade)
+                write_model(leaf or blade, self.model)
         if self.picture:
             with journal.stage("draw picture"):
                 render_leaf(leaf or blade, mesh, self.beside(".png"))

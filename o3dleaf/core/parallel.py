@@ -18,14 +18,8 @@ from threadpoolctl import LibController, OpenBLASController, ThreadpoolControlle
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.progress import is_heard, report
 
-Progress = Callable[[int, int], None]
-"""Called as ``progress(done, total)`` from the calling thread while long work runs."""
-
 PERIOD = 0.02
 """Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
-
-WHOLE = 100_000
-"""Resolution of the progress of several steps: finer than any bar."""
 
 
 class _Here(threading.local):
@@ -81,52 +75,13 @@ def set_num_threads(threads: int) -> None:
     _pool.resize(threads)
 
 
-def share_out(progress: Progress | None, *shares: float) -> tuple[Progress | None, ...]:
-    """Return a progress for each of the steps that a work consists of, one after another; without one, None for each.
-
-    A step tells its own ``(done, total)``; the work is told of hundred thousandths of itself, and never of less than
-    before. What a step leaves untold counts as done when a later one begins to tell.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Of the whole work.
-    *shares : float
-        About how long each step takes, in any unit; 0 where it takes next to nothing.
-    """
-    if progress is None:
-        return (None,) * len(shares)
-    whole, ends = sum(shares), itertools.accumulate(shares)
-    told = -1
-
-    def part(start: float, share: float) -> Progress:
-        def tell(done: int, total: int) -> None:
-            nonlocal told
-            now = round(WHOLE * (start + share * (done / total if total else 1.0)) / whole)
-            if now > told:
-                told = now
-                progress(now, WHOLE)
-
-        return tell
-
-    return tuple(part(end - share, share) for share, end in zip(shares, ends, strict=True))
-
-
-def finish(progress: Progress | None) -> None:
-    """Tell that a step is done which tells nothing itself."""
-    if progress:
-        progress(1, 1)
-
-
 def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:
     """Yield (start, stop) of consecutive blocks of `size` (the last may be shorter) that cover `count`."""
     for start in range(0, count, size):
         yield start, min(start + size, count)
 
 
-def run_blocks(
-    task: Callable[[int, int], Any], count: int, size: int, progress: Progress | None = None, *, reports: bool = False
-) -> None:
+def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, reports: bool = False) -> None:
     """Call ``task(start, stop)`` for every block of `size` out of `count`, on all threads.
 
     The task writes its own rows of a shared array; nothing is reduced across blocks, so that the
@@ -140,19 +95,16 @@ def run_blocks(
         Compiled with ``nogil``, or any function of (start, stop).
     count, size : int
         Number of items and items in a block.
-    progress : callable, optional
-        ``progress(done, count)``, called as blocks finish.
     reports : bool
         Whether finished blocks are reported as progress of the part that is running, see `o3dleaf.core.progress`.
     """
-    if reports and is_heard():
-        progress = report
+    reports = reports and is_heard()
     todo = list(blocks(count, size))
     if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
         for start, stop in todo:
             task(start, stop)
-            if progress:
-                progress(stop, count)
+            if reports:
+                report(stop, count)
         return
     pool, numbers, finished, stopped = _pool.get(), itertools.count(), list[int](), threading.Event()
 
@@ -169,7 +121,7 @@ def run_blocks(
     jobs = list[Future[None]]()
     try:
         jobs += (pool.submit(work) for _ in range(min(_pool.threads, len(todo))))
-        _watch(jobs, finished, count, progress)
+        _watch(jobs, finished, count, reports=reports)
     finally:
         stopped.set()
         for job in jobs:
@@ -177,16 +129,16 @@ def run_blocks(
         wait(jobs)
 
 
-def _watch(jobs: list[Future[None]], finished: list[int], count: int, progress: Progress | None) -> None:
+def _watch(jobs: list[Future[None]], finished: list[int], count: int, *, reports: bool) -> None:
     """Wait for the jobs, report what has `finished` while they run, and raise what they raised."""
     done, reported = 0, 0
     pending = True
     while pending:
-        pending = bool(wait(jobs, PERIOD if progress else None).not_done)
-        while progress and reported < len(finished):
+        pending = bool(wait(jobs, PERIOD if reports else None).not_done)
+        while reports and reported < len(finished):
             done += finished[reported]
             reported += 1
-            progress(done, count)
+            report(done, count)
     for job in jobs:
         job.result()
 

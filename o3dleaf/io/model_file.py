@@ -32,7 +32,7 @@ PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
 
 
-def write_model(path: str | PathLike[str], model: object) -> None:
+def write_model(model: object, path: str | PathLike[str]) -> None:
     """Write an object as one file, whole or not at all.
 
     An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of. A field that
@@ -41,11 +41,11 @@ def write_model(path: str | PathLike[str], model: object) -> None:
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
     header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
-    places, offset = [], 0
+    blocks, offset = [], 0
     for array in arrays:
-        places.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
+        blocks.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
         offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
-    header |= {"arrays": places, "bytes": offset}
+    header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
     text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
     with whole_file(path) as temporary, temporary.open("wb") as stream:
@@ -79,10 +79,10 @@ def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., An
     # Copy on write: nothing reaches the disk, and Numba takes the arrays for ordinary ones.
     data = np.memmap(file, dtype=np.uint8, mode="c", offset=start)
     arrays = []
-    for place in header["arrays"]:
-        dtype, shape = np.dtype(place["dtype"]), tuple(place["shape"])
+    for block in header["arrays"]:
+        dtype, shape = np.dtype(block["dtype"]), tuple(block["shape"])
         size = dtype.itemsize * int(np.prod(shape))
-        flat = np.asarray(data[place["offset"] : place["offset"] + size])
+        flat = np.asarray(data[block["offset"] : block["offset"] + size])
         arrays.append(flat.view(dtype).reshape(shape))
     return _unpack(header["model"], arrays, classes, file)
 

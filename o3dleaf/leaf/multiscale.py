@@ -62,7 +62,7 @@ class MultiscaleLeaf(MeasuredLeaf):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the leaf as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
     def plan_mesh(
         self,

@@ -84,13 +84,13 @@ class Figure(Meshed):
 
     def _ways(self, points: FloatArray) -> list[tuple[FloatArray, FloatArray, float]]:
         """Return for each capsule the way (n, 3) from its axis, the way's length (n,), and the radius."""
-        found = []
+        ways = []
         for a, b, radius in zip(*self._capsules, strict=True):
             axis = b - a
             share = np.clip((points - a) @ axis / max(axis @ axis, np.finfo(float).tiny), 0.0, 1.0)
             way = points - a - share[:, np.newaxis] * axis
-            found.append((way, np.linalg.norm(way, axis=1), float(radius)))
-        return found
+            ways.append((way, np.linalg.norm(way, axis=1), float(radius)))
+        return ways
 
     def _jet(self, points: FloatArray) -> Jet:
         """Return g, its gradient and its Hessian."""

@@ -118,7 +118,7 @@ def _lattice(rng: np.random.Generator, truth: WheatBlade, pitch: float, angle: f
 
 
 def _seen(rng: np.random.Generator, truth: WheatBlade, sites: FloatArray, holes: int) -> npt.NDArray[np.bool_]:
-    """Which sites lie in none of the elliptical gaps; gaps gather near the base."""
+    """Return which sites lie in none of the elliptical gaps; gaps gather near the base."""
     seen = np.ones(len(sites), dtype=bool)
     for _ in range(holes):
         along = truth.length * (0.05 + 0.9 * rng.beta(1.2, 2.0))

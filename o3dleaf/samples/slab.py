@@ -100,7 +100,7 @@ class WavySheet(Meshed):
     def _refine(self, points: FloatArray, sites: FloatArray) -> FloatArray:
         """Return sites (n, 2) of the least distance, by Newton's method kept to the rectangle and made to descend."""
         half = np.array([self.length / 2, self.width / 2])
-        found, rows = sites.copy(), np.arange(len(points))
+        closest, rows = sites.copy(), np.arange(len(points))
         miss, damping = self._miss(points, sites), np.zeros(len(points))
         for _ in range(STEPS):
             trial = np.clip(sites + self._newton(points, sites, damping), -half, half)
@@ -109,12 +109,12 @@ class WavySheet(Meshed):
             moving = np.abs(trial - sites).max(axis=1) > TOLERANCE
             sites, miss = np.where(better[:, np.newaxis], trial, sites), np.where(better, left, miss)
             damping = np.where(better, 0.1 * damping, np.maximum(10 * damping, 0.1))
-            found[rows] = sites
+            closest[rows] = sites
             rows, points, sites = rows[moving], points[moving], sites[moving]
             miss, damping = miss[moving], damping[moving]
             if not len(rows):
                 break
-        return found
+        return closest
 
     def _miss(self, points: FloatArray, sites: FloatArray) -> FloatArray:
         """Return the (n,) squared distances to the waves at (n, 2) sites."""

@@ -92,16 +92,16 @@ class Solid(ABC):
             If a point is not finite.
         """
         where = as_points(points, dim=3)
-        found = Feet(np.empty_like(where), np.empty_like(where), np.empty(len(where)))
+        closest = Feet(np.empty_like(where), np.empty_like(where), np.empty(len(where)))
 
         def task(start: int, stop: int) -> None:
             feet, normals, distance = self._feet((where[start:stop] - CENTER) @ TURN)
-            found.points[start:stop] = feet @ TURN.T + CENTER
-            found.normals[start:stop] = normals @ TURN.T
-            found.distance[start:stop] = distance
+            closest.points[start:stop] = feet @ TURN.T + CENTER
+            closest.normals[start:stop] = normals @ TURN.T
+            closest.distance[start:stop] = distance
 
         run_blocks(task, len(where), BLOCK)
-        return found
+        return closest
 
     def signed_distance(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) distances of (n, 3) points to the surface, negative inside, near and far."""

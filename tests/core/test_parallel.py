@@ -8,7 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -16,14 +15,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import (
-    WHOLE,
     blocks,
     get_num_threads,
     run_blocks,
     set_num_threads,
-    share_out,
     single_threaded_blas,
 )
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
@@ -35,31 +33,6 @@ def _two_threads():
     set_num_threads(2)
     yield
     set_num_threads(before)
-
-
-@given(
-    shares=st.lists(st.floats(0.01, 100), min_size=1, max_size=5),
-    told=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 7), st.integers(0, 7)), max_size=30),
-)
-def test_steps_that_share_a_bar_never_move_it_back_and_the_last_ends_it(shares, told):
-    seen = []
-    steps = share_out(lambda *at: seen.append(at), *shares)
-    for number, done, total in told:
-        steps[number % len(steps)](min(done, total), total)
-    steps[-1](1, 1)
-    assert {total for _, total in seen} == {WHOLE}
-    assert all(one < other for (one, _), (other, _) in pairwise(seen))
-    assert seen[-1] == (WHOLE, WHOLE)
-
-
-def test_a_step_moves_the_bar_by_its_share_and_shares_can_be_shared_out():
-    seen = []
-    first, second = share_out(lambda *at: seen.append(at[0] / at[1]), 1, 3)
-    early, late = share_out(second, 1, 1)
-    for step, done, total in ((first, 1, 2), (first, 2, 2), (early, 5, 10), (late, 0, 3), (late, 3, 3)):
-        step(done, total)
-    np.testing.assert_allclose(seen, [1 / 8, 1 / 4, 7 / 16, 5 / 8, 1], rtol=0, atol=2 / WHOLE)
-    assert share_out(None, 1, 3) == (None, None)
 
 
 @given(count=st.integers(0, 100), size=st.integers(1, 30))
@@ -79,21 +52,24 @@ def test_every_item_is_done_once_and_progress_reaches_the_total(threads, count, 
     def task(start, stop):
         done[start:stop] += 1
 
-    run_blocks(task, count, size, lambda *at: seen.append(at))
+    with progress.listening(lambda *heard: seen.append(heard)):
+        run_blocks(task, count, size, reports=True)
+        last = seen[-1:]
     assert np.all(done == 1)
-    assert len(seen) == len(list(blocks(count, size)))
+    assert len(seen) == max(len(list(blocks(count, size))), 1)
     assert sorted(seen) == seen
-    assert not seen or seen[-1] == (count, count)
+    assert last == ([(progress.WHOLE, progress.WHOLE)] if count else [])
 
 
 def test_progress_is_called_from_the_calling_thread_while_the_work_goes_on():
     callers, ahead = set(), []
 
-    def progress(done, total):
+    def listener(done, total):
         callers.add(threading.current_thread())
         ahead.append(done < total)
 
-    run_blocks(lambda start, stop: time.sleep(0.002), 20, 1, progress)
+    with progress.listening(listener):
+        run_blocks(lambda start, stop: time.sleep(0.002), 20, 1, reports=True)
     assert callers == {threading.current_thread()}
     assert ahead[0]
 
@@ -140,11 +116,15 @@ def test_nothing_runs_any_more_when_the_error_arrives():
 
 
 def test_an_error_in_progress_comes_out_too():
-    def progress(done, total):
+    def listener(done, total):
         raise ValueError("bar")
 
+    def work():
+        with progress.listening(listener):
+            run_blocks(lambda start, stop: None, 10, 1, reports=True)
+
     with pytest.raises(ValueError, match="bar"):
-        run_blocks(lambda start, stop: None, 10, 1, progress)
+        work()
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -1,9 +1,12 @@
 """Progress by context: shares of shares, never back, silence, threads, and a journal that is open."""
 
 import threading
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from o3dleaf.core import journal as journals
 from o3dleaf.core import progress
@@ -28,6 +31,28 @@ def test_parts_of_parts_are_shares_of_the_whole():
             with late:
                 progress.report(1, 3)
     assert heard == pytest.approx([1 / 4, 1 / 4 + 3 / 16, 1 / 4 + 3 / 8, 1 / 4 + 3 / 8 + 1 / 8, 1])
+
+
+@given(
+    shares=st.lists(st.floats(0.01, 100), min_size=1, max_size=5),
+    reported=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 7), st.integers(0, 7)), max_size=30),
+)
+def test_steps_that_share_a_bar_never_move_it_back_and_the_last_ends_it(shares, reported):
+    heard = []
+
+    def work():
+        steps = progress.split(*shares)
+        for number, done, total in reported:
+            steps[number % len(steps)].advance(min(done, total) / total if total else 1.0)
+        with steps[-1]:
+            pass
+        return list(heard)
+
+    with progress.listening(lambda *each: heard.append(each)):
+        before_the_end = work()
+    assert {total for _, total in heard} == {progress.WHOLE}
+    assert all(one < other for (one, _), (other, _) in pairwise(heard))
+    assert before_the_end[-1] == (progress.WHOLE, progress.WHOLE)
 
 
 def test_it_never_goes_back_and_ends_at_one():

@@ -9,7 +9,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf import InputError, O3DLeafError, get_num_threads, set_num_threads
+from o3dleaf import get_num_threads, set_num_threads
+from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io import obj, stl
 from o3dleaf.io.labelled_mesh import LABELS, RIM
 from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file

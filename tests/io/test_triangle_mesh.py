@@ -1,5 +1,7 @@
 """What is written reads back; what fails leaves nothing behind."""
 
+import re
+
 import numpy as np
 import open3d as o3d
 import pytest
@@ -7,9 +9,10 @@ import pytest
 from mesh_fields import sphere
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.io import obj
+from o3dleaf.io import obj, ply, stl
+from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import MeshData
-from o3dleaf.io.triangle_mesh import write_mesh
+from o3dleaf.io.triangle_mesh import read_mesh, write_mesh
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from tolerances import STL_DIGITS
 
@@ -61,6 +64,52 @@ def test_arrays_and_tensor_meshes_are_written_too(ball, tmp_path):
     for name, mesh in [("a.ply", mesh_arrays(ball)), ("b.ply", o3d.t.geometry.TriangleMesh.from_legacy(ball))]:
         write_mesh(mesh, tmp_path / name)
         assert len(o3d.io.read_triangle_mesh(tmp_path / name).triangles) == len(ball.triangles)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl"])
+@pytest.mark.parametrize("carried", [(), ("normals",), ("colors",), ("normals", "colors")])
+def test_a_plain_mesh_is_written_byte_for_byte_as_by_open3d(ball, tmp_path, monkeypatch, suffix, carried):
+    for module in (ply, stl):
+        monkeypatch.setattr(module, "BLOCK", 100)
+    mesh = o3d.geometry.TriangleMesh(ball)
+    if "normals" in carried:
+        mesh.compute_vertex_normals()
+    if "colors" in carried:
+        shades = np.random.default_rng(0).integers(0, 511, (len(mesh.vertices), 3)) / 510  # halves of a byte among them
+        mesh.vertex_colors = o3d.utility.Vector3dVector(shades)
+    mesh.compute_triangle_normals()  # without which Open3D leaves an empty STL
+    write_mesh(mesh, tmp_path / f"ours{suffix}")
+    o3d.io.write_triangle_mesh(tmp_path / f"theirs{suffix}", mesh)
+    assert (tmp_path / f"ours{suffix}").read_bytes() == (tmp_path / f"theirs{suffix}").read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl"])
+@pytest.mark.parametrize("labelled", [False, True])
+def test_a_labelled_mesh_is_read_as_it_was_written(ball, tmp_path, suffix, labelled):
+    labels = (np.arange(len(ball.triangles)) % 3 if labelled else np.zeros(0)).astype(np.uint8)
+    written = LabelledMesh(ball, np.sort(labels) if labelled else None, unit="mm")
+    write_mesh(written, tmp_path / f"ball{suffix}")
+    read = read_mesh(tmp_path / f"ball{suffix}")
+    corners = [np.asarray(each.mesh.vertices)[np.asarray(each.mesh.triangles)] for each in (written, read)]
+    # Open3D reads OBJ in single precision.
+    single = suffix == ".stl" or (suffix == ".obj" and not labelled)
+    assert np.abs(corners[0] - corners[1]).max() <= (STL_DIGITS if single else 0)
+    assert np.array_equal(read.labels, written.labels) if labelled else read.labels is None
+    assert read.names == written.names
+    assert read.unit == ("mm" if suffix == ".ply" else None)
+
+
+def test_labels_do_not_cost_a_mesh_its_colors(ball, tmp_path):
+    mesh = o3d.geometry.TriangleMesh(ball).paint_uniform_color([0.2, 0.4, 0.6])
+    write_mesh(LabelledMesh(mesh, np.zeros(len(mesh.triangles), dtype=np.uint8)), tmp_path / "ball.ply")
+    again = o3d.io.read_triangle_mesh(tmp_path / "ball.ply")
+    assert np.array_equal(np.asarray(again.vertex_colors), np.asarray(mesh.vertex_colors))
+
+
+def test_a_labelled_mesh_says_what_it_is_in_a_line(ball):
+    labels = np.zeros(len(ball.triangles), dtype=np.uint8)
+    words = repr(LabelledMesh(ball, labels, ("top", "bottom"), "mm"))
+    assert re.fullmatch(r"LabelledMesh\([\d,]+ vertices, [\d,]+ triangles, labels top/bottom, unit mm\)", words)
 
 
 @pytest.mark.parametrize(

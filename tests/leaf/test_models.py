@@ -218,8 +218,8 @@ def test_what_cannot_be_read_back_is_not_written(data, tmp_path):
 def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
     before = file.read_bytes()
     monkeypatch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(o3l.O3DLeafError, match="No space"):
-        write_model(file, interpolant)
+    with pytest.raises(o3l.errors.O3DLeafError, match="No space"):
+        write_model(interpolant, file)
     monkeypatch.undo()
     assert file.read_bytes() == before
     assert [path.name for path in file.parent.iterdir()] == [file.name]

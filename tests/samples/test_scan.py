@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf import Field, InputError
+from o3dleaf import Field
+from o3dleaf.core.errors import InputError
 from o3dleaf.samples import WheatBlade, wheat_scan
 from tolerances import SAMPLE_DIFFERENCE, SHEET_ARC, SHEET_DISTANCE
 

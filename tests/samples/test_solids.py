@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from o3dleaf import Field, InputError
+from o3dleaf import Field
+from o3dleaf.core.errors import InputError
 from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet
 from o3dleaf.samples.meshed import draw_on_triangles
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles

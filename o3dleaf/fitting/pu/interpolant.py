@@ -296,7 +296,7 @@ class PUInterpolant(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 def _box(sites: FloatArray, bounds: npt.ArrayLike | None) -> FloatArray:

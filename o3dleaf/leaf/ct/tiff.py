@@ -27,7 +27,7 @@ SPELLINGS = {"micron": "um", "microns": "um", "micrometer": "um", "millimeter": 
 
 @dataclass(frozen=True)
 class StatedLattice:
-    """What a file says about its lattice: (3,) spacing and origin along (x, y, z) in `unit`, None where silent."""
+    """The lattice that a file states: (3,) spacing and origin along (x, y, z) in `unit`, None where it states none."""
 
     spacing: FloatArray | None = None
     origin: FloatArray | None = None

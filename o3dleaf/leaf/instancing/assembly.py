@@ -18,7 +18,7 @@ from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import VertexNumbers
 from o3dleaf.leaf.instancing.reduced import ReducedTile
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.leaf.instancing.windows import Place, TilePlacer, Window, map_in_threads
+from o3dleaf.leaf.instancing.windows import Place, PlacedRows, TilePlacer, map_in_threads
 from o3dleaf.surface.mesh.topology import label_nodes
 
 BATCH_SIZE = 1 << 15
@@ -28,7 +28,7 @@ MAX_VERTICES = 2**31 - 1
 
 
 class Sink(Protocol):
-    """What the parts of a mesh are given to, in any order, from any thread."""
+    """A receiver of the parts of a mesh, in any order, from any thread."""
 
     def put_vertices(self, start: int, vertices: FloatArray) -> None:
         """Take the (n, 3) vertices number start, start + 1, ..."""
@@ -185,7 +185,7 @@ class Assembly:
             faces_up,
         )
 
-    def _links(self, window: Window, place: Place) -> tuple[IntArray, IntArray]:
+    def _links(self, window: PlacedRows, place: Place) -> tuple[IntArray, IntArray]:
         """Return the components of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
         placed, first = window.placed[place], self._counts[place].first_component
         neighbors = {
@@ -251,7 +251,7 @@ class Assembly:
         self,
         sink: Sink,
         to_world: Callable[[FloatArray], FloatArray],
-        window: Window,
+        window: PlacedRows,
         numbers: dict[Place, VertexNumbers],
         batch_size: int,
         batch: tuple[Place, int],
@@ -264,7 +264,7 @@ class Assembly:
             sink.put_vertices(int(numbers[place][rows[:1]][0]), to_world(positions))
 
     def _emit_triangles(
-        self, sink: Sink, window: Window, numbers: dict[Place, VertexNumbers], batch_size: int, place: Place
+        self, sink: Sink, window: PlacedRows, numbers: dict[Place, VertexNumbers], batch_size: int, place: Place
     ) -> None:
         """Put the triangles of one tile."""
         placed = window.placed[place]

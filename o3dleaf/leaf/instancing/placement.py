@@ -223,10 +223,10 @@ def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Pl
     cut, on_rim = np.empty((count, 3), dtype=np.int32), np.empty(count, dtype=bool)
     cut_cells(tile.method, *parts, cut, on_rim)
     kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
-    own = in_tile(names, tile.lattice.shape)[1] == 0
-    order = np.concatenate([np.flatnonzero(own), np.flatnonzero(~own)])
+    is_own = in_tile(names, tile.lattice.shape)[1] == 0
+    order = np.concatenate([np.flatnonzero(is_own), np.flatnonzero(~is_own)])
     _renumber(cut, order, len(tile.edges) + len(tile.beyond))
-    return Placement(tile, place, used, kept, cut, names[order], fractions[order], int(own.sum()), on_rim)
+    return Placement(tile, place, used, kept, cut, names[order], fractions[order], int(is_own.sum()), on_rim)
 
 
 def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:

@@ -71,8 +71,8 @@ def place_reduced(placement: Placement, reduced: ReducedTile) -> Placement:
 def _positions(tile: Tile) -> FloatArray:
     """Return the flat positions of the tile's vertices and of those beyond it."""
     shape, beyond = tile.lattice.shape, tile.beyond[:, 0]
-    own = lattice_positions(tile.edges, tile.fractions, shape)
+    inner = lattice_positions(tile.edges, tile.fractions, shape)
     others = lattice_positions(tile.edges[beyond], tile.fractions[beyond], shape)
     others[:, 0] += (tile.beyond[:, 1] & 1) * shape[0]
     others[:, 1] += (tile.beyond[:, 1] >> 1) * shape[1]
-    return tile.lattice.positions(np.concatenate([own, others]))
+    return tile.lattice.positions(np.concatenate([inner, others]))

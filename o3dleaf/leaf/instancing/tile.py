@@ -150,8 +150,8 @@ def extract_tile(
     triangles: list[Any] = []
     cells: list[Any] = []
     for start, stop in blocks(nx, slab):
-        *own, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, start, stop)
-        vertices.append(own)
+        *own_parts, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, start, stop)
+        vertices.append(own_parts)
         named.append((names, shifts))
         triangles.append(nodes)
         cells.append(count)
@@ -208,16 +208,16 @@ def _march_slab(
     names, shifts = np.empty_like(surface.edges), np.empty_like(surface.edges)
     name_in_tile(surface.edges, surface.shape, start, lattice.shape, names, shifts)
     point = surface.edges >> 3
-    own = (point // ((ny + 1) * nz) < stop - start) & (point // nz % (ny + 1) < ny)
+    is_own = (point // ((ny + 1) * nz) < stop - start) & (point // nz % (ny + 1) < ny)
     step = [surface.edges & 1, surface.edges >> 1 & 1, surface.edges >> 2 & 1]
     low = np.stack([point // ((ny + 1) * nz), point // nz % (ny + 1), point % nz])
     upward = inside[tuple(low)]
     outer = np.where(upward, low + step, low)
-    sides = labels[tuple(outer[:, own])]
+    sides = labels[tuple(outer[:, is_own])]
     cells = np.zeros((stop - start, ny), dtype=np.int64)
     count_cells(method, inside, cells)
     triangles = surface.triangles.astype(np.int32)
-    parts = names[own], surface.fractions[own], sides, upward[own]
+    parts = names[is_own], surface.fractions[is_own], sides, upward[is_own]
     return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
 
 

@@ -17,7 +17,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-class Window(NamedTuple):
+class PlacedRows(NamedTuple):
     """A row of places and the row after it, whose vertices the triangles of the first one use.
 
     Attributes
@@ -59,7 +59,7 @@ class TilePlacer:
         self._columns = range(first_j // ny, last_j // ny + 1)
         self._whole: PlacedTile | None = None
 
-    def windows(self) -> Iterator[Window]:
+    def windows(self) -> Iterator[PlacedRows]:
         """Yield every row of places with the row after it."""
         placed: dict[Place, PlacedTile] = {}
         for p in self._rows:
@@ -68,7 +68,7 @@ class TilePlacer:
             placed = {place: tile for place, tile in placed.items() if place[0] >= p}
             placed |= {place: tile for place, tile in zip(places, tiles, strict=True) if tile is not None}
             placed = dict(sorted(placed.items()))
-            yield Window(placed, [place for place in placed if place[0] == p])
+            yield PlacedRows(placed, [place for place in placed if place[0] == p])
 
     def _place(self, place: Place) -> PlacedTile | None:
         """Return the tile in one place with its components; those of the whole tile are found once."""

@@ -174,7 +174,7 @@ class PatchBlend(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the blend as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)

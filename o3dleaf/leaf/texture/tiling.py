@@ -198,7 +198,7 @@ class TiledField(Blended):
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the tiled field as one model file, which `o3dleaf.load` reads."""
-        write_model(path, self)
+        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)

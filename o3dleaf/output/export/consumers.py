@@ -65,6 +65,8 @@ CONSUMERS = {
 }
 """The programs that are known by name; docs/consumers has a page on each."""
 NO_UNIT = "no stated unit"
+RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
+"""What scalars cannot be called."""
 
 
 def export_mesh(
@@ -122,7 +124,7 @@ def export_mesh(
     if suffix == ".glb" and goal != "m":
         raise UnitError(f"{target}: glTF is in metres by its definition; leave to_unit out")
     given = MeshData.of(mesh, labels, unit)
-    values = {name: as_values(each, given.vertex_count, name) for name, each in (scalars or {}).items()}
+    values = _as_scalars(scalars or {}, given.vertex_count)
     if goal is not None and given.unit is None:
         raise UnitError(f"{target}: is to be in {goal}, but the unit of the mesh is not known; name it (unit='mm')")
     if wanted.closed:
@@ -136,6 +138,14 @@ def export_mesh(
         else:
             normals = vertex_normals(ready.vertices, ready.triangles)
             _write(out, replace(ready, attributes={"normals": normals, **values}), target)
+
+
+def _as_scalars(scalars: Mapping[str, npt.ArrayLike], count: int) -> dict[str, FloatArray]:
+    """Return scalars as (count,) arrays, or raise `InputError` where one is called as a column of the file's own."""
+    taken = sorted(RESERVED & scalars.keys())
+    if taken:
+        raise InputError(f"scalars: {', '.join(taken)} would be a second column of that name; choose another")
+    return {name: as_values(each, count, name) for name, each in scalars.items()}
 
 
 def _write_stl(out: IO[bytes], mesh: MeshData, name: str, *, solids: bool) -> None:

@@ -18,13 +18,12 @@ from o3dleaf.output.figures.style import Sheet
 from o3dleaf.output.view.panel import save_figure
 
 FORMATS = ("png", "pdf", "svg", "jpg")
-DPI = 300.0
 CAPTIONS = "captions.md"
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What figures are made of; what is not there leaves out those that need it."""
+    """The data that figures show; figures whose data are missing are left out."""
 
     blade: Blade
     leaf: MultiscaleLeaf | None
@@ -72,7 +71,7 @@ MISSING = {
 
 @dataclass(frozen=True)
 class Drawn:
-    """What `draw_figures` left behind.
+    """The files that `draw_figures` wrote.
 
     Attributes
     ----------

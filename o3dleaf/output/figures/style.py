@@ -1,4 +1,4 @@
-"""What all figures share: a column's width, the fonts, colors that color-blind readers can tell apart."""
+"""Style shared by all figures: a column's width, the fonts, colors that color-blind readers can tell apart."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What is known of a mesh, a file or a run, for people (a page) and for programs (JSON).
+"""Reports of a mesh, a file or a run, for people (a page) and for programs (JSON).
 
 `summary`       what a run says of itself: settings, units, sizes, times, versions
 `words`         figures with their names, kinds and units

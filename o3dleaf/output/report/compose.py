@@ -47,7 +47,7 @@ def compose_page(inspection: Inspection, verdict: CheckResult, points: FloatArra
 
 
 def _can_be_drawn(inspection: Inspection) -> bool:
-    """Say whether there is an area to see."""
+    """Return whether the mesh has an area."""
     return inspection.report.area > 0
 
 

@@ -39,8 +39,8 @@ def sides_of(reduced: ReducedMesh) -> list[Side]:
     front = Camera.framing(reduced.vertices, reduced.triangles, View(tilt=0.0))
 
     def way(*parts: float) -> tuple[float, float, float]:
-        found = np.array(parts) @ np.stack([front.right, front.up, front.toward])
-        return float(found[0]), float(found[1]), float(found[2])
+        direction = np.array(parts) @ np.stack([front.right, front.up, front.toward])
+        return float(direction[0]), float(direction[1]), float(direction[2])
 
     def upright(view: View) -> View:
         # What the front shows is up: a mesh on its back is lit from below.
@@ -74,9 +74,9 @@ def draw_sides(reduced: ReducedMesh, places: list[Place], unit: str | None) -> s
 
 def _frame(reduced: ReducedMesh, view: View, colors: Colors | None = None) -> Picture:
     """Return the picture of the whole mesh, as wide as its shape asks for."""
-    own = Camera.framing(reduced.vertices, reduced.triangles, view)
-    width = WIDE if own.width > 1.9 * own.height else HALF
-    height = int(np.clip(round(width * own.height / own.width), 90, TALLEST if width == WIDE else HALF))
+    fitted = Camera.framing(reduced.vertices, reduced.triangles, view)
+    width = WIDE if fitted.width > 1.9 * fitted.height else HALF
+    height = int(np.clip(round(width * fitted.height / fitted.width), 90, TALLEST if width == WIDE else HALF))
     camera = Camera.framing(reduced.vertices, reduced.triangles, view, width / height)
     paint = leaf_green if colors is None else colors.paint(reduced.triangles)
     return shoot(reduced.vertices, reduced.triangles, paint, camera, (width, height))
@@ -91,7 +91,7 @@ def _figure(picture: str, caption: str, shot: Picture) -> str:
 def _hidden(
     scene: o3d.t.geometry.RaycastingScene, places: list[Place], camera: Camera, middle: FloatArray
 ) -> list[bool]:
-    """Say of each place whether the mesh hides it from a camera."""
+    """Return for each place whether the mesh hides it from a camera."""
     if not places:
         return []
     start = np.stack([place.center for place in places]) - middle + 0.004 * camera.width * camera.toward
@@ -137,10 +137,10 @@ def _free_spot(dot: FloatArray, taken: list[FloatArray], dots: FloatArray, size:
 
 def field_colors(inspection: Inspection, reduced: ReducedMesh) -> Colors | None:
     """Return the distances to the field as colors on a reduced mesh, None without a field."""
-    found = inspection.deviation.to_field
-    if found is None:
+    distance = inspection.deviation.to_field
+    if distance is None:
         return None
-    return _colors(reduced.worst(found), f"distance to the field{_unit(inspection)}", "viridis")
+    return _colors(reduced.worst(distance), f"distance to the field{_unit(inspection)}", "viridis")
 
 
 def scan_colors(inspection: Inspection, reduced: ReducedMesh, points: FloatArray | None) -> Colors | None:

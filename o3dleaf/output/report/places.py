@@ -1,4 +1,4 @@
-"""Where to look: for each kind of defect a few places, each with the triangles around it and a side to see it from."""
+"""Places of defects: for each kind a few, each with the triangles around it and a camera that sees it."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -72,7 +72,7 @@ class Place:
 
 def find_places(inspection: Inspection) -> list[Place]:
     """Return the places to look at: the largest of each defect, and the worst triangles."""
-    found, defects = list[Place](), inspection.defects
+    places, defects = list[Place](), inspection.defects
     rows = defects.rows() | {"sharpest": defects.sharpest}
     if len(rows["hole"]) == len(rows["boundary"]):
         rows["boundary"] = rows["boundary"][:0]
@@ -85,8 +85,8 @@ def find_places(inspection: Inspection) -> list[Place]:
             if any(np.linalg.norm(center - other.center) < 0.8 * other.radius for other in seen):
                 continue
             seen.append(_place(inspection, kind, group, rows[kind]))
-        found += seen
-    return found
+        places += seen
+    return places
 
 
 def _groups(inspection: Inspection, rows: IntArray, *, by_size: bool) -> list[IntArray]:
@@ -173,12 +173,12 @@ def look_at(inspection: Inspection, place: Place) -> Camera:
 
 def _ways(toward: FloatArray, right: FloatArray, up: FloatArray, *, steep: bool) -> list[FloatArray]:
     """Return unit vectors around one, those that show relief first."""
-    found = list[FloatArray]()
+    ways = list[FloatArray]()
     for tilt in np.radians((50, 30, 65, 0) if steep else (25, 0, 45, 65)):
         for turn in np.radians((250, 290, 200, 340, 110, 70, 160, 20)):
             side = np.cos(turn) * right + np.sin(turn) * up
-            found.append(np.cos(tilt) * toward + np.sin(tilt) * side)
-    return found + [-each for each in found]
+            ways.append(np.cos(tilt) * toward + np.sin(tilt) * side)
+    return ways + [-each for each in ways]
 
 
 def _normal(corners: FloatArray) -> FloatArray | None:

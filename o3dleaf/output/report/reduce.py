@@ -37,7 +37,7 @@ class ReducedMesh:
 
     @property
     def is_less(self) -> bool:
-        """Whether it is not the mesh itself."""
+        """Return whether it has fewer triangles than the mesh."""
         return len(self.triangles) < self.full
 
     def worst(self, values: FloatArray, *, least: bool = False) -> FloatArray:
@@ -45,9 +45,9 @@ class ReducedMesh:
         chosen = np.flatnonzero((self.cluster >= 0) & ~np.isnan(values))
         # Sorted by value, the last to be written stays.
         order = chosen[np.argsort(-values[chosen] if least else values[chosen], kind="stable")]
-        found = np.full(len(self.vertices), np.nan)
-        found[self.cluster[order]] = values[order]
-        return found
+        worst = np.full(len(self.vertices), np.nan)
+        worst[self.cluster[order]] = values[order]
+        return worst
 
 
 def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> ReducedMesh:
@@ -56,7 +56,7 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
     Vertices in one cell of a cubic grid become one, at their mean; triangles that lost a corner go,
     and so do those that others cover. The cells' edge is found by a few trials, from the one at
     which an even surface of this area has `budget` triangles. Where nothing is left, because the
-    mesh is crumbs smaller than a cell, some of its triangles stay as they are.
+    mesh is fragments smaller than a cell, some of its triangles stay as they are.
 
     Parameters
     ----------
@@ -72,15 +72,15 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
     step = max(step, 1e-6 * float(np.ptp(vertices, axis=0).max()))
     best: ReducedMesh | None = None
     for _ in range(TRIALS):
-        found = _cluster(vertices, triangles, step)
-        count = len(found.triangles)
+        trial = _cluster(vertices, triangles, step)
+        count = len(trial.triangles)
         if count <= budget and (best is None or count > len(best.triangles)):
-            best = found
+            best = trial
         if ENOUGH * budget <= count <= budget:
             break
         step *= float(np.clip(np.sqrt(count / (0.85 * budget)), 0.25, 4.0))
     if best is None or not len(best.triangles):
-        # Crumbs, each smaller than a cell: some of them, as they are.
+        # Fragments, each smaller than a cell: some of them, as they are.
         chosen = triangles[np.linspace(0, len(triangles) - 1, budget).astype(np.int64)]
         return replace(reduce_mesh(vertices, chosen, budget), full=len(triangles))
     return best

@@ -1,4 +1,4 @@
-"""What the interactive view draws: a mesh small enough for a page, colors by vertex, the defects as they are."""
+"""Data of the interactive view: a mesh small enough for a page, colors by vertex, the defects as they are."""
 
 import base64
 import json
@@ -87,13 +87,13 @@ def _layer(colors: Colors) -> dict[str, Any]:
 
 def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]]:
     """Return the triangles of each kind of defect that was found, and where its close-ups are."""
-    measurements, found = inspection.measurements, list[dict[str, Any]]()
+    measurements, defects = inspection.measurements, list[dict[str, Any]]()
     rows = inspection.defects.rows() | {"sharpest": inspection.defects.sharpest}
     for name, kind in KINDS.items():
         if not len(rows[name]):
             continue
         color = [int(kind.color[each : each + 2], 16) / 255 for each in (1, 3, 5)]
-        found.append(
+        defects.append(
             {
                 "name": name,
                 "count": len(rows[name]),
@@ -103,7 +103,7 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
                 "soup": _pack(measurements.vertices[measurements.triangles[rows[name][:SOUP]]], "<f4"),
             }
         )
-    return found
+    return defects
 
 
 def angle_colors(inspection: Inspection, reduced: ReducedMesh) -> Colors:

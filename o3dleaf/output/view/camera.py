@@ -1,4 +1,4 @@
-"""What a picture shows: a mesh face-on, its long axis level, tilted a little, fitted to a panel."""
+"""Views and cameras: a mesh face-on, its long axis level, tilted a little, fitted to a panel."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ EYE = 3.0
 
 @dataclass(frozen=True)
 class View:
-    """How to look at a mesh.
+    """A way to look at a mesh.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ from o3dleaf.output.view.picture import Scalars, render
 
 
 class Measure(NamedTuple):
-    """What a map can show: how to get it, its name, and the value that means no distortion."""
+    """A quantity that a map can show: a function of the distortion, its name, and its value without distortion."""
 
     values: Callable[[Distortion], FloatArray]
     label: str

@@ -38,7 +38,7 @@ BATCH_SIZE = 1 << 19
 
 @cache
 def find_renderer() -> Literal["hardware", "software"] | None:
-    """Say what Open3D's renderer runs on here, None where it does not work: one triangle is drawn, once a process.
+    """Return the device of Open3D's renderer, None where it does not work: one triangle is drawn, once a process.
 
     In software, such as Mesa's llvmpipe, it takes twice as long as casting rays, without the shadows.
     """
@@ -123,7 +123,7 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), np.finfo(float).tiny)
     eye = EYE * camera.width * camera.toward
-    found = np.empty_like(corners)
+    colors = np.empty_like(corners)
     sight = corners.mean(axis=1) - eye if camera.perspective else np.broadcast_to(-camera.toward, flat.shape)
     facing = np.where(np.einsum("ij,ij->i", flat, sight) > 0, -1.0, 1.0)
     for corner in range(3):
@@ -132,8 +132,8 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
         bent = (flat if normals is None else normals[shot.triangles[numbers, corner]]) * facing[:, np.newaxis]
         light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
-        found[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
-    return found
+        colors[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
+    return colors
 
 
 def _take_back(path: Path, finer: int) -> FloatArray:

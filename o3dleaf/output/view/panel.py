@@ -102,7 +102,7 @@ class Page:
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
 
     def key(self, color: str, marker: str, text: str) -> None:
-        """Say at the foot, between scale bar and color bar, what a marker of Matplotlib in a color stands for."""
+        """Write a legend at the foot, between scale bar and color bar, for a marker of Matplotlib in a color."""
         width, height = self.figure.bbox.size
         left, base = 0.29 * width, height - 1.3 * self.em
         line = marker == "-"

@@ -153,8 +153,8 @@ def draw_page(
     scenes = [Scene.of(each.mesh, each.scalars) for each in panels]
     em = subject.view.text * em_of(size)
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
-    own = _frame(scenes[0], subject.view)
-    main, beside = lay_out(size, len(details), own.width / own.height, round(2.4 * em) if title else 0, foot)
+    fitted = _frame(scenes[0], subject.view)
+    main, beside = lay_out(size, len(details), fitted.width / fitted.height, round(2.4 * em) if title else 0, foot)
     boxes = [main, *beside]
     shots = [
         _shoot(scene, each.view, box.without_foot(foot)) for scene, each, box in zip(scenes, panels, boxes, strict=True)

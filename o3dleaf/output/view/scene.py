@@ -1,4 +1,4 @@
-"""What is drawn in one panel: meshes and point clouds, put together into triangles that know their colors."""
+"""The scene of one panel: meshes and point clouds, put together into triangles with their colors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -194,7 +194,7 @@ class Scene:
 
 
 def _is_several(things: object) -> TypeGuard[list[Any]]:
-    """Say whether it is a list of things, and not one mesh given as the list of its two arrays."""
+    """Return whether it is a list of things, and not one mesh given as the list of its two arrays."""
     return isinstance(things, list) and any(isinstance(thing, GEOMETRIES) for thing in things)
 
 

@@ -34,7 +34,7 @@ LIGHT = np.array([-0.62, 0.50, 0.60])
 
 @dataclass(frozen=True)
 class Shot:
-    """What is to be shaded for one panel.
+    """A mesh, its colors and a camera, to be shaded for one panel.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ def _sky_seen(
 def _blocked(
     scene: o3d.t.geometry.RaycastingScene, place: FloatArray, way: FloatArray, reach: float
 ) -> npt.NDArray[np.bool_]:
-    """Say for each ray whether the mesh is in its way within `reach`."""
+    """Return for each ray whether the mesh is in its way within `reach`."""
     rays = o3d.core.Tensor.from_numpy(np.hstack([place, way]).astype(np.float32))
     return np.asarray(scene.test_occlusions(rays, tfar=float(reach)).numpy(), dtype=bool)
 

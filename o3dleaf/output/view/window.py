@@ -46,7 +46,7 @@ def require_window(name: str, cure: str) -> None:
 
 
 def has_display() -> bool:
-    """Say whether a window could open at all: a screen of X11 or Wayland on Linux, any other system has one."""
+    """Return whether a window could open at all: a screen of X11 or Wayland on Linux, any other system has one."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 

@@ -19,7 +19,7 @@ NEIGHBORS = 16
 SPACED = 12
 """Neighbor by whose distance the spacing is measured; off by 1/(2 √12), 14 %, at one random point, before averaging."""
 BLOCK = 4096
-BATCH = 1 << 18
+BATCH_SIZE = 1 << 18
 """Points whose neighbors are searched at once."""
 
 
@@ -37,7 +37,7 @@ class Planes(NamedTuple):
     variance: FloatArray
 
 
-def nearest_neighbors(tree: cKDTree, *, batch: int = BATCH) -> Neighborhoods:
+def nearest_neighbors(tree: cKDTree, *, batch: int = BATCH_SIZE) -> Neighborhoods:
     """Return the 16 nearest points (fewer if there are fewer) of each point of a tree, itself among them."""
     points, count = tree.data, min(NEIGHBORS, tree.n)
     # In the tree's own order, successive queries are neighbors in memory: three times faster.

@@ -67,8 +67,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     unit : str, optional
         Of the coordinates; the field keeps it.
     prepare : callable
-        ``prepare(cloud) -> OrientedCloud``, or what `OrientedCloud.of` makes one of: faulty points go, every point
-        has an outward normal.
+        ``prepare(cloud) -> OrientedCloud``, or any cloud with normals: faulty points go, normals point outward.
     merge : callable or None
         ``merge(cloud) -> OrientedCloud``: points averaged where noise is thicker than the spacing. None: as they are.
     constraints : callable

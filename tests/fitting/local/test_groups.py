@@ -5,8 +5,9 @@ import pytest
 from scipy.linalg import null_space
 
 import reference
-from o3dleaf import InputError, PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
+from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
 from o3dleaf.core.checks import as_rows
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares
 from o3dleaf.fitting.rbf.spectrum_loops import held_out_squares
 from o3dleaf.fitting.rbf.tail import tail_exponents

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import reference
-from o3dleaf import IllPosedError, InputError, PUInterpolant, get_num_threads, load, set_num_threads
+from o3dleaf import PUInterpolant, get_num_threads, load, set_num_threads
+from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local.fitter import ScatteredData

@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from o3dleaf import CurlFree, Hermite, InputError, MovingLeastSquares, PUInterpolant, get_num_threads, set_num_threads
+from o3dleaf import CurlFree, Hermite, MovingLeastSquares, PUInterpolant, get_num_threads, set_num_threads
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials

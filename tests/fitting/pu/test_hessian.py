@@ -7,7 +7,8 @@ import pytest
 from scipy.stats.qmc import Halton
 
 import reference
-from o3dleaf import InputError, PUInterpolant, RBFInterpolant, TiledField
+from o3dleaf import PUInterpolant, RBFInterpolant, TiledField
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.local.fields import LocalFields
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import HESSIAN_DIFFERENCE, HESSIAN_KINK, HESSIAN_SEAM, HESSIAN_TWIN, ROUNDING

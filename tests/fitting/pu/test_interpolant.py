@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy.stats.qmc import Halton
 
 import reference
-from o3dleaf import Field, IllPosedError, InputError, PUInterpolant, RBFInterpolant, UnitError, polyharmonic
+from o3dleaf import Field, PUInterpolant, RBFInterpolant, polyharmonic
 from o3dleaf.core import progress
+from o3dleaf.core.errors import IllPosedError, InputError, UnitError
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.local.splines import Splines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic

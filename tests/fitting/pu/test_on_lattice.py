@@ -5,9 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, MemoryBudgetError, PUInterpolant, TiledField
+from o3dleaf import PUInterpolant, TiledField
 from o3dleaf.core import lattice as sampling
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError, MemoryBudgetError
 
 
 def fitted(d):

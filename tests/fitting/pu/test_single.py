@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf import InputError, PUInterpolant, RBFInterpolant, TiledField
+from o3dleaf import PUInterpolant, RBFInterpolant, TiledField
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import CHANGED, SINGLE
 

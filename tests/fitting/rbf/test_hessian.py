@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf import InputError, RBFInterpolant
+from o3dleaf import RBFInterpolant
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf import interpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import FIELD_TWIN, HESSIAN_DIFFERENCE, HESSIAN_KINK, SIMILARITY

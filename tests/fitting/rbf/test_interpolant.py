@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 
 import reference
-from o3dleaf import Field, IllPosedError, InputError, RBFInterpolant, UnitError, polyharmonic
+from o3dleaf import Field, RBFInterpolant, polyharmonic
+from o3dleaf.core.errors import IllPosedError, InputError, UnitError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from tolerances import FIELD_GRADIENT, FIELD_TWIN, MEAN_OF_DUPLICATES, POLYNOMIAL, SCIPY, SIMILARITY
 

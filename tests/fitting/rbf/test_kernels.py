@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import null_space
 
 import reference
-from o3dleaf import InputError, polyharmonic
+from o3dleaf import polyharmonic
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf import radial_loops
 from o3dleaf.fitting.rbf.kernels import NAMES, Polyharmonic, as_kernel
 from tolerances import KERNEL_SLOPE, ROOT, ROUNDING

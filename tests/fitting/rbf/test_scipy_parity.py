@@ -8,7 +8,8 @@ import pytest
 from scipy.interpolate import RBFInterpolator
 
 import reference
-from o3dleaf import IllPosedError, InputError, RBFInterpolant
+from o3dleaf import RBFInterpolant
+from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf.kernels import NAMES, as_kernel
 from o3dleaf.fitting.rbf.smoothing import Spectrum, choose_by_gcv
 from o3dleaf.fitting.rbf.spectrum_loops import spectra

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf import InputError, RBFInterpolant, polyharmonic
+from o3dleaf import RBFInterpolant, polyharmonic
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, as_smoothing, choose_by_gcv, gcv_score
 from o3dleaf.fitting.rbf.spectrum_loops import spectra

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import reference
-from o3dleaf import InputError
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf import evaluation_loops, solve_loops
 from o3dleaf.fitting.rbf.tail import tail_exponents
 from tolerances import ROUNDING

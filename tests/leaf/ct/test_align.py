@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
-from o3dleaf import InputError, ReconstructionError, Volume, align_blade
+from o3dleaf import Volume, align_blade
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import apply_transform
 from o3dleaf.samples import wheat_ct

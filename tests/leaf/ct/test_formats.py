@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from o3dleaf import InputError, O3DLeafError, Volume, read_volume, write_volume
+from o3dleaf import Volume, read_volume, write_volume
+from o3dleaf.core.errors import InputError, O3DLeafError
 from tolerances import ROUND_TRIP_SPACING
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, Volume
+from o3dleaf import Volume
+from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.threshold import histogram_threshold
 from o3dleaf.samples import wheat_ct
 

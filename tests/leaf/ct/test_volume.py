@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, UnitError, Volume
+from o3dleaf import Volume
+from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.leaf.ct.volume import apply_transform
 
 

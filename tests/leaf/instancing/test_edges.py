@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import ReconstructionError, mesh_report
+from o3dleaf import mesh_report
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.block import extract_block

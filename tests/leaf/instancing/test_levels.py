@@ -6,7 +6,8 @@ import numpy as np
 import pymeshlab
 import pytest
 
-from o3dleaf import InputError, ReconstructionError, mesh_report
+from o3dleaf import mesh_report
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile

@@ -4,15 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from o3dleaf import (
-    MemoryBudgetError,
-    ReconstructionError,
-    get_num_threads,
-    mesh_report,
-    remesh,
-    set_num_threads,
-    simplify_mesh,
-)
+from o3dleaf import get_num_threads, mesh_report, remesh, set_num_threads, simplify_mesh
+from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly

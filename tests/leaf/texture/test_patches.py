@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import InputError, PatchBlend, PUInterpolant, TiledField, UnitError
+from o3dleaf import PatchBlend, PUInterpolant, TiledField
+from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.fitting.pu.blend import CHUNK, WORKING_MEMORY
 from tolerances import ANALYTIC_VS_DIFFERENCE, FADE_TWIN, HESSIAN_DIFFERENCE, PERIODIC
 

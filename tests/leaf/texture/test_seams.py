@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import InputError, PUInterpolant, TiledField
+from o3dleaf import PUInterpolant, TiledField
+from o3dleaf.core.errors import InputError
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     FADE_TWIN,

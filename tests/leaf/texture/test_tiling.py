@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, PUInterpolant, TiledField
+from o3dleaf import PUInterpolant, TiledField
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.local.weight_loops import wendland
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 

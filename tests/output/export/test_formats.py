@@ -279,6 +279,7 @@ def hair_thin():
         ("a.ply", lambda v, t: (v, t), {"labels": [0, 1]}, "one whole number a triangle"),
         ("a.ply", lambda v, t: (v, t), {"labels": np.full(1000, 7)}, "0 to 2"),
         ("a.ply", lambda v, t: (v, t), {"scalars": {"depth": [1.0]}}, "depth"),
+        ("a.ply", lambda v, t: (v, t), {"scalars": {"nx": [1.0]}}, "second column"),
         ("a.ply", lambda v, _: (v, np.empty((0, 3))), {}, "no triangles"),
     ],
 )

@@ -9,8 +9,9 @@ from matplotlib.image import imread
 
 import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
-from o3dleaf import AlphaShape, HeightMap, InputError, MultiscaleLeaf, ReconstructionError, Volume, draw_figures
+from o3dleaf import AlphaShape, HeightMap, MultiscaleLeaf, Volume, draw_figures
 from o3dleaf.commands.figures import FiguresJob
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.journal import Journal
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.output.figures import flattened_scan, height_map, histogram, pictures, scan_picture

@@ -12,7 +12,8 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf import InputError, check_report
+from o3dleaf import check_report
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import triangle_areas
 from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from o3dleaf.output.report import closeups, overviews, shots
@@ -20,7 +21,7 @@ from o3dleaf.output.report.examine import Examination, require_field
 from o3dleaf.output.report.places import KINDS, find_places, look_at
 from o3dleaf.output.report.reduce import reduce_mesh
 from o3dleaf.output.report.requirements import RULES, parse_requirements
-from o3dleaf.output.report.words import FIGURES
+from o3dleaf.output.report.words import QUANTITIES
 from o3dleaf.output.view.camera import Camera, View
 from tolerances import PAGE_SECONDS, REDUCED_AREA
 
@@ -201,8 +202,8 @@ def test_a_model_that_is_no_field_is_refused():
 
 
 def test_every_figure_of_a_report_has_a_name(broken):
-    assert set(broken.inspection.report.to_dict()) <= set(FIGURES)
-    assert {rule.attribute for rule in RULES.values()} <= set(FIGURES)
+    assert set(broken.inspection.report.to_dict()) <= set(QUANTITIES)
+    assert {rule.attribute for rule in RULES.values()} <= set(QUANTITIES)
 
 
 # --- what is drawn ---

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from o3dleaf import AlphaShape, Blade, HeightMap, InputError, LeafFrame, render_distortion
+from o3dleaf import AlphaShape, Blade, HeightMap, LeafFrame
+from o3dleaf.core.errors import InputError
+from o3dleaf.output.view import render_distortion
 from o3dleaf.output.view.maps import MEASURES
 from o3dleaf.output.view.picture import PAPER
 

@@ -4,8 +4,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf import InputError, O3DLeafError, pick_midrib
-from o3dleaf.output.view import pick, window
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.output.view import pick, pick_midrib, window
 from o3dleaf.output.view.pick import control_points
 
 POINTS = np.random.default_rng(0).uniform(0, 1, (30, 3))

@@ -8,9 +8,10 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf import InputError, MemoryBudgetError, O3DLeafError, Points, extract_isosurface, render
+from o3dleaf import extract_isosurface
+from o3dleaf.core.errors import InputError, MemoryBudgetError, O3DLeafError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.output.view import offscreen, scene
+from o3dleaf.output.view import Points, offscreen, render, scene
 from o3dleaf.output.view import points as points_module
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page

@@ -27,7 +27,7 @@ def things():
         o3l.samples.Block(),
         sphere,
         sphere.closest(points),
-        o3l.Points(points, color="#d55e00"),
+        o3l.view.Points(points, color="#d55e00"),
         o3l.view.Scalars(points[:, 0], "height, mm"),
         o3l.view.Inset((points, np.arange(1500).reshape(-1, 3)), "close-up"),
         o3l.view.View(),

@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from cloud_shapes import block, slab, sphere, torus
-from o3dleaf import InputError, OrientedCloud, offset_constraints
+from o3dleaf import OrientedCloud, offset_constraints
+from o3dleaf.core.errors import InputError
 from tolerances import NEAREST
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from o3dleaf import InputError, OrientedCloud, estimate_noise, samples, voxel_down_sample
+from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
+from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
 from tolerances import MERGED, NOISE_SHARE
 

@@ -4,8 +4,6 @@ import pytest
 
 from cloud_shapes import block, slab, sphere, torus
 from o3dleaf import (
-    InputError,
-    OrientationError,
     OrientedCloud,
     estimate_normals,
     get_num_threads,
@@ -13,6 +11,7 @@ from o3dleaf import (
     preprocess_point_cloud,
     set_num_threads,
 )
+from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.surface.cloud.normals import repair_normals
 from o3dleaf.surface.cloud.winding_number import enclosing_signs
 from tolerances import ALMOST_ALL, GROUPS_ANGLE, ON_SURFACE

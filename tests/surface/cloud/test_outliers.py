@@ -7,7 +7,8 @@ import open3d as o3d
 import pytest
 
 from cloud_shapes import torus
-from o3dleaf import InputError, OrientedCloud, detect_outliers, read_point_cloud
+from o3dleaf import OrientedCloud, detect_outliers, read_point_cloud
+from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.pipeline import is_far
 from o3dleaf.surface.cloud.preprocess import remove_faults
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from cloud_shapes import sphere, torus
-from o3dleaf import InputError, OrientedCloud, point_spacing
+from o3dleaf import OrientedCloud, point_spacing
+from o3dleaf.core.errors import InputError
 from tolerances import SPACING
 
 

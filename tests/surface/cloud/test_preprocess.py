@@ -6,14 +6,8 @@ import open3d as o3d
 import pytest
 
 from cloud_shapes import sphere, torus
-from o3dleaf import (
-    InputError,
-    OrientedCloud,
-    detect_outliers,
-    estimate_normals,
-    orient_normals,
-    preprocess_point_cloud,
-)
+from o3dleaf import OrientedCloud, detect_outliers, estimate_normals, orient_normals, preprocess_point_cloud
+from o3dleaf.core.errors import InputError
 
 
 def test_what_does_no_good_goes_and_is_counted_and_the_rest_keeps_its_order():

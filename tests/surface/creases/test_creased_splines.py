@@ -7,7 +7,8 @@ import pytest
 
 import o3dleaf as o3l
 import tolerances
-from o3dleaf import CreasedSplines, InputError, PUInterpolant
+from o3dleaf import CreasedSplines, PUInterpolant
+from o3dleaf.core.errors import InputError
 from o3dleaf.io.model_file import MAGIC, PREFIX
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 

@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 from mesh_fields import BLOCK_HALF, CENTRE, Analytic, block, sphere, torus, wavy_sheets
-from o3dleaf import (
-    InputError,
-    ReconstructionError,
-    extract_isosurface,
-    get_num_threads,
-    mesh_report,
-    set_num_threads,
-)
+from o3dleaf import extract_isosurface, get_num_threads, mesh_report, set_num_threads
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.isosurface.crease_edges import join_creases
 from o3dleaf.surface.mesh.components import connected_components

@@ -5,16 +5,9 @@ import pytest
 from scipy import ndimage
 
 from mesh_fields import CENTRE, Analytic, hashed_noise, sphere, torus, wavy_sheets
-from o3dleaf import (
-    InputError,
-    MemoryBudgetError,
-    ReconstructionError,
-    extract_isosurface,
-    get_num_threads,
-    mesh_report,
-    set_num_threads,
-)
+from o3dleaf import extract_isosurface, get_num_threads, mesh_report, set_num_threads
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError, MemoryBudgetError, ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION

@@ -10,21 +10,13 @@ from scipy.spatial.transform import Rotation
 
 import reference
 from mesh_fields import DEFECTS, Analytic, planted, sphere, torus, wavy_sheets
-from o3dleaf import (
-    InputError,
-    MultiscaleLeaf,
-    UnitError,
-    create_blade,
-    create_texture,
-    extract_isosurface,
-    find_defects,
-    inspect_mesh,
-    mesh_report,
-)
+from o3dleaf import MultiscaleLeaf, create_blade, create_texture, extract_isosurface, inspect_mesh, mesh_report
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
+from o3dleaf.surface.mesh.defects import find_defects
 from o3dleaf.surface.mesh.deviation import SUPPORT
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from tolerances import MESHLAB_AREA, NEWTON_STEP, RIGHT_ANGLE, SCENE, SMALL_ANGLE, TURNED_MESH

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from mesh_fields import joined
-from o3dleaf import InputError, OrientedCloud, find_inverted_regions, mesh_report, trim_to_data
+from o3dleaf import OrientedCloud, find_inverted_regions, mesh_report, trim_to_data
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.reconstruction.along_mesh import MeshNearData, VertexNeighbors, distance_along
 from tolerances import FLAP

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from cloud_shapes import torus
-from o3dleaf import create_from_point_cloud_rbfpu
+from o3dleaf import create_from_point_cloud_rbfpu, samples
 from o3dleaf.core.journal import Journal
-from o3dleaf.samples.solids import Block
 from tolerances import LARGEST_STEP_OF_A_BAR
 
 LONG = ("prepare cloud", "merge points", "fit balls", "follow surface", "trim to data", "measure support")
@@ -38,7 +37,7 @@ def open_and_noisy():
 
 
 def creased():
-    return Block().sample(6000, seed=0)
+    return samples.Block().sample(6000, seed=0)
 
 
 @pytest.mark.parametrize("cloud", [clean, open_and_noisy, creased])

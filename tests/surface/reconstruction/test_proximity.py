@@ -9,7 +9,6 @@ from mesh_fields import CENTRE, joined, sphere
 from o3dleaf import (
     OrientedCloud,
     PUInterpolant,
-    VertexSupport,
     distance_mask,
     extract_isosurface,
     point_spacing,
@@ -20,7 +19,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.reconstruction.proximity import conservative_mask
-from o3dleaf.surface.reconstruction.vertex_support import support_colors
+from o3dleaf.surface.reconstruction.vertex_support import VertexSupport, support_colors
 from tolerances import ONE_PASS
 
 

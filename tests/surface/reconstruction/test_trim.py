@@ -4,16 +4,8 @@ import numpy as np
 import pytest
 
 from mesh_fields import joined, sphere
-from o3dleaf import (
-    InputError,
-    OrientedCloud,
-    ReconstructionError,
-    distance_mask,
-    extract_isosurface,
-    mesh_report,
-    point_spacing,
-    trim_to_data,
-)
+from o3dleaf import OrientedCloud, distance_mask, extract_isosurface, mesh_report, point_spacing, trim_to_data
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.mesh.topology import EdgeTable
 from o3dleaf.surface.reconstruction.trim import cut_below

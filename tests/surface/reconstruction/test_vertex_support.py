@@ -5,7 +5,8 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import CENTRE, Analytic, sphere
-from o3dleaf import InputError, OrientedCloud, color_by_support, extract_isosurface, vertex_support
+from o3dleaf import OrientedCloud, color_by_support, extract_isosurface, vertex_support
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.io.triangle_mesh import read_triangle_mesh, write_mesh
 from tolerances import FIRST_ORDER, FULL_WEIGHT, RESIDUAL_OF_NOISE, SUPPORT_TWIN

@@ -7,16 +7,9 @@ from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
 import reference
-from o3dleaf import (
-    InputError,
-    LabelledMesh,
-    extract_isosurface,
-    get_num_threads,
-    mesh_report,
-    remesh,
-    set_num_threads,
-)
+from o3dleaf import LabelledMesh, extract_isosurface, get_num_threads, mesh_report, remesh, set_num_threads
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.remeshing import blocks

@@ -8,15 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay, cKDTree
 
 from mesh_fields import sphere, wavy_sheets
-from o3dleaf import (
-    InputError,
-    LabelledMesh,
-    clean_mesh,
-    extract_isosurface,
-    mesh_report,
-    simplify_mesh,
-    surface_distance,
-)
+from o3dleaf import LabelledMesh, clean_mesh, extract_isosurface, mesh_report, simplify_mesh, surface_distance
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays, triangle_areas
 from o3dleaf.surface.mesh.topology import EdgeTable
 from o3dleaf.surface.repair.clean import FOLD_ANGLE, Cleaning

@@ -5,7 +5,8 @@ import open3d as o3d
 import pytest
 
 from mesh_fields import DEFECTS, joined, planted, sphere, wavy_sheets
-from o3dleaf import InputError, clean_mesh, extract_isosurface, mesh_report, simplify_mesh
+from o3dleaf import clean_mesh, extract_isosurface, mesh_report, simplify_mesh
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.surface.mesh.topology import EdgeTable
 from tolerances import SIMPLIFIED_SPHERE
