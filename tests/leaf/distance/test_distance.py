@@ -216,5 +216,5 @@ def test_the_closed_distance_is_that_to_the_closed_mesh(rough):
 def test_air_that_reaches_through_the_blade_cannot_be_filled():
     leaf = leaf_of(texture(lambda x, y, z: np.minimum(HALF - np.abs(z), np.hypot(x, y) - 0.3), n=21))[0]
     assert leaf.signed_distance([[8.0, 0.0, 0.0]]) == pytest.approx(0.3, abs=FILLED)
-    with pytest.raises(ReconstructionError, match="air reaches through the blade"):
+    with pytest.raises(ReconstructionError, match="air reaches through the layer"):
         leaf.signed_distance([[8.0, 0.0, 0.0]], closed=True)
