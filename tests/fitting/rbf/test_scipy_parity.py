@@ -117,7 +117,7 @@ def test_much_smoothing_is_the_least_squares_polynomial(kernel):
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_an_outlier_that_is_not_weightsed_is_ignored(kernel):
+def test_an_outlier_that_is_not_trusted_is_ignored(kernel):
     points, values, queries = waves(2)
     degree = least(kernel, 2)
     wrong, weights = values.copy(), np.ones(len(values))

@@ -6,7 +6,7 @@ import pytest
 from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
-from tolerances import MERGED, NOISE_SHARE
+from tolerances import MEANS, NOISE_SHARE
 
 
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 1.0, 2.0])
@@ -56,8 +56,8 @@ def test_merging_keeps_every_point():
     merged = voxel_down_sample(OrientedCloud.of(points, normals), 0.1)
     assert merged.weights.sum() == len(points)
     assert len(merged.points) < len(points) / 2
-    np.testing.assert_allclose(merged.weights @ merged.points, points.sum(axis=0), rtol=0, atol=MERGED)
-    np.testing.assert_allclose(np.linalg.norm(merged.normals, axis=1), 1.0, rtol=0, atol=MERGED)
+    np.testing.assert_allclose(merged.weights @ merged.points, points.sum(axis=0), rtol=0, atol=MEANS)
+    np.testing.assert_allclose(np.linalg.norm(merged.normals, axis=1), 1.0, rtol=0, atol=MEANS)
 
 
 def test_merging_is_a_mean_by_voxel_and_facing():
@@ -72,7 +72,7 @@ def test_merging_is_a_mean_by_voxel_and_facing():
         away = normals[first.setdefault(voxel, i)] @ normals[i] < 0
         groups.setdefault((*voxel, int(away)), []).append(i)
     expected = np.array([points[rows].mean(axis=0) for rows in groups.values()])
-    np.testing.assert_allclose(found.points, expected, rtol=0, atol=MERGED)
+    np.testing.assert_allclose(found.points, expected, rtol=0, atol=MEANS)
 
 
 def test_the_sides_of_a_thin_sheet_are_not_averaged():
@@ -82,7 +82,7 @@ def test_the_sides_of_a_thin_sheet_are_not_averaged():
     points = np.column_stack([rng.uniform(size=(1_000, 2)), 0.001 * side])
     normals = np.column_stack([np.zeros((1_000, 2)), side])
     merged = voxel_down_sample(OrientedCloud.of(points, normals), 0.25)
-    np.testing.assert_allclose(merged.points[:, 2], 0.001 * merged.normals[:, 2], rtol=0, atol=MERGED)
+    np.testing.assert_allclose(merged.points[:, 2], 0.001 * merged.normals[:, 2], rtol=0, atol=MEANS)
 
 
 @pytest.mark.parametrize(("size", "why"), [(0.0, "above zero"), (np.nan, "above zero")])

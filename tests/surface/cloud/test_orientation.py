@@ -14,7 +14,7 @@ from o3dleaf import (
 from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.surface.cloud.normals import repair_normals
 from o3dleaf.surface.cloud.winding_number import enclosing_signs
-from tolerances import ALMOST_ALL, GROUPS_ANGLE, ON_SURFACE
+from tolerances import ALMOST_ALL, GROUPS_ANGLE, HALF_WINDING
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
@@ -69,7 +69,7 @@ def test_the_winding_number_is_a_half_on_a_closed_surface():
     points, normals = sphere(4000)
     found = enclosing_signs(points, -normals, np.full(4000, 4 * np.pi / 4000), np.zeros(4000, np.int64))
     assert found.sign == [-1]
-    assert found.winding == pytest.approx(0.5, abs=ON_SURFACE)
+    assert found.winding == pytest.approx(0.5, abs=HALF_WINDING)
 
 
 def test_an_open_sheet_has_one_side_and_a_note():
