@@ -103,7 +103,7 @@ class CleanJob(CleaningOptions, LongJob):
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a mesh was and is.
+    """Reports of a mesh before and after cleaning.
 
     Attributes
     ----------

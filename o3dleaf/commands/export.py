@@ -88,7 +88,7 @@ class ExportJob(UnitOption, LongJob):
 
     @property
     def is_model(self) -> bool:
-        """Whether the source is a model, which is meshed first."""
+        """True for a model, which is meshed first."""
         return self.source.suffix.lower() == MODEL
 
     def check(self) -> None:

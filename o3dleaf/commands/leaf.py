@@ -35,7 +35,7 @@ def _windows(texts: list[str]) -> tuple[tuple[float, ...], ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ScanOptions:
-    """What belongs to a scan."""
+    """Midrib and unit of a scan."""
 
     midrib: Path | None = option(None, "Control points from base to tip; found if not given.", reads=True)
     scan_unit: str = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.")
@@ -166,7 +166,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the result depends on: every option but how many threads and what is shown."""
+        """Every option that the result depends on: all but the number of threads and the display."""
         return {name: getattr(self, name) for name in options_of(type(self)) if name not in options_of(LongJob)}
 
     def write_sheet(self, blade: "Blade") -> "o3d.geometry.TriangleMesh":
@@ -185,7 +185,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         from o3dleaf.io.triangle_mesh import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
-        with journal.stage("polygonise one tile"):
+        with journal.stage("polygonize one tile"):
             surface = leaf.plan_mesh(self.spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(

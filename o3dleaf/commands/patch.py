@@ -20,7 +20,7 @@ MODEL = ".o3l"
 
 @dataclass(frozen=True, kw_only=True)
 class CtOptions(TextureOptions):
-    """How a micro-CT volume is read, and what is made of it."""
+    """Options for reading a micro-CT volume and for the texture made of it."""
 
     ct_unit: str | None = option(None, "Unit to take the volume in: lengths that its file states are converted.")
     voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not say it)", unit="ct-unit")

@@ -16,7 +16,7 @@ LABELS = {
     "weight": "sampling density (1: that of a whole cloud)",
     "residual": "distance of the data from the surface",
 }
-"""What the color bar says of each measure."""
+"""Label of the color bar of each measure."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class ReconstructJob(UnitOption, LongJob):
 
     @property
     def label(self) -> str:
-        """What the color bar says."""
+        """Label of the color bar."""
         return LABELS[self.measure] + (f" / {self.unit}" if self.unit and self.measure != "weight" else "")
 
     def line(self, summary: "MeshReport") -> str:

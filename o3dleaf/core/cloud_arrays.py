@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class HasPoints(Protocol):
-    """What has points (n, 3) as Open3D's legacy clouds have, and may have normals."""
+    """An object with points (n, 3), and perhaps normals, as Open3D's legacy clouds have them."""
 
     @property
     def points(self) -> Any:

@@ -1,7 +1,7 @@
-"""Where a surface goes that is made block by block: arrays in memory, or a PLY, STL or OBJ file.
+"""Sinks of a surface that is made block by block: arrays in memory, or a PLY, STL or OBJ file.
 
-Blocks may come in any order and from any thread; of a file nothing is held. STL repeats the corners and OBJ is text:
-both are made from a scratch file at the end.
+Blocks may come in any order and from any thread; of a file nothing is kept in memory. STL repeats the corners and OBJ
+is text: both are made from a scratch file at the end.
 """
 
 import tempfile
@@ -26,7 +26,7 @@ OBJ_VERTEX_BYTES, OBJ_TRIANGLE_BYTES = 64, 32
 
 
 class MeshSize(Protocol):
-    """What is known of a surface before it is made."""
+    """Numbers of vertices and triangles of a surface, known before it is made."""
 
     @property
     def vertices(self) -> int:

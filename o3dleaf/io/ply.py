@@ -30,7 +30,7 @@ GAP = 1024
 
 @dataclass(frozen=True)
 class PlyLayout:
-    """What a binary PLY file holds and where: known before the first vertex is.
+    """Elements and properties of a binary PLY file, known before its first vertex.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class PlyLayout:
     triangles : int, optional
         None: points without faces.
     vertex : dtype
-        What a vertex consists of.
+        Of a vertex.
     names : tuple of str, optional
         Of the labels of the faces; None: they have none.
     comments : tuple of str
     index : {"int", "uint"}
-        What the header calls the numbers of vertices.
+        Type that the header gives to the numbers of vertices.
     """
 
     vertices: int
@@ -68,7 +68,7 @@ class PlyLayout:
 
     @property
     def face(self) -> np.dtype[Any]:
-        """What a face consists of, packed."""
+        """Packed dtype of a face."""
         label = [] if self.names is None else [("label", "u1")]
         return np.dtype([("count", "u1"), ("corners", "<i4", (3,)), *label])
 

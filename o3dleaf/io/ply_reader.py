@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.units import METRES
+from o3dleaf.core.units import METERS
 from o3dleaf.io.labelled_mesh import LabelArray, name_labels
 from o3dleaf.io.mesh_data import MeshData
 
@@ -51,19 +51,19 @@ class PlyHeader:
 
     @property
     def is_text(self) -> bool:
-        """Whether numbers are written out."""
+        """True for an ASCII file."""
         return ["format", "ascii", "1.0"] in self.lines
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many there are of each element."""
+        """Number of items of each element."""
         return {words[1]: int(words[2]) for words in self.lines if words[0] == "element" and words[-1].isdigit()}
 
     @property
     def unit(self) -> str | None:
         """The unit that a comment states: ``comment unit mm``."""
         said = (words[2] for words in self.lines if words[:2] == ["comment", "unit"] and len(words) == 3)
-        return next((unit for unit in said if unit in METRES), None)
+        return next((unit for unit in said if unit in METERS), None)
 
     def properties(self, element: str) -> list[list[str]]:
         """Return the lines of the properties of an element."""

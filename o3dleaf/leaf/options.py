@@ -1,4 +1,4 @@
-"""What can be chosen where a leaf is built: of its blade, and of its micro-structure.
+"""Options for building a leaf: its blade, and its micro-structure.
 
 A field made by `option` is an option of the commands too; the others are for Python alone.
 """
@@ -20,7 +20,7 @@ def _period(text: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class BladeOptions:
-    """How the macro-scale blade is built; the defaults choose everything from the scan.
+    """Options for the macro-scale blade; by default everything is chosen from the scan.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class BladeOptions:
     up, base : (3,) array_like, optional
         Direction of the adaxial side; a point near the base.
     offset : {"up", "normal"}
-        What the micro-structure's heights are measured along, see `Blade`.
+        Direction along which the heights of the micro-structure are measured, see `Blade`.
     """
 
     alpha: float | None = option(
@@ -45,12 +45,12 @@ class BladeOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class TextureOptions:
-    """How the micro-structure is built from a micro-CT volume.
+    """Options for the micro-structure from a micro-CT volume.
 
     Attributes
     ----------
     level : float, "valley" or "otsu"
-        The surface's intensity, or how to find it between the two peaks of the histogram.
+        Intensity of the surface, or the method that finds it between the two peaks of the histogram.
     rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.
     period : (2,) array_like or "best", optional

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.core import checks
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METRES, check_unit, unit_scale
+from o3dleaf.core.units import METERS, check_unit, unit_scale
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_every_error_of_ours_has_one_base_and_input_errors_are_value_errors():
     assert issubclass(UnitError, InputError)
 
 
-@given(a=st.sampled_from(list(METRES)), b=st.sampled_from(list(METRES)), c=st.sampled_from(list(METRES)))
+@given(a=st.sampled_from(list(METERS)), b=st.sampled_from(list(METERS)), c=st.sampled_from(list(METERS)))
 def test_unit_scales_compose_and_invert(a, b, c):
     assert unit_scale(a, b) * unit_scale(b, c) == pytest.approx(unit_scale(a, c), rel=1e-15)
     assert unit_scale(a, b) * unit_scale(b, a) == pytest.approx(1, rel=1e-15)

@@ -22,7 +22,7 @@ FACE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class VoxelLattice:
-    """Where the voxels of an array lie: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
+    """Positions of an array's voxels: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
 
     Attributes
     ----------

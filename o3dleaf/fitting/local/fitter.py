@@ -21,7 +21,7 @@ POINTS_PER_BALL = (200, 400)
 
 @dataclass(frozen=True, eq=False)
 class ScatteredData:
-    """What is fitted: values at points and, as far as there are any, weights, groups and normals.
+    """Values at points and, as far as there are any, weights, groups and normals: the data of a fit.
 
     Attributes
     ----------

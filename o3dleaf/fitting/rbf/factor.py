@@ -11,7 +11,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 @dataclass(frozen=True, eq=False)
 class LocalFactor:
-    r"""What the solution of (A + D) λ + P a = f, Pᵀ λ = 0 needs of everything but f.
+    r"""Factorization of the system (A + D) λ + P a = f, Pᵀ λ = 0, for any right-hand side f.
 
     .. math:: P = Q \binom{R}{0}, \quad Q = I - Y^T T Y, \quad Q^T (A + D)\, Q =
               \begin{pmatrix} \cdot & B \\ B^T & L L^T \end{pmatrix}

@@ -17,7 +17,7 @@ import tifffile
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.units import METRES, check_unit
+from o3dleaf.core.units import METERS, check_unit
 from o3dleaf.leaf.ct.volume import Volume
 
 MAX_RATIO = 2000
@@ -192,7 +192,7 @@ def _ome_lattice(xml: str) -> StatedLattice:
     units = [_unit(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
     if None in units:
         return StatedLattice(np.array(sizes) if len(set(units)) == 1 else None)
-    to_first = [METRES[u] / METRES[units[0]] for u in units if u is not None and units[0] is not None]
+    to_first = [METERS[u] / METERS[units[0]] for u in units if u is not None and units[0] is not None]
     return StatedLattice(np.array(sizes) * to_first, None, units[0])
 
 

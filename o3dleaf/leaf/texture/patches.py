@@ -15,7 +15,7 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.jet_loops import add_product
-from o3dleaf.fitting.pu.blend import CHUNK, Blended
+from o3dleaf.fitting.pu.blend import BATCH_SIZE, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.io.model_file import write_model
@@ -202,7 +202,7 @@ class WeightedTextures:
         count, dimension = queries.shape
         sums = np.empty((jet_size(dimension, level), count))
         # Patches are held beside the sums: fewer points at once keep to the memory that a blend promises.
-        for first, last in blocks(count, CHUNK >> (2 + level)):
+        for first, last in blocks(count, BATCH_SIZE >> (2 + level)):
             folded, _ = index.fold(queries[first:last])
             sums[:, first:last] = self._sum(folded, level, dtype)
         return sums

@@ -1,4 +1,4 @@
-"""Which program wants which format and unit, and the one function that serves them all."""
+"""Formats and units of other programs, and the one function that writes for them all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
 
 @dataclass(frozen=True)
 class Consumer:
-    """What a program takes.
+    """Requirements of a program on its input.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ def export_mesh(
     .stl    for openfoam and gmsh ASCII, one named solid a label, 17 digits; else binary, float32
     .ply    binary, float64: normals, scalars, labels of the faces; unit and names of labels as comments
     .obj    text, every digit of float64: normals, one group a label; the unit as a comment
-    .glb    glTF 2.0, float32 around the middle of the mesh: metres and y up, as the format wants
+    .glb    glTF 2.0, float32 around the middle of the mesh: meters and y up, as the format wants
     .vtp    VTK PolyData, float64: normals, scalars, labels; the unit as a comment
     ======  =============================================================================================
 
@@ -101,7 +101,7 @@ def export_mesh(
     unit : str, optional
         Unit of length of the mesh.
     to_unit : str, optional
-        Unit of the file: converted to it. By default the consumer's (metres for openfoam, dualsphysics, web and
+        Unit of the file: converted to it. By default the consumer's (meters for openfoam, dualsphysics, web and
         blender, and for .glb always), or the mesh's own.
     consumer : {"openfoam", "dualsphysics", "paraview", "web", "blender", "gmsh"}, optional
         The program that the file is for.
@@ -122,7 +122,7 @@ def export_mesh(
     suffix = target.suffix.lower()
     goal = check_unit(to_unit) or wanted.unit or ("m" if suffix == ".glb" else None)
     if suffix == ".glb" and goal != "m":
-        raise UnitError(f"{target}: glTF is in metres by its definition; leave to_unit out")
+        raise UnitError(f"{target}: glTF is in meters by its definition; leave to_unit out")
     given = MeshData.of(mesh, labels, unit)
     values = _as_scalars(scalars or {}, given.vertex_count)
     if goal is not None and given.unit is None:

@@ -177,7 +177,7 @@ def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Pa
     mesh : Open3D mesh, (vertices, triangles) or LabelledMesh
         Closed: every edge has two triangles.
     step : float
-        Distance of neighbours, in the mesh's unit; each particle's volume is step³.
+        Distance of neighbors, in the mesh's unit; each particle's volume is step³.
     unit : str, optional
         Unit of the mesh.
 

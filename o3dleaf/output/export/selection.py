@@ -1,4 +1,4 @@
-"""What of a mesh is exported, and where: one of its parts, another origin."""
+"""Selection before export: one part of a mesh, another origin."""
 
 from dataclasses import replace
 

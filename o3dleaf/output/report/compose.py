@@ -20,10 +20,10 @@ from o3dleaf.output.report.viewer import angle_colors, viewer_data
 from o3dleaf.output.report.words import in_words, unit_of
 from o3dleaf.surface.mesh.inspection import Inspection
 
-DRAWN = 1_500_000
+MAX_DRAWN = 1_500_000
 """Triangles that the pictures of the whole are drawn with at most: more than they have pixels."""
 
-TURNED = 300_000
+MAX_INTERACTIVE = 300_000
 """Triangles that the interactive view has at most."""
 
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
@@ -55,8 +55,8 @@ def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section
     """Return the sections of pictures, close-ups, maps and the interactive view."""
     measurements, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
-        drawn = reduce_mesh(measurements.vertices, measurements.triangles, DRAWN)
-        turned = reduce_mesh(measurements.vertices, measurements.triangles, TURNED)
+        drawn = reduce_mesh(measurements.vertices, measurements.triangles, MAX_DRAWN)
+        turned = reduce_mesh(measurements.vertices, measurements.triangles, MAX_INTERACTIVE)
     with journal.stage("places"):
         places = find_places(inspection)
         closeups = list[str]()

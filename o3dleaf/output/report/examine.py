@@ -19,14 +19,14 @@ from o3dleaf.surface.mesh.inspection import Inspection, inspect_mesh
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Examination:
-    """What was found of a mesh.
+    """Inspection of a mesh, and its check against requirements.
 
     Attributes
     ----------
     inspection : Inspection
         Its `report` has the figures.
     result : CheckResult
-        What the requirements say to them.
+        Each requirement, met or not.
     points : (k, 3) ndarray, optional
         The scan it was measured against, in the mesh's unit.
     """

@@ -16,20 +16,20 @@ ORDERS = {"=": "", "≥": "at least ", "≤": "at most "}
 
 
 class Rule(NamedTuple):
-    """What one word asks of a report.
+    """Meaning of the name of a requirement: a figure of the report and its comparison.
 
     Attributes
     ----------
     attribute : str
-        The figure of `MeshReport` that it looks at.
+        The figure of `MeshReport`.
     order : {"is", "none", "=", "≥", "≤"}
-        How that is compared: a property that must hold, a count that must be 0, or with a number.
+        Its comparison: a property that must hold, a count that must be 0, or with a number.
     kind : {"count", "degrees", "share", "length"}
-        What the number is.
+        Of the number.
     causes : tuple of str
-        Counts that say why a property does not hold.
+        Counts that explain why a property does not hold.
     needs : str, optional
-        What the report must have been made with: "field" or "cloud".
+        Input that the report must have been made with: "field" or "cloud".
     """
 
     attribute: str
@@ -91,13 +91,13 @@ class Requirement:
 
     @property
     def rule(self) -> Rule:
-        """What the name means."""
+        """The rule of that name."""
         return RULES[self.name]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one requirement.
+    """One requirement, and the figure of the report.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Whether a mesh is what it must be.
+    """Result of checking a mesh against requirements.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class CheckResult:
 
     @property
     def passed(self) -> bool:
-        """Whether every requirement is met; so is none at all."""
+        """True if every requirement is met, also where there are none."""
         return not self.failures
 
     @property

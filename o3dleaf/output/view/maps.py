@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.macro.blade import PLACES, Blade
+from o3dleaf.leaf.macro.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import Scalars, render
@@ -75,7 +75,7 @@ def render_distortion(
         If the blade has no triangle at this spacing.
     """
     shown = MEASURES[require_choice(measure, MEASURES, "measure")]
-    step = float(np.sqrt(blade.outline.area / PLACES)) if spacing is None else spacing
+    step = float(np.sqrt(blade.outline.area / SAMPLE_COUNT)) if spacing is None else spacing
     world, triangles = mesh_arrays(blade.extract_mesh(step))
     plane = blade.flatten(world)[:, :2]
     values = shown.values(blade.distortion(plane))

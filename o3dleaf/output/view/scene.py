@@ -24,7 +24,7 @@ Drawable: TypeAlias = (
 CLOUDS = (o3d.geometry.PointCloud, o3d.t.geometry.PointCloud, np.ndarray, Points)
 GEOMETRIES = (*CLOUDS[:2], Points, o3d.geometry.TriangleMesh, o3d.t.geometry.TriangleMesh, tuple)
 
-LARGEST = 60_000_000
+MAX_TRIANGLES = 60_000_000
 """Triangles that a picture is made of at most (about 10 GiB for the tree of the ray caster)."""
 
 UPPER_GREEN = np.array([0.130, 0.300, 0.055])
@@ -216,7 +216,7 @@ def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
 
 def _require_few(count: int) -> None:
     """Raise `MemoryBudgetError` for more triangles than a picture is made of."""
-    if count > LARGEST:
+    if count > MAX_TRIANGLES:
         raise MemoryBudgetError(f"mesh: {count} triangles are too many for a picture; simplify it first")
 
 

@@ -35,7 +35,7 @@ DECISIVE = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
-APART = -1.3
+TWO_CLEAR_SHEETS = -1.3
 """The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
 SEAM = 0.3
 """Points along the longest line across which normals contradict, over the square root of all points: a strip of a
@@ -126,7 +126,7 @@ class _Sides(NamedTuple):
 
     @property
     def contradictory(self) -> bool:
-        """Whether they are an open sheet whose normals contradict one another along a line."""
+        """True for an open sheet whose normals contradict one another along a line."""
         return self.enclosed < OPEN and self.seam > SEAM
 
 
@@ -231,7 +231,7 @@ def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, note
         return Orientation(outward, notes)
     square = float(np.mean(height**2))
     excess = float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0
-    if excess < APART:
+    if excess < TWO_CLEAR_SHEETS:
         side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
         kept = tuple(note for note in notes if note != OPEN_NOTE)
         return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))

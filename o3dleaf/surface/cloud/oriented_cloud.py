@@ -102,7 +102,7 @@ class OrientedCloud:
 
     @property
     def decisions(self) -> tuple[str, ...]:
-        """What preprocessing removed and decided, one sentence each; nothing of a cloud without fault."""
+        """Points that preprocessing removed and choices it made, one sentence each; empty for a clean cloud."""
         reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel")
         counts = [f"{count:,} {why}" for count, why in zip(self.removed, reasons, strict=True) if count]
         return (f"points left out: {', '.join(counts)}", *self.notes) if counts else self.notes

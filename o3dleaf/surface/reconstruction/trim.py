@@ -33,7 +33,7 @@ MARGIN = 0.5
 NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
 
-SAMPLED = 20_000
+SAMPLE_SIZE = 20_000
 """Points by whose distance from the mesh the noise is measured."""
 
 MIN_SHARE = 0.05
@@ -129,7 +129,7 @@ def _cut_off(
 
 def _measure_noise(mesh: MeshNearData, points: FloatArray) -> float:
     """Return three standard deviations of points off the mesh, from their median as if they were normal."""
-    some = points[:: -(-len(points) // SAMPLED)]
+    some = points[:: -(-len(points) // SAMPLE_SIZE)]
     return float(NOISE * 1.4826 * np.median(distance_to_mesh(mesh.vertices, mesh.triangles, some)))
 
 

@@ -33,7 +33,7 @@ SLIVER = 0.1
 FLOOR = 1e-4
 """Least score of what vertices leave behind that come to the surface then."""
 UNTANGLING_ROUNDS = 8
-"""Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
+"""Times that the neighborhood of crossing triangles is smoothed, wider each time."""
 COARSENING = 1.1
 """By how much longer its edges become, each time."""
 

@@ -254,7 +254,7 @@ def test_units_are_converted_or_asked_for(ball, tmp_path):
     assert np.array_equal(np.asarray(found.mesh.vertices), np.asarray(ball.mesh.vertices) * (1e-3 / 1e-6))
     with pytest.raises(UnitError, match="not known"):
         export_mesh(ball.mesh, tmp_path / "x.glb")
-    with pytest.raises(UnitError, match="metres"):
+    with pytest.raises(UnitError, match="meters"):
         export_mesh(ball, tmp_path / "x.glb", to_unit="mm")
     with pytest.raises(UnitError, match="not known"):
         export_mesh(ball.mesh, tmp_path / "x.stl", consumer="openfoam")

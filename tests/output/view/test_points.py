@@ -150,7 +150,7 @@ def test_clouds_that_cannot_be_drawn_are_refused(thing, error, words):
 
 
 def test_too_many_triangles_are_refused(monkeypatch, scattered):
-    monkeypatch.setattr(scene, "LARGEST", 100)
+    monkeypatch.setattr(scene, "MAX_TRIANGLES", 100)
     with pytest.raises(MemoryBudgetError, match="simplify"):
         render(scattered, size=SIZE)
 
