@@ -22,10 +22,10 @@ class InfoJob(UnitOption, Job):
     def work(self) -> dict[str, Any]:
         """Return what the file holds, as plain values; lengths in `unit`."""
         is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
-        held = self.volume() if is_volume else self.geometry()
+        contents = self.volume() if is_volume else self.geometry()
         if self.json is not None:
-            write_json(held, self.json)
-        return held
+            write_json(contents, self.json)
+        return contents
 
     def volume(self) -> dict[str, Any]:
         """Return what a volume holds."""

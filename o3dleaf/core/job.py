@@ -97,8 +97,8 @@ def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
 
 def table(names: Names) -> tuple[str, ...]:
     """Return names, read from where their table stands."""
-    found = resolve_name(names) if isinstance(names, str) else names
-    return (found,) if isinstance(found, str) else tuple(found)
+    entries = resolve_name(names) if isinstance(names, str) else names
+    return (entries,) if isinstance(entries, str) else tuple(entries)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 def _period(text: str) -> Any:
     """Return the two lengths of a text, or its word."""
-    found = [number_or_word(word) for word in words_of(text)]
-    return found[0] if len(found) == 1 else tuple(found)
+    values = [number_or_word(word) for word in words_of(text)]
+    return values[0] if len(values) == 1 else tuple(values)
 
 
 @dataclass(frozen=True, kw_only=True)

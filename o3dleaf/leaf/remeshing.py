@@ -198,9 +198,9 @@ def _without_chamfers(triangles: IntArray, labels: Labels, on_face: BoolArray) -
     face_of = np.full(len(on_face), RIM, dtype=np.uint8)
     while True:
         for face in (face for face in range(RIM) if (labels == face).any()):
-            own = np.zeros(len(on_face), dtype=bool)
-            own[triangles[labels == face]] = True
-            face_of[own & on_face & (face_of == RIM)] = face
+            touched = np.zeros(len(on_face), dtype=bool)
+            touched[triangles[labels == face]] = True
+            face_of[touched & on_face & (face_of == RIM)] = face
         rows = np.flatnonzero(labels == RIM)
         face = face_of[triangles[rows]].min(axis=1, initial=RIM)
         if not (face < RIM).any():

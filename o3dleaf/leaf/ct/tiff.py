@@ -146,16 +146,16 @@ def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:
 
 def _require_complete(tiff: tifffile.TiffFile, stack: tifffile.TiffPageSeries, path: Path) -> None:
     """Compare what the header promises with the size of the file, before anything is allocated."""
-    held = tiff.filehandle.size
+    size = tiff.filehandle.size
     if stack.dataoffset is not None:
-        promised = stack.dataoffset + stack.nbytes
+        expected = stack.dataoffset + stack.nbytes
     else:
         segments = [
             (o + n) for page in stack.pages if page for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
-        promised = max(segments, default=held + 1)
-    if promised > held or stack.nbytes > MAX_RATIO * held or any(page is None for page in stack.pages):
-        raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
+        expected = max(segments, default=size + 1)
+    if expected > size or stack.nbytes > MAX_RATIO * size or any(page is None for page in stack.pages):
+        raise InputError(f"{path}: is truncated, {size} bytes where {expected} are expected; copy or export it again")
 
 
 def _stated(tiff: tifffile.TiffFile) -> StatedLattice:

@@ -105,23 +105,23 @@ def sample_particles(
     beside[keys[np.minimum(beside, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
     order = np.random.default_rng(seed).permutation(len(points))
     members, nearest = np.empty((2, len(points)), dtype=np.int64)
-    held = np.zeros(len(keys), dtype=np.int64)
+    counts = np.zeros(len(keys), dtype=np.int64)
     samples = points, normals, owner, cell, starts, beside
 
     def task(start: int, stop: int) -> None:
-        assign_samples(*samples, members, held, step, start, stop, nearest)
+        assign_samples(*samples, members, counts, step, start, stop, nearest)
 
     thinning, assigning = progress.split(1, 1)
     with thinning:
         for start, stop in blocks(len(points), BLOCK):
-            thin_samples(*samples, order[start:stop], step, members, held)
+            thin_samples(*samples, order[start:stop], step, members, counts)
             progress.report(stop, len(points))
     with assigning:
         run_blocks(task, len(points), BLOCK, reports=True)
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
-    own = None if surface.labels is None else surface.labels[owner[kept]]
-    return Particles(points[kept], normals[owner[kept]], sizes, own, surface.unit)
+    kept_labels = None if surface.labels is None else surface.labels[owner[kept]]
+    return Particles(points[kept], normals[owner[kept]], sizes, kept_labels, surface.unit)
 
 
 def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:

@@ -74,10 +74,10 @@ def _with_edges(vertices: FloatArray, triangles: IntArray, chosen: np.ndarray, c
 
 def _outlines(camera: Camera, corners: FloatArray, color: str) -> list[str]:
     """Return the outlines of triangles (k, 3, 3), seen through what hides them, and a ring about what is small."""
-    at = camera.project(corners[:MAX_OUTLINES].reshape(-1, 3), SIZE).reshape(-1, 3, 2)
-    drawn = " ".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in each) + "Z" for each in at)
+    projected = camera.project(corners[:MAX_OUTLINES].reshape(-1, 3), SIZE).reshape(-1, 3, 2)
+    drawn = " ".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in each) + "Z" for each in projected)
     ink = [f'<path class="outline" style="stroke:{color}" d="{drawn}"/>']
-    flat = at.reshape(-1, 2)
+    flat = projected.reshape(-1, 2)
     if np.ptp(flat, axis=0).max(initial=0) < MIN_PIXELS or np.linalg.norm(np.ptp(flat, axis=0)) < MIN_PIXELS:
         middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
         ink.append(

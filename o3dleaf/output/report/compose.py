@@ -108,14 +108,14 @@ def _reduced_note(reduced: ReducedMesh, unit: str | None) -> str:
 def _maps(inspection: Inspection, drawn: ReducedMesh, points: FloatArray | None) -> str:
     """Return the maps of the deviations that were measured."""
     unit, figures = inspection.report.unit, list[str]()
-    found: list[tuple[Colors | None, str]] = [
+    maps: list[tuple[Colors | None, str]] = [
         (field_colors(inspection, drawn), "Distance of the vertices to the field's surface."),
         (
             scan_colors(inspection, drawn, points),
             "Distance from the mesh of the scan's nearest point; gray: no point near.",
         ),
     ]
-    for colors, caption in found:
+    for colors, caption in maps:
         if colors is not None:
             figures.append(draw_map(drawn, colors, unit, f"{caption} Colors end at 99 %."))
     return "\n".join(figures)
@@ -125,9 +125,9 @@ def _defects_table(inspection: Inspection) -> str:
     """Return how many triangles each kind of defect concerns."""
     rows = [
         f'<tr><td><i class="key" style="background:{KINDS[name].color}">&nbsp;</i> {KINDS[name].title}</td>'
-        f"<td>{KINDS[name].text}</td><td>{len(found):,} triangle{'s' * (len(found) > 1)}</td></tr>"
-        for name, found in inspection.defects.rows().items()
-        if len(found)
+        f"<td>{KINDS[name].text}</td><td>{len(rows_of_kind):,} triangle{'s' * (len(rows_of_kind) > 1)}</td></tr>"
+        for name, rows_of_kind in inspection.defects.rows().items()
+        if len(rows_of_kind)
     ]
     note = (
         '<p class="note">Triangles concerned are in color and outlined where something hides them; '

@@ -24,12 +24,12 @@ class Measure(NamedTuple):
 
 
 MEASURES = {
-    "along": Measure(lambda found: found.along, "stretch along", 1.0),
-    "across": Measure(lambda found: found.across, "stretch across", 1.0),
-    "shear": Measure(lambda found: np.degrees(found.shear), "shear, degrees", 0.0),
-    "thickness": Measure(lambda found: found.thickness, "thickness factor", 1.0),
-    "area": Measure(lambda found: found.area, "area factor", 1.0),
-    "volume": Measure(lambda found: found.volume, "volume factor", 1.0),
+    "along": Measure(lambda distortion: distortion.along, "stretch along", 1.0),
+    "across": Measure(lambda distortion: distortion.across, "stretch across", 1.0),
+    "shear": Measure(lambda distortion: np.degrees(distortion.shear), "shear, degrees", 0.0),
+    "thickness": Measure(lambda distortion: distortion.thickness, "thickness factor", 1.0),
+    "area": Measure(lambda distortion: distortion.area, "area factor", 1.0),
+    "volume": Measure(lambda distortion: distortion.volume, "volume factor", 1.0),
 }
 MIN_SPAN = 1e-3
 """Half the span of the colors at least, lest rounding be painted."""

@@ -205,10 +205,10 @@ def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
     def paint(triangle: IntArray, weights: FloatArray, facing: FloatArray) -> FloatArray:
         colors = np.empty((len(triangle), 3))
         part = np.searchsorted(first, triangle, side="right") - 1
-        for number, own in enumerate(paints):
-            at = np.flatnonzero(part == number)
-            if len(at):
-                colors[at] = own(triangle[at] - first[number], weights[at], facing[at])
+        for number, paint_part in enumerate(paints):
+            rows = np.flatnonzero(part == number)
+            if len(rows):
+                colors[rows] = paint_part(triangle[rows] - first[number], weights[rows], facing[rows])
         return colors
 
     return paint

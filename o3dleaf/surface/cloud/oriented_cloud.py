@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray, as_normals, as_weights
-from o3dleaf.core.cloud_arrays import CloudLike, held_normals, points_of
+from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
 from o3dleaf.surface.cloud.noise import noise_across
@@ -79,8 +79,8 @@ class OrientedCloud:
         if isinstance(cloud, cls) and normals is None and weights is None and spacing is None:
             return cloud
         points = points_of(cloud, "cloud", least=1)
-        held = held_normals(cloud) if normals is None else normals
-        unit = None if held is None else as_normals(held, points)
+        directions = raw_normals(cloud) if normals is None else normals
+        unit = None if directions is None else as_normals(directions, points)
         if weights is None:
             counts = cloud.weights if isinstance(cloud, cls) else np.broadcast_to(1.0, len(points))
         else:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_positive
-from o3dleaf.core.cloud_arrays import CloudLike, held_normals, held_points
+from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
@@ -68,8 +68,8 @@ def preprocess_point_cloud(
     OrientationError
         If the points do not say which side is outside.
     """
-    points = _as_rows(held_points(cloud), "cloud")
-    normals = held_normals(cloud) if normals is None else normals
+    points = _as_rows(raw_points(cloud), "cloud")
+    normals = raw_normals(cloud) if normals is None else normals
     given = None if normals is None else _as_rows(normals, "normals")
     if given is not None and len(given) != len(points):
         raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
@@ -107,7 +107,7 @@ def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -
     InputError
         If too few points are left.
     """
-    points = _as_rows(held_points(cloud), "cloud")
+    points = _as_rows(raw_points(cloud), "cloud")
     usable = _Usable.of(points, _weights_of(cloud, len(points))).without(outliers, len(points))
     return usable.restored(usable.cloud)
 

@@ -158,8 +158,8 @@ def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
 def _improving(target: ProjectionTarget, limits: Limits, rounds: int, smooth: int = 0) -> Task:
     """Return the task of a block: rounds of smoothing without regard, then of improving."""
 
-    def task(own: Charted, locked: BoolArray) -> Charted:
-        submesh = Submesh(own, locked)
+    def task(block: Charted, locked: BoolArray) -> Charted:
+        submesh = Submesh(block, locked)
         submesh.smooth(target, limits, smooth)
         submesh.improve(target, limits, rounds)
         return submesh.result()
