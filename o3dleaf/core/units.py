@@ -30,5 +30,7 @@ def unit_scale(source: str | None, target: str | None) -> float:
     if source == target:
         return 1.0
     if source is None or target is None:
-        raise UnitError(f"unit: {source} meets {target}; name the unit of both (for example unit='mm')")
+        raise UnitError(
+            f"unit: {source} cannot be converted to {target}; name the unit of both (for example unit='mm')"
+        )
     return METERS[source] / METERS[target]

@@ -93,7 +93,7 @@ def require_whole_ply(file: Path) -> PlyHeader:
     header = PlyHeader.of(file)
     count = header.counts.get("vertex")
     if count is None:
-        raise InputError(f"{file}: its PLY header names no points; export it again")
+        raise InputError(f"{file}: its PLY header lists no vertices; export it again")
     if header.is_text:
         with file.open("rb") as stream:
             stream.seek(header.end)
@@ -104,7 +104,7 @@ def require_whole_ply(file: Path) -> PlyHeader:
         size = sum(np.dtype(TYPES.get(kind, "u1")).itemsize for kind in kinds)
         enough = file.stat().st_size - header.end >= size * count
     if not enough:
-        raise InputError(f"{file}: claims {count} points but is too short for them; it was cut off")
+        raise InputError(f"{file}: is too short for the {count} points of its header; it was cut off, copy it again")
     return header
 
 

@@ -95,7 +95,7 @@ def read_stl_text(file: Path) -> MeshData | None:
     Raises
     ------
     InputError
-        If a facet has not three corners.
+        If a facet does not have three corners.
     """
     with file.open("rb") as stream:
         if not stream.read(START).lstrip().startswith(b"solid"):
@@ -121,7 +121,7 @@ def _facets_of(file: Path) -> tuple[FloatArray, list[tuple[str, int]]]:
                     solids.append((starts[place - 1].group(1).decode("ascii", "replace"), 0))
                 rows = np.array(VERTEX.findall(part), dtype=np.bytes_).reshape(-1, 3)
                 if len(rows) % 3 or (len(rows) and not solids):
-                    raise InputError(f"{file}: is no ASCII STL, a facet has not three corners; export it again")
+                    raise InputError(f"{file}: is no ASCII STL, a facet does not have three corners; export it again")
                 if len(rows):
                     corners.append(rows.astype(np.float64).reshape(-1, 3, 3))
                     solids[-1] = solids[-1][0], solids[-1][1] + len(rows) // 3

@@ -40,7 +40,7 @@ class BladeOptions:
     smoothing: "SmoothingValue | Literal['robust']" = "robust"
     up: Any = None
     base: Any = None
-    offset: str = option("up", "Measure heights along 'up', as the paper, or the 'normal'.")
+    offset: str = option("up", "Direction of heights: 'up', as in the paper, or the blade's 'normal'.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +71,9 @@ class TextureOptions:
     )
     period: Any = option(
         None,
-        "Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose faces match best.",
+        "Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose opposite sides match best.",
         kind=str,
         parse=_period,
     )
     flip: str | None = option(None, "Mirror every second tile: along, across or both.")
-    shift: float = option(0.0, "Shift rows of tiles along by this share of one, like bricks.")
+    shift: float = option(0.0, "Shift each row of tiles along by this share of a tile, like bricks.")

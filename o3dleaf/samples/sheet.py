@@ -141,7 +141,7 @@ class WheatBlade:
         return self._at(x), np.column_stack([x[:, 0], x[:, 1] * self.half_width(x[:, 0])])
 
     def _step(self, p: FloatArray, x: FloatArray, damping: FloatArray) -> FloatArray:
-        """Return a damped Gauss-Newton step (n, 2) in (arc length, share of half width); bounds that are reached stay."""
+        """Return a damped Gauss-Newton step (n, 2) in (arc length, share of half width); bounds that hold stay."""
         steps = np.array([[1e-4, 0.0], [0.0, 1e-5]])
         J = np.stack([(self._at(x + h) - self._at(x - h)) / (2 * h.sum()) for h in steps], axis=-1)
         g = np.einsum("nck,nc->nk", J, p - self._at(x))

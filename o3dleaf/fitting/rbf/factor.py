@@ -48,7 +48,9 @@ class LocalFactor:
         rank = len(right)
         lower, fit = cholesky_loops.cholesky(matrix[rank:, rank:].copy())
         if not fit:
-            raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
+            raise IllPosedError(
+                "smoothing: without it the system of these points is singular to rounding; give a number above 0"
+            )
         return cls(vectors, block_reflector(vectors, betas), right, basis, matrix[:rank, rank:].copy(), lower)
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:

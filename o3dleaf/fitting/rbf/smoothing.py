@@ -79,7 +79,7 @@ class Smoothing:
             If no point could be left out.
         """
         if not weight:
-            raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+            raise InputError("smoothing: too few points for 'gcv'; give a number")
         best = np.flatnonzero(squares <= squares.min() * (1 + 2 / weight))[-1]
         return replace(self, value=float(trials[best]), score=float(squares[best] / weight))
 
@@ -183,7 +183,7 @@ def trial_values(spectrum: Spectrum) -> FloatArray:
     """
     positive = spectrum.eigenvalues[spectrum.eigenvalues > 0]
     if not len(positive):
-        raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+        raise InputError("smoothing: too few points for 'gcv'; give a number")
     return np.asarray(np.exp(np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)))
 
 

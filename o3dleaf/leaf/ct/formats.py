@@ -62,13 +62,13 @@ def read_volume(
     scale = unit_scale(stated.unit, wanted) if stated.unit else 1.0
     if spacing is None:
         if stated.spacing is None:
-            raise InputError(f"{place}: does not say how far apart its voxels are; give the voxel spacing and its unit")
+            raise InputError(f"{place}: does not state its voxel spacing; give the voxel spacing and its unit")
         spacing = stated.spacing * scale
         if origin is None and stated.origin is not None:
             origin = stated.origin * scale
     volume = Volume(data, spacing, (0.0, 0.0, 0.0) if origin is None else origin, wanted)
     if data.min() == data.max():
-        raise InputError(f"{place}: all voxels hold one value, {data.min()}; check the export, or scan again")
+        raise InputError(f"{place}: all voxels have one value, {data.min()}; check the export, or scan again")
     return volume
 
 
@@ -92,7 +92,7 @@ def _read_slices(folder: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     """Stack the single-page TIFF files of a folder, slice_2 before slice_10."""
     files = sorted((f for f in folder.iterdir() if f.suffix.lower() in TIFF), key=_by_number)
     if not files:
-        raise InputError(f"{folder}: holds no TIFF slices; give the folder that does")
+        raise InputError(f"{folder}: contains no TIFF slices; give the folder that does")
     slices: list[npt.NDArray[Any]] = []
     for file in files:
         page, lattice = read_tiff(require_file(file))
@@ -101,7 +101,7 @@ def _read_slices(folder: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
         if len(page) != 1 or page.shape != first.shape or page.dtype != first.dtype:
             raise InputError(
                 f"{file}: has shape {page.shape} and type {page.dtype} where {files[0].name} has {first.shape} and "
-                f"{first.dtype}; a folder holds the slices of one volume, one page each"
+                f"{first.dtype}; the slices in a folder must form one volume, one page each"
             )
         slices.append(page[0])
     return np.stack(slices), stated

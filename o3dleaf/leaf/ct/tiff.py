@@ -127,7 +127,7 @@ def _complaints() -> Iterator[list[str]]:
 
 def _one_gray_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
     if len(tiff.series) != 1:
-        raise InputError(f"{path}: holds {len(tiff.series)} images of different sizes; export one stack")
+        raise InputError(f"{path}: contains {len(tiff.series)} images of different sizes; export one stack")
     stack = tiff.series[0]
     if "S" in stack.axes or tiff.pages.first.samplesperpixel > 1:
         raise InputError(f"{path}: is in color; export gray values")
@@ -139,7 +139,7 @@ def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:
     """Shape as (page, row, column); a single slice is one page."""
     sizes = (1,) * (3 - len(shape)) + tuple(shape)
     if len(sizes) != 3:
-        raise InputError(f"volume: the file holds a stack of shape {shape}; export one channel of one time")
+        raise InputError(f"volume: the file is a stack of shape {shape}; export one channel of one time point")
     pages, rows, columns = sizes
     return pages, rows, columns
 

@@ -201,7 +201,7 @@ def place_solid(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Pla
         return solid_within(tile, distance[1:, 1:], place)
     if (distance > 0).all():
         return sheets_over(tile, ~in_hole, place)
-    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward, by a tile, or leave it open")
+    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward by a tile, or mesh open sheets")
 
 
 def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Placement | None:

@@ -69,8 +69,8 @@ class Blade:
                 self.height_map.jet(self.height_map.bounds[:1])
             except InputError as cause:
                 raise InputError(
-                    "offset: the normal's derivatives need second ones, which this height map lacks; fit it with "
-                    "kernel='cubic', or take offset='up'"
+                    "offset: 'normal' needs second derivatives, which this height map lacks; fit it with "
+                    "kernel='cubic', or use offset='up'"
                 ) from cause
 
     def __repr__(self) -> str:

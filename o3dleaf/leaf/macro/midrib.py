@@ -60,7 +60,7 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     length = _length(control)
     width = 2 * half_width(points, control)
     if not width > MIN_WIDTH * length:
-        raise InputError("midrib: the points lie on one line or in one place; a leaf has a width")
+        raise InputError("midrib: the points lie on one line or in one place; give the points of a whole leaf")
     if length < MIN_ASPECT * width:
         raise _broad(length, width)
     for _ in range(MAX_ITERATIONS):

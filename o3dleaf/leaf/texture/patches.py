@@ -108,7 +108,7 @@ class PatchBlend(Blended):
         """
         given = tuple(textures)
         if not given:
-            raise InputError("textures: are none; give at least one")
+            raise InputError("textures: is empty; give at least one")
         for each in given[1:]:
             if unit_scale(given[0].unit, each.unit) != 1.0:
                 raise UnitError(f"textures: are in {given[0].unit} and {each.unit}; fit all of them in one unit")
@@ -120,7 +120,9 @@ class PatchBlend(Blended):
         reach = require_positive(default if fade is None else fade, "fade")
         places = as_values(np.atleast_1d(np.asarray(breaks, dtype=np.float64)), len(given) - 1, "breaks")
         if np.any(np.diff(places) < 2 * reach):
-            raise InputError(f"breaks: {places.tolist()} do not rise by twice the fade, {2 * reach:.4g}; fade less")
+            raise InputError(
+                f"breaks: {places.tolist()} do not increase by at least twice the fade, {2 * reach:.4g}; fade less"
+            )
         cell = np.array([[0.0, 0.0, low], [*size, high]])
         everywhere = np.array([[-np.inf, -np.inf, low], [np.inf, np.inf, high]])
         index = BallIndex.build(np.empty((0, 3)), np.empty(0), everywhere)

@@ -144,7 +144,7 @@ def _as_scalars(scalars: Mapping[str, npt.ArrayLike], count: int) -> dict[str, F
     """Return scalars as (count,) arrays, or raise `InputError` where one is called as a column of the file's own."""
     taken = sorted(RESERVED & scalars.keys())
     if taken:
-        raise InputError(f"scalars: {', '.join(taken)} would be a second column of that name; choose another")
+        raise InputError(f"scalars: {', '.join(taken)} would be a second column of that name; choose another name")
     return {name: as_values(each, count, name) for name, each in scalars.items()}
 
 
@@ -175,11 +175,11 @@ def _require_closed(mesh: MeshData, target: Path) -> None:
     wrong = int((edges.count != 2).sum()) + int(edges.inconsistent.sum())
     if wrong:
         raise InputError(
-            f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "
+            f"{target}: needs a closed mesh, and {wrong:,} edges of this one are open, non-manifold or inconsistent; "
             "mesh the leaf with closed=True, or clean the mesh"
         )
     if enclosed_volume(mesh.vertices, mesh.triangles) <= 0:
-        raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
+        raise InputError(f"{target}: needs triangles whose normals point outward, and these point inward; flip them")
 
 
 def _require_single(mesh: MeshData, target: Path) -> None:

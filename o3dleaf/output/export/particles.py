@@ -141,12 +141,12 @@ def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[Float
         If there is no area, or there are too many parts.
     """
     if not areas.sum() > 0:
-        raise InputError("mesh: has no area; there is nothing to cover")
+        raise InputError("mesh: has no area to place particles on; give another mesh")
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.maximum(np.ceil(longest / step), 1)
     total = float((parts**2).sum())
     if total > MAX_SAMPLES:
-        raise InputError(f"spacing: so small that {total:.3g} samples are needed; give a larger one")
+        raise InputError(f"spacing: is so small that {total:.3g} samples are needed; give a larger one")
     samples = []
     for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
@@ -222,7 +222,7 @@ def columns_through(
         If the mesh is open.
     """
     if (EdgeTable.of(mesh.triangles).count != 2).any():
-        raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
+        raise InputError("mesh: is open or non-manifold; mesh the leaf with closed=True, or close its holes")
     vertices, triangles = mesh.vertices, mesh.triangles
     crossed: dict[int, tuple[IntArray, FloatArray]] = {}
 

@@ -129,6 +129,6 @@ def require_field(model: object, name: str) -> Field:
     """Return a model if it is a field, else raise `InputError`."""
     if not isinstance(model, Field):
         raise InputError(
-            f"{name}: holds a {type(model).__name__}, which has no surface of its own; give a leaf or an interpolant"
+            f"{name}: contains a {type(model).__name__}, which has no surface of its own; give a leaf or an interpolant"
         )
     return model

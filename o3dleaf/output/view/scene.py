@@ -121,10 +121,10 @@ class SceneMesh:
         if self.owner is not None:
             count = int(self.owner[-1]) + 1
             if values.shape != (count,):
-                raise InputError(f"scalars: have shape {values.shape}; give one a point ({count},)")
+                raise InputError(f"scalars: have shape {values.shape}; give one per point ({count},)")
         elif values.shape not in {(len(self.vertices),), (len(self.triangles),)}:
             raise InputError(
-                f"scalars: have shape {values.shape}; give one a vertex ({len(self.vertices)},) or one a triangle "
+                f"scalars: have shape {values.shape}; give one per vertex ({len(self.vertices)},) or one per triangle "
                 f"({len(self.triangles)},)"
             )
         low, high = scalars.limits or np.percentile(values, (1, 99)).tolist()

@@ -30,7 +30,7 @@ FULL = 0.6
 """Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
-OPEN_NOTE = "the cloud encloses no volume and is taken for an open sheet: either side may be outside"
+OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
 DECISIVE = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
 TWO_SHEETS = -0.25
@@ -109,7 +109,7 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     known = OrientedCloud.of(cloud)
     given = known.normals if normals is None else as_points(normals, "normals", dim=3)
     if given is not None and len(given) != len(known):
-        raise InputError(f"normals: {len(given)} for {len(known)} points; give one a point")
+        raise InputError(f"normals: {len(given)} for {len(known)} points; give one per point")
     outward, notes = orient_surfels(known.points, known.surfels)
     if given is None:
         return Orientation(outward, notes)
@@ -141,7 +141,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     if surfels.flatness > FULL:
         raise OrientationError(
             f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighborhoods "
-            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, or less noise"
+            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, with less noise"
         )
     first, *more = progress.split(*(COARSER + 1) * [1])
     with first:
@@ -216,7 +216,9 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
         notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
     groups = len(surfels.group) / len(surfels.points)
     if groups > 1:
-        notes.append(f"noise hides the surface from single points: sides are those of groups of {groups:.0f} points")
+        notes.append(
+            f"noise is too large to orient single points: groups of {groups:.0f} points were oriented together"
+        )
     return tuple(notes)
 
 
@@ -236,7 +238,7 @@ def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, note
         kept = tuple(note for note in notes if note != OPEN_NOTE)
         return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))
     if excess < TWO_SHEETS:
-        notes += ("two sheets lie within the noise, whose sides cannot be told, and are taken for one; give normals",)
+        notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
     return Orientation(outward, notes)
 
 

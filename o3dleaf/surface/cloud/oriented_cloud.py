@@ -121,7 +121,7 @@ class OrientedCloud:
     def surfels(self) -> Surfels:
         """The cloud at the scale at which it is a surface: its points, or under noise groups of them."""
         if len(self) < 3:
-            raise InputError(f"cloud: holds {len(self)} points; at least 3 are needed")
+            raise InputError(f"cloud: has {len(self)} points; at least 3 are needed")
         return Surfels.of(self.points, self.neighbors.row)
 
     @cached_property
@@ -135,7 +135,7 @@ class OrientedCloud:
         """
         spacing = float(np.median(self.surfels.spacing))
         if not spacing > 0:
-            raise InputError("cloud: most points lie on a line or in one place; a surface is needed")
+            raise InputError("cloud: most points lie on a line or in one place; give the points of a surface")
         return spacing
 
     @cached_property
@@ -151,7 +151,7 @@ class OrientedCloud:
     def require_normals(self) -> FloatArray:
         """Return the normals (n, 3), or raise `InputError` where there are none."""
         if self.normals is None:
-            raise InputError("cloud: has no normals; `preprocess_point_cloud` finds them")
+            raise InputError("cloud: has no normals; compute them with `preprocess_point_cloud`")
         return self.normals
 
     def take(self, rows: npt.NDArray[np.generic]) -> "OrientedCloud":

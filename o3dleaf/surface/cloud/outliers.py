@@ -57,7 +57,7 @@ def detect_outliers(
     with searching:
         near = OrientedCloud.of(cloud).neighbors
     if not np.isfinite(near.distance).all():
-        raise InputError("cloud: its coordinates are too large for distances between its points; is it damaged?")
+        raise InputError("cloud: its coordinates are too large to compute distances; is it damaged?")
     with linking:
         distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])

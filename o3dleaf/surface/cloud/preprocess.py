@@ -72,7 +72,7 @@ def preprocess_point_cloud(
     normals = raw_normals(cloud) if normals is None else normals
     given = None if normals is None else _as_rows(normals, "normals")
     if given is not None and len(given) != len(points):
-        raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
+        raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
     if voxel_size is not None:
         require_positive(voxel_size, "voxel_size")
     sorting, finding, measuring, siding, ending = progress.split(*SHARES)
@@ -185,8 +185,8 @@ def _first_of_each(points: FloatArray) -> IndexArray:
 def _require_enough(count: int, whole: int) -> None:
     if count < MIN_POINTS:
         raise InputError(
-            f"cloud: {count} of {whole} points are left without repeated, stray and non-finite ones; "
-            f"a surface needs {MIN_POINTS}; is it damaged?"
+            f"cloud: {count} of {whole} points are left after removing repeated, outlying and non-finite ones; "
+            f"a surface needs at least {MIN_POINTS}; is it damaged?"
         )
 
 
@@ -202,7 +202,7 @@ def _find_normals(
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
         return Orientation(unit, notes)
     unit, more = _find_anew(cloud, estimate, orient)
-    note = f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew"
+    note = f"{turned:.0%} of the given normals are on the wrong side, because of noise: all were estimated anew"
     return Orientation(unit, (note, *more))
 
 

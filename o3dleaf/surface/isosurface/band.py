@@ -79,7 +79,7 @@ class Band:
         quarter = 1 << loops.BITS - 2
         if np.any(high - low > quarter):
             raise InputError(
-                f"spacing: the seeds reach over {(high - low).max():.2g} cells; coarsen it or cut the cloud"
+                f"spacing: the seeds extend over {(high - low).max():.2g} cells; coarsen it or crop the cloud"
             )
         return cls(field, level, step, (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64))
 

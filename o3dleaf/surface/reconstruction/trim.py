@@ -202,5 +202,5 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
     if not keep.any():
-        raise ReconstructionError("trim_to_data: no piece of the mesh has data enough; is the spacing too small?")
+        raise ReconstructionError("trim_to_data: no component of the mesh has enough data; is the spacing too small?")
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)

@@ -184,5 +184,5 @@ def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8
     """Return one label a triangle, 0 for all by default."""
     whole = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
     if whole.shape != (count,) or not np.issubdtype(whole.dtype, np.integer) or whole.min() < 0 or whole.max() > 7:
-        raise InputError(f"labels: give one whole number from 0 to 7 a triangle, ({count},)")
+        raise InputError(f"labels: give one whole number from 0 to 7 per triangle, ({count},)")
     return whole.astype(np.uint8)

@@ -47,7 +47,7 @@ class Cleaning:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name}: is {value}; give zero (leave alone) or more")
+                raise InputError(f"{name}: is {value}; give zero (no change) or more")
 
     def steps(self) -> list[Callable[[EditableMesh], EditableMesh]]:
         """Return the repairs in the order in which one makes work for the next."""

@@ -174,7 +174,7 @@ def test_several_patches_have_fields_and_masks_but_no_distance(tmp_path):
         lambda: leaf.project(far),
         lambda: leaf.write_grid(tmp_path / "distance.nrrd", 0.5, what="distance"),
     ):
-        with pytest.raises(InputError, match="several patches along the leaf have no one tile"):
+        with pytest.raises(InputError, match="several patches along the leaf have no single tile"):
             call()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["field.nrrd", "mask.nrrd"]
 
