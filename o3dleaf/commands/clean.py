@@ -34,15 +34,15 @@ UNIT = "the mesh's unit"
 class CleaningOptions:
     """The arguments of `clean_mesh`."""
 
-    merge: float = option(0.0, "Join vertices up to this far apart", unit=UNIT)
-    smallest_component: float = option(0.0, "Drop pieces of less than this diameter", unit=UNIT)
-    smallest_area: float = option(0.0, "Drop pieces of less than this area", unit=f"the square of {UNIT}")
-    fewest_triangles: int = option(0, "Drop pieces of fewer triangles.")
+    merge: float = option(0.0, "Merge vertices up to this distance apart", unit=UNIT)
+    smallest_component: float = option(0.0, "Remove components of less than this diameter", unit=UNIT)
+    smallest_area: float = option(0.0, "Remove components of less than this area", unit=f"the square of {UNIT}")
+    fewest_triangles: int = option(0, "Remove components of fewer triangles.")
     largest_hole: float = option(0.0, "Close holes up to this perimeter", unit=UNIT)
-    smallest_height: float = option(0.0, "Flip away triangles of at most this height", unit=UNIT)
-    fold_angle: float = option(1.0, "Neighbors that meet at less than this are folded (0: none)", unit="degrees")
-    untangle: bool = option(False, "Remove triangles that cross others.")
-    orient: bool = option(True, "Turn triangles that run against their neighbors.")
+    smallest_height: float = option(0.0, "Remove, by edge flips, triangles of at most this height", unit=UNIT)
+    fold_angle: float = option(1.0, "Angle of two triangles below which they count as folded (0: none)", unit="degrees")
+    untangle: bool = option(False, "Remove triangles that intersect others.")
+    orient: bool = option(True, "Flip triangles whose orientation contradicts their neighbors.")
 
     def cleaning(self) -> dict[str, Any]:
         """Return the arguments by name."""
@@ -51,13 +51,13 @@ class CleaningOptions:
 
 @dataclass(frozen=True)
 class CleanJob(CleaningOptions, LongJob):
-    """Clean a mesh, and simplify it on request; nothing gets worse, and labels and the lines between them stay."""
+    """Clean a mesh, and simplify it on request; no defect is added, and labels and the lines between them are kept."""
 
     mesh: Path = argument("Mesh to clean: PLY, OBJ, STL or OFF.", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
-    triangles: int | None = option(None, "Then simplify to about so many triangles.")
-    edge: float | None = option(None, "Or to this mean edge", unit=UNIT)
-    deviation: float | None = option(None, "Simplify while the surface is off by no more", unit=UNIT)
+    triangles: int | None = option(None, "Then simplify to about this many triangles.")
+    edge: float | None = option(None, "Or to this mean edge length", unit=UNIT)
+    deviation: float | None = option(None, "Or simplify with at most this deviation of the surface", unit=UNIT)
 
     def check(self) -> None:
         """Refuse a size below zero."""
@@ -103,7 +103,7 @@ class CleanJob(CleaningOptions, LongJob):
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a mesh was and is.
+    """Reports of a mesh before and after cleaning.
 
     Attributes
     ----------

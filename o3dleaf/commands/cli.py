@@ -96,7 +96,7 @@ def perform(job: Job) -> int:
 
 
 app = typer.Typer(
-    help="Laser scan and micro-CT of a leaf into one multi-scale surface.",
+    help="Combine laser scan and micro-CT of a leaf into one multi-scale surface.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -15,7 +15,7 @@ class DemoJob(SampleOption, LongJob):
     """Build the sample leaf: mesh, picture and summary into a folder."""
 
     output: Path = option(Path("demo_output"), "Folder to write into.", "--output", "-o")
-    spacing: float = option(0.1, "Mesh step", unit="mm")
+    spacing: float = option(0.1, "Mesh spacing", unit="mm")
 
     def work(self) -> dict[str, Any]:
         """Write the samples if need be, then the leaf, and return its summary."""

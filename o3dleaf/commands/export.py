@@ -38,40 +38,42 @@ class ExportJob(UnitOption, LongJob):
     what: str = option(
         "mesh", "'mesh', 'surface-particles', 'volume-particles' or 'distance', of a closed mesh.", choices=tuple(WHAT)
     )
-    to_unit: str | None = option(None, "Unit of the file; by default the program's, or unit.")
-    spacing: float | None = option(None, "Mesh step if SOURCE is a model", unit="its unit")
+    to_unit: str | None = option(None, "Unit of the file; by default that of the program, or --unit.")
+    spacing: float | None = option(None, "Mesh spacing if SOURCE is a model", unit="its unit")
     remesh: float | None = option(
         None,
-        "Edge length that the leaf of a model is remeshed to, in its unit; "
-        "for openfoam, dualsphysics and gmsh spacing by default. Tiles never are.",
+        "Remesh the leaf of a model to this edge length, in its unit; "
+        "for openfoam, dualsphysics and gmsh to the spacing by default. Tiles are never remeshed.",
     )
-    no_remesh: bool = option(False, "Do not remesh for them: quick, with slivers.", "--no-remesh")
+    no_remesh: bool = option(False, "Do not remesh for these programs: faster, but with slivers.", "--no-remesh")
     region: Any = option(
         None,
         "Part of the leaf, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1.",
         kind=tuple[float, float, float, float],
         parse=corners_of,
     )
-    part: str | None = option(None, "Only this part: adaxial, abaxial or rim.")
+    part: str | None = option(None, "Export only this part: adaxial, abaxial or rim.")
     sheets: bool = option(False, "Two open sheets instead of one closed solid.", "--open")
     tile: bool = option(False, "One flat period as a closed block, instead of the leaf.")
-    step: float | None = option(None, "Distance of particles or grid points", unit="unit")
+    step: float | None = option(None, "Spacing of particles or grid points", unit="unit")
     bounds: Any = option(
         None,
-        "Box of the distances (by default the mesh's own): X0 Y0 Z0 X1 Y1 Z1",
+        "Box of the distance grid (by default that of the mesh): X0 Y0 Z0 X1 Y1 Z1",
         unit="unit",
         kind=tuple[float, float, float, float, float, float],
         parse=corners_of,
     )
-    origin: tuple[float, float, float] | None = option(None, "The point X Y Z that becomes 0 0 0", unit="unit")
+    origin: tuple[float, float, float] | None = option(None, "Point X Y Z that becomes the origin", unit="unit")
     scalar: tuple[str, ...] = option(
         (),
-        "Values at the vertices: curvature or deviation; again for more.",
+        "Values at the vertices: curvature or deviation; repeat for more.",
         kind=list[str],
         parse=tuple,
         choices="o3dleaf.output.export.leaf_scalars:SCALARS",
     )
-    field: Path | None = option(None, "The leaf's model, if SOURCE is a mesh, for them.", reads=True)
+    field: Path | None = option(
+        None, "Model of the leaf that these values are computed from, if SOURCE is a mesh.", reads=True
+    )
 
     @property
     def edge(self) -> float | None:
@@ -88,7 +90,7 @@ class ExportJob(UnitOption, LongJob):
 
     @property
     def is_model(self) -> bool:
-        """Whether the source is a model, which is meshed first."""
+        """True for a model, which is meshed first."""
         return self.source.suffix.lower() == MODEL
 
     def check(self) -> None:
@@ -98,10 +100,10 @@ class ExportJob(UnitOption, LongJob):
 
         super().check()
         if self.consumer is not None and self.what != "mesh":
-            raise InputError(f"for: {self.consumer} is about meshes; leave it out for {self.what}")
+            raise InputError(f"for: {self.consumer} reads meshes; leave it out with {self.what}")
         require_writable(self.output, CONSUMERS[self.consumer].suffixes if self.consumer else table(WHAT[self.what]))
         if self.what != "mesh" and self.step is None:
-            raise InputError(f"step: {self.what} need one; give it in the unit of {self.source.name}")
+            raise InputError(f"step: is missing for {self.what}; give it in the unit of {self.source.name}")
         if self.remesh is not None:
             self._check_remesh(self.remesh)
 
@@ -158,14 +160,14 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.leaf.texture.tiling import TiledField
 
         if self.spacing is None:
-            raise InputError(f"spacing: {self.source} is a model; give the step to mesh it at")
+            raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
         spacing = require_positive(self.spacing, "spacing")
         if isinstance(model, TiledField | PatchBlend):
             self._refuse_remeshed_tile(tile=True)
             return extract_flat_tile(model, 1.0, spacing)
         if not isinstance(model, MultiscaleLeaf):
             raise InputError(
-                f"{self.source}: holds a {type(model).__name__}, which has no surface; give a leaf's model"
+                f"{self.source}: contains a {type(model).__name__}, which has no surface; give the model of a leaf"
             )
         if self.tile:
             return model.extract_tile(spacing)
@@ -182,7 +184,7 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.output.export.leaf_scalars import SCALARS
 
         if not isinstance(model, MultiscaleLeaf) or self.tile:
-            raise InputError("scalar: is asked of a leaf's field; give its model (--field leaf.o3l)")
+            raise InputError("scalar: is computed from the field of a leaf; give its model (--field leaf.o3l)")
         vertices = mesh_arrays(mesh.mesh)[0]
         return {name: SCALARS[name](model, vertices) for name in self.scalar}
 

@@ -25,7 +25,7 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
     output: Path = option(Path("figures"), "Folder to write into.", "--output", "-o")
     ct: Path | None = option(None, "Micro-CT volume, or a model that `patch` made.", reads=True)
     model: Path | None = option(None, "A leaf that `leaf --model` wrote, instead of building it.", reads=True)
-    formats: str = option("png,pdf", "Of png, pdf, svg and jpg.")
+    formats: str = option("png,pdf", "File formats: png, pdf, svg, jpg, separated by commas.")
     only: str | None = option(None, "Names of figures, 'scan,tile'; all by default.")
     # The paper's tiles are neither mirrored nor shifted, so these two are no options here.
     flip: str | None = None
@@ -38,9 +38,11 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
         super().check()
         check_request(*self.wanted)
         if self.model is not None and self.midrib is not None:
-            raise InputError("midrib, model: a saved leaf has its midrib; give one of them")
+            raise InputError("midrib, model: a saved leaf already has its midrib; give one of them")
         if self.scan is None and self.model is None and (self.ct is not None or self.midrib is not None):
-            raise InputError("scan: is missing; give one to the CT or midrib, or a model, or none for the samples")
+            raise InputError(
+                "scan: is missing; give one with the CT volume or midrib, or a model, or no file to draw the samples"
+            )
 
     @property
     def wanted(self) -> tuple[list[str], list[str] | None]:

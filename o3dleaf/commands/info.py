@@ -1,4 +1,4 @@
-"""`o3dleaf info`: what a file holds."""
+"""`o3dleaf info`: the contents of a file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,22 +13,22 @@ VOLUMES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".
 
 @dataclass(frozen=True)
 class InfoJob(UnitOption, Job):
-    """Say what a file holds: sizes, extent, and for a mesh whether it is manifold and closed."""
+    """Show what a file contains: sizes, extent, and for a mesh whether it is manifold and closed."""
 
     file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
-    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not say it)", unit="unit")
-    json: Path | None = option(None, "Write it as JSON too.", writes=())
+    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="unit")
+    json: Path | None = option(None, "Also write it as JSON.", writes=())
 
     def work(self) -> dict[str, Any]:
-        """Return what the file holds, as plain values; lengths in `unit`."""
+        """Return the contents of the file, as plain values; lengths in `unit`."""
         is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
-        held = self.volume() if is_volume else self.geometry()
+        contents = self.volume() if is_volume else self.geometry()
         if self.json is not None:
-            write_json(held, self.json)
-        return held
+            write_json(contents, self.json)
+        return contents
 
     def volume(self) -> dict[str, Any]:
-        """Return what a volume holds."""
+        """Return the figures of a volume."""
         from o3dleaf.leaf.ct.formats import read_volume
 
         volume = read_volume(self.file, spacing=self.voxel_spacing, unit=self.unit)
@@ -43,7 +43,7 @@ class InfoJob(UnitOption, Job):
         }
 
     def geometry(self) -> dict[str, Any]:
-        """Return what a mesh or a point cloud holds."""
+        """Return the figures of a mesh or a point cloud."""
         import numpy as np
         import open3d as o3d
 

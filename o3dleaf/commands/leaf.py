@@ -35,9 +35,9 @@ def _windows(texts: list[str]) -> tuple[tuple[float, ...], ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class ScanOptions:
-    """What belongs to a scan."""
+    """Midrib and unit of a scan."""
 
-    midrib: Path | None = option(None, "Control points from base to tip; found if not given.", reads=True)
+    midrib: Path | None = option(None, "Control points from base to tip; computed if not given.", reads=True)
     scan_unit: str = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.")
 
 
@@ -51,9 +51,9 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
     scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     ct: Path | None = option(
-        None, "Micro-CT volume of a patch, or a model that `patch` made; else: blade only.", reads=True
+        None, "Micro-CT volume of a patch, or a model that `patch` wrote; without it, the blade only.", reads=True
     )
-    spacing: float = option(0.1, "Mesh step", unit="scan-unit")
+    spacing: float = option(0.1, "Mesh spacing", unit="scan-unit")
     region: Any = option(
         None,
         "Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1",
@@ -68,22 +68,20 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
     closed: bool = option(False, "One solid with a rim, instead of two open sheets.")
     fine: tuple[tuple[float, ...], ...] = option(
         (),
-        "A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; again for more.",
+        "A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; repeat for more.",
         kind=list[str],
         parse=_windows,
     )
     simplify: float | None = option(None, "Simplify a tile to this share of its triangles.")
-    remesh: float | None = option(
-        None, "Remesh to triangles of this edge length, such as a solver accepts", unit="scan-unit"
-    )
+    remesh: float | None = option(None, "Remesh to this edge length, for solvers", unit="scan-unit")
     remesh_tile: float | None = option(
-        None, "Or remesh one tile, of which the rest is copies, to this edge length", unit="scan-unit"
+        None, "Or remesh one tile, which the mesh repeats, to this edge length", unit="scan-unit"
     )
     grid: Path | None = option(
-        None, "Write the leaf on a grid too: .vti or .nrrd.", writes="o3dleaf.leaf.distance.grid:SUFFIXES"
+        None, "Also sample the leaf on a grid: .vti or .nrrd.", writes="o3dleaf.leaf.distance.grid:SUFFIXES"
     )
     grid_of: str = option(
-        "field", "What the grid holds: 'field', 'distance' or 'mask'.", choices="o3dleaf.leaf.distance.grid:KINDS"
+        "field", "Values on the grid: 'field', 'distance' or 'mask'.", choices="o3dleaf.leaf.distance.grid:KINDS"
     )
     grid_step: float = option(0.1, "Step of the grid", unit="scan-unit")
     distortion: str | None = option(
@@ -95,7 +93,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonize:METHODS"
     )
     picture: bool = option(True, "Draw the picture.")
-    model: Path | None = option(None, "Write the leaf as a model file (.o3l) too.", writes=(MODEL,))
+    model: Path | None = option(None, "Also write the leaf as a model file (.o3l).", writes=(MODEL,))
 
     def outputs(self) -> list[tuple[Path, Names]]:
         """Return the files that are written, those beside the mesh too."""
@@ -118,7 +116,9 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         if self.region is not None and self.around is not None:
             raise InputError("region, around: name the same window in two ways; give one of them")
         if self.fine and (self.region or self.around or self.simplify or self.remesh or self.remesh_tile):
-            raise InputError("fine: windows are set into the whole leaf as it is polygonized; leave the others out")
+            raise InputError(
+                "fine: windows are set into the mesh of the whole leaf; leave out region, around, simplify and remesh"
+            )
         require_positive(self.spacing, "spacing")
         require_positive(self.grid_step, "grid-step")
 
@@ -166,7 +166,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the result depends on: every option but how many threads and what is shown."""
+        """Every option that the result depends on: all but the number of threads and the display."""
         return {name: getattr(self, name) for name in options_of(type(self)) if name not in options_of(LongJob)}
 
     def write_sheet(self, blade: "Blade") -> "o3d.geometry.TriangleMesh":
@@ -185,12 +185,12 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         from o3dleaf.io.triangle_mesh import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
-        with journal.stage("polygonise one tile"):
+        with journal.stage("polygonize one tile"):
             surface = leaf.plan_mesh(self.spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
-            f"about {surface.seconds:.1f} s and what the disk takes"
+            f"about {surface.seconds:.1f} s plus the time for writing"
         )
         if self.remesh is not None:
             with journal.stage("remesh"):

@@ -20,10 +20,10 @@ MODEL = ".o3l"
 
 @dataclass(frozen=True, kw_only=True)
 class CtOptions(TextureOptions):
-    """How a micro-CT volume is read, and what is made of it."""
+    """Options for reading a micro-CT volume and for the texture made of it."""
 
-    ct_unit: str | None = option(None, "Unit to take the volume in: lengths that its file states are converted.")
-    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not say it)", unit="ct-unit")
+    ct_unit: str | None = option(None, "Unit of the volume's coordinates; lengths stated in its file are converted.")
+    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit")
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file."""
@@ -44,7 +44,7 @@ class BlockOption:
 
     tile_solid: Path | None = option(
         None,
-        "Write one flat period as a closed block too; opposite sides match.",
+        "Also write one flat period as a closed block; opposite sides match.",
         writes="o3dleaf.io.triangle_mesh:SUFFIXES",
     )
 
@@ -55,13 +55,13 @@ class PatchJob(CtOptions, BlockOption, LongJob):
 
     volume: Path = argument("Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...", reads=True)
     output: Path = output((MODEL,))
-    spacing: float | None = option(None, "Mesh step of the block of --tile-solid", unit="ct-unit")
+    spacing: float | None = option(None, "Mesh spacing of the block of --tile-solid", unit="ct-unit")
 
     def check(self) -> None:
         """Refuse a block without a step."""
         super().check()
         if (self.tile_solid is None) != (self.spacing is None):
-            raise InputError("tile-solid, spacing: the block needs a step and the step a block; give both or none")
+            raise InputError("tile-solid, spacing: the block is meshed at that spacing; give both or neither")
 
     def work(self) -> "TiledField":
         """Write the model and the block, and return the texture."""

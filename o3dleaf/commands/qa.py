@@ -16,14 +16,14 @@ FAILED = 1
 
 @dataclass(frozen=True)
 class QaJob(UnitOption, LongJob):
-    """Judge a mesh: figures, defects, requirements; exit code 1 if one is not met."""
+    """Check a mesh: measurements, defects, requirements; exit code 1 if a requirement is not met."""
 
-    mesh: Path = argument("Mesh to judge: PLY, OBJ, STL or OFF.", reads=True)
-    field: Path | None = option(None, "Model that it is a surface of (.o3l), to measure to.", reads=True)
-    cloud: Path | None = option(None, "Scan to measure to, in the mesh's unit.", reads=True)
-    require: str = option("", "What it must be: 'watertight,manifold,oriented,components=1,min-angle=10', ...")
+    mesh: Path = argument("Mesh to check: PLY, OBJ, STL or OFF.", reads=True)
+    field: Path | None = option(None, "Model (.o3l) whose surface the mesh shows, to measure deviations.", reads=True)
+    cloud: Path | None = option(None, "Scan to measure deviations, in the mesh's unit.", reads=True)
+    require: str = option("", "Requirements, such as 'watertight,manifold,oriented,components=1,min-angle=10'.")
     html: Path | None = option(None, "Write a report with pictures, one file.", writes=(".html", ".htm"))
-    json: Path | None = option(None, "Write figures and verdict as JSON.", writes=())
+    json: Path | None = option(None, "Write measurements and result as JSON.", writes=())
 
     def check(self) -> None:
         """Refuse a requirement that there is not, or that needs a file which is not given."""

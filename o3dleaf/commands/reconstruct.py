@@ -16,29 +16,29 @@ LABELS = {
     "weight": "sampling density (1: that of a whole cloud)",
     "residual": "distance of the data from the surface",
 }
-"""What the color bar says of each measure."""
+"""Label of the color bar of each measure."""
 
 
 @dataclass(frozen=True)
 class ReconstructJob(UnitOption, LongJob):
-    """Make a surface of any point cloud: open where the data are open, closed where they are closed."""
+    """Reconstruct a surface from any point cloud: open where the data are open, closed where they are closed."""
 
     cloud: Path = argument("Any point cloud, with normals or without: PLY, PCD, XYZ, XYZN, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
-    spacing: float | None = option(None, "Mesh step (found from the points if not given)", unit="the cloud's unit")
+    spacing: float | None = option(None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit")
     rho: "SmoothingValue" = option(
         "gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word
     )
-    local: str = option("rbf", "What is fitted in each ball: rbf, hermite, curl-free, mls or auto.")
-    untrimmed: bool = option(False, "Keep what no data support, four spacings beyond the data.", "--untrimmed")
+    local: str = option("rbf", "Local fit in each ball: rbf, hermite, curl-free, mls or auto.")
+    untrimmed: bool = option(False, "Keep the surface up to four spacings beyond the data.", "--untrimmed")
     measure: str = option(
         "distance",
-        "What colors the mesh: distance to the data, weight (sampling density) or residual.",
+        "Color of the mesh: distance to the data, weight (sampling density) or residual.",
         choices="o3dleaf.surface.reconstruction.vertex_support:MEASURES",
     )
-    model: Path | None = option(None, "Write the field as a model too (.o3l).", writes=(".o3l",))
+    model: Path | None = option(None, "Also write the field as a model (.o3l).", writes=(".o3l",))
     picture: Path | None = option(
-        None, "Write a picture of the colored mesh too.", writes="o3dleaf.output.view.picture:SUFFIXES"
+        None, "Also write a picture of the colored mesh.", writes="o3dleaf.output.view.picture:SUFFIXES"
     )
 
     def check(self) -> None:
@@ -85,7 +85,7 @@ class ReconstructJob(UnitOption, LongJob):
 
     @property
     def label(self) -> str:
-        """What the color bar says."""
+        """Label of the color bar."""
         return LABELS[self.measure] + (f" / {self.unit}" if self.unit and self.measure != "weight" else "")
 
     def line(self, summary: "MeshReport") -> str:

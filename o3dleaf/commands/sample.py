@@ -8,7 +8,7 @@ from o3dleaf.core.job import Job, argument, option
 
 @dataclass(frozen=True)
 class SampleJob(Job):
-    """Write a synthetic scan, its midrib and a micro-CT volume, with a page that says what they are."""
+    """Write a synthetic scan, its midrib and a micro-CT volume, with a page that describes them."""
 
     folder: Path = argument("Folder to write into.")
     seed: int = option(0, "Seed of the synthetic leaf.")
@@ -29,7 +29,7 @@ class SampleJob(Job):
 class SampleOption:
     """The samples, for commands that work without any file of one's own."""
 
-    samples: Path = option(Path("data_samples"), "Folder of the samples; made anew if not there.")
+    samples: Path = option(Path("data_samples"), "Folder of the samples; they are created if missing.")
 
     def find_samples(self, output: Path) -> tuple[Path, Path, Path]:
         """Return the files of scan, midrib and volume; written into a folder of `output` if they are not there."""

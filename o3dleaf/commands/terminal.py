@@ -1,4 +1,4 @@
-"""What the terminal shows while a command runs: a bar for each stage, and a line now and then."""
+"""Progress on the terminal while a command runs: a bar for each stage, and a line now and then."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -8,7 +8,7 @@ from o3dleaf.core.job import Job, argument
 
 @dataclass(frozen=True)
 class ViewJob(Job):
-    """Open Open3D's window on meshes and point clouds."""
+    """Show meshes and point clouds in Open3D's window."""
 
     files: list[Path] = argument("Meshes and point clouds.", reads=True)
 

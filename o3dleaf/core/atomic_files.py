@@ -68,7 +68,7 @@ def make_folder(folder: str | PathLike[str]) -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as cause:
-        raise InputError(f"{target}: cannot be made a folder ({cause.strerror}); choose another") from cause
+        raise InputError(f"{target}: the folder cannot be created ({cause.strerror}); choose another") from cause
     return target
 
 
@@ -87,7 +87,7 @@ def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
     read = {path.resolve() for path in inputs if path is not None}
     for path in outputs:
         if path is not None and path.resolve() in read:
-            raise InputError(f"{path}: is read, so it is not written over; choose another name for the output")
+            raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
 
 
 def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
@@ -115,7 +115,7 @@ def _beside(target: Path) -> Path:
         kind = next(word for test, word in KINDS if test(mode))
         raise InputError(f"{target}: is a {kind}, and only a file can be written; give the name of a file")
     if not mode & 0o222:
-        raise InputError(f"{target}: is there already and read-only; choose another name")
+        raise InputError(f"{target}: exists already and is read-only; choose another name")
     folder = target.resolve().parent
     try:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=folder)

@@ -40,9 +40,9 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     columns = array.shape[1] if array.ndim == 2 else 0
     if columns == 0 or columns != (dim or columns):
         wanted = f"(n, {dim})" if dim else "(n, d)"
-        raise InputError(f"{name}: has shape {array.shape}; give one point a row, shape {wanted}")
+        raise InputError(f"{name}: has shape {array.shape}; give one point per row, shape {wanted}")
     if len(array) < least:
-        raise InputError(f"{name}: holds {len(array)} points; at least {least} are needed")
+        raise InputError(f"{name}: has {len(array)} points; at least {least} are needed")
     return require_finite(array, name)
 
 
@@ -58,7 +58,7 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
     array = _as_floats(values, name)
     if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
-        raise InputError(f"{name}: has shape {array.shape}; give one value a point, shape {wanted}")
+        raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
     return require_finite(array, name)
 
 
@@ -67,10 +67,10 @@ def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels
     array = np.asarray(labels)
     if array.shape != (count,) or array.dtype.kind not in "bui":
         raise InputError(
-            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number a triangle, ({count},)"
+            f"{name}: is {array.dtype} of shape {array.shape}; give one whole number per triangle, ({count},)"
         )
     if count and (array.min() < 0 or array.max() >= kinds):
-        raise InputError(f"{name}: run from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
+        raise InputError(f"{name}: range from {array.min()} to {array.max()}; give 0 to {kinds - 1}")
     return array.astype(np.uint8)
 
 
@@ -96,10 +96,12 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     """Return one finite (n, d) vector for each of the points, divided by its length, or raise `InputError`."""
     array = as_points(normals, "normals", dim=points.shape[1])
     if len(array) != len(points):
-        raise InputError(f"normals: are {len(array)}, for {len(points)} points; give one for each point")
+        raise InputError(f"normals: {len(array)} for {len(points)} points; give one for each point")
     lengths: FloatArray = np.linalg.norm(array, axis=1, keepdims=True)
     if not np.all(lengths > 0):
-        raise InputError(f"normals: {np.sum(lengths == 0)} are zero; leave out their points, or estimate_normals")
+        raise InputError(
+            f"normals: {np.sum(lengths == 0)} have length zero; remove these points, or use estimate_normals"
+        )
     return np.divide(array, lengths)
 
 
@@ -115,7 +117,7 @@ def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
     """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
     step = _as_floats(spacing, "spacing")
     if step.shape not in {(), (dimension,)}:
-        raise InputError(f"spacing: has shape {step.shape}; give one number, or one an axis")
+        raise InputError(f"spacing: has shape {step.shape}; give one number, or one per axis")
     for each in step.ravel():
         require_positive(float(each), "spacing")
     return np.broadcast_to(step, dimension)
@@ -131,7 +133,7 @@ def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
     """
     voxels: npt.NDArray[Any] = np.asarray(data)
     if voxels.dtype.kind not in "buif":
-        raise InputError(f"{name}: holds {voxels.dtype} values; give real numbers")
+        raise InputError(f"{name}: has {voxels.dtype} values; give real numbers")
     if voxels.ndim == 0 or voxels.size == 0:
         raise InputError(f"{name}: has shape {voxels.shape}; give an array of voxels")
     if voxels.dtype.kind == "b":
@@ -151,7 +153,7 @@ def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str = "mask") -> 
     """Return `mask` as an array of bool of the given shape, or raise `InputError`."""
     array = np.asarray(mask)
     if array.shape != shape or array.dtype != np.bool_:
-        raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one bool a voxel, shape {shape}")
+        raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one bool per voxel, shape {shape}")
     return array
 
 
@@ -161,7 +163,7 @@ def as_rigid_motion(transform: npt.ArrayLike, dimension: int = 3) -> tuple[Float
     turn = matrix[:dimension, :dimension]
     size = f"({dimension + 1}, {dimension + 1})"
     if len(matrix) != dimension + 1 or np.abs(turn @ turn.T - np.eye(dimension)).max() > 1e-9:
-        raise InputError(f"transform: is no rigid motion of shape {size}; give a rotation and a displacement")
+        raise InputError(f"transform: is no rigid motion of shape {size}; give a rotation and a translation")
     return turn, matrix[:dimension, dimension]
 
 

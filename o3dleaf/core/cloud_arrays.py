@@ -1,4 +1,4 @@
-"""The border to Open3D: what a user holds in, plain arrays out; nothing here imports Open3D."""
+"""The border to Open3D: clouds of any kind in, plain arrays out; nothing here imports Open3D."""
 
 from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class HasPoints(Protocol):
-    """What has points (n, 3) as Open3D's legacy clouds have, and may have normals."""
+    """An object with points (n, 3), and perhaps normals, as Open3D's legacy clouds have them."""
 
     @property
     def points(self) -> Any:
@@ -31,23 +31,23 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     InputError
         If there are fewer than `least` points, or one is not finite.
     """
-    return as_points(held_points(cloud), name, dim=3, least=least)
+    return as_points(raw_points(cloud), name, dim=3, least=least)
 
 
-def held_points(cloud: CloudLike) -> npt.ArrayLike:
-    """Return the coordinates that an Open3D cloud (legacy or tensor) or an array holds, unchecked."""
-    held: Any = cloud
-    if hasattr(held, "point"):
-        held = held.point.positions.cpu().numpy()
-    elif hasattr(held, "points"):
-        held = np.asarray(held.points)
-    return cast(npt.ArrayLike, held)
+def raw_points(cloud: CloudLike) -> npt.ArrayLike:
+    """Return the coordinates of an Open3D cloud (legacy or tensor) or of an array, unchecked."""
+    points: Any = cloud
+    if hasattr(points, "point"):
+        points = points.point.positions.cpu().numpy()
+    elif hasattr(points, "points"):
+        points = np.asarray(points.points)
+    return cast(npt.ArrayLike, points)
 
 
-def held_normals(cloud: CloudLike) -> npt.ArrayLike | None:
-    """Return the normals that an Open3D cloud (legacy or tensor) holds, unchecked, or None where it has none."""
-    held: Any = cloud
-    if hasattr(held, "point"):
-        return cast(npt.ArrayLike, held.point.normals.cpu().numpy()) if "normals" in held.point else None
-    normals = getattr(held, "normals", None)
+def raw_normals(cloud: CloudLike) -> npt.ArrayLike | None:
+    """Return the normals of an Open3D cloud (legacy or tensor), unchecked, or None where it has none."""
+    legacy: Any = cloud
+    if hasattr(legacy, "point"):
+        return cast(npt.ArrayLike, legacy.point.normals.cpu().numpy()) if "normals" in legacy.point else None
+    normals = getattr(legacy, "normals", None)
     return None if normals is None or not len(normals) else np.asarray(normals)

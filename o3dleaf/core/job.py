@@ -36,7 +36,7 @@ Names = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class Option:
-    """What a command line has to know of a field.
+    """Command-line attributes of a field: help, flags, choices, files.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Option:
         Such as ("--output", "-o"), where they are not the field's own name.
     positional : bool
     kind : type, optional
-        What the command line takes, where it is not the field's type.
+        Type on the command line, where it is not the field's.
     parse : callable, optional
         ``parse(given)`` makes the field's value of that.
     choices : tuple of str or "module:NAME", optional
@@ -97,13 +97,13 @@ def options_of(job: type) -> dict[str, tuple[Field[Any], Option]]:
 
 def table(names: Names) -> tuple[str, ...]:
     """Return names, read from where their table stands."""
-    found = resolve_name(names) if isinstance(names, str) else names
-    return (found,) if isinstance(found, str) else tuple(found)
+    entries = resolve_name(names) if isinstance(names, str) else names
+    return (entries,) if isinstance(entries, str) else tuple(entries)
 
 
 @dataclass(frozen=True)
 class Job(ABC):
-    """What a command is asked to do; its docstring and its fields are the command's help."""
+    """The request of a command; its docstring and its fields are the command's help."""
 
     @abstractmethod
     def work(self) -> Any:

@@ -43,9 +43,11 @@ class Lattice:
         for step in self.spacing:
             require_positive(step, "spacing")
         if min(self.shape) < 2:
-            raise InputError(f"lattice: has shape {self.shape}; two points an axis make a cell, refine the spacing")
+            raise InputError(f"lattice: has shape {self.shape}; a cell needs two points per axis, refine the spacing")
         if self.size > MAX_SIZE:
-            raise MemoryBudgetError(f"lattice: {self.size:.2g} points are too many; coarsen the spacing or cut the box")
+            raise MemoryBudgetError(
+                f"lattice: {self.size:.2g} points are too many; coarsen the spacing or crop the box"
+            )
 
     @classmethod
     def covering(cls, bounds: npt.ArrayLike, spacing: float | npt.ArrayLike, *, dimension: int = 3) -> "Lattice":
@@ -75,7 +77,7 @@ class Lattice:
         count = np.maximum(last - first, 1.0) + 1.0
         if np.prod(count) > MAX_SIZE:
             raise MemoryBudgetError(
-                f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or cut the box"
+                f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or crop the box"
             )
         return cls(tuple((first * step).tolist()), tuple(step.tolist()), tuple(int(n) for n in count))
 

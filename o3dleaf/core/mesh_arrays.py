@@ -43,7 +43,9 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
     vertices = as_points(np.array(parts[0], dtype=np.float64).reshape(-1, 3), "mesh vertices", dim=3)
     triangles = np.array(parts[1], dtype=np.int64).reshape(-1, 3)
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
-        raise InputError(f"mesh: a triangle names a vertex outside 0 to {len(vertices) - 1}; the file may be damaged")
+        raise InputError(
+            f"mesh: a triangle refers to a vertex outside 0 to {len(vertices) - 1}; the file may be damaged"
+        )
     return vertices, triangles
 
 
@@ -51,7 +53,7 @@ def require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
     """Return the mesh's arrays, or raise `InputError` where it has no triangle."""
     vertices, triangles = mesh_arrays(mesh)
     if not len(triangles):
-        raise InputError("mesh: has no triangles; nothing to work on")
+        raise InputError("mesh: has no triangles; give a triangle mesh")
     return vertices, triangles
 
 

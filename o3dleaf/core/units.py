@@ -2,8 +2,8 @@
 
 from o3dleaf.core.errors import UnitError
 
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-"""Length of each known unit in metres; "µm" is accepted for "um"."""
+METERS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+"""Length of each known unit in meters; "µm" is accepted for "um"."""
 
 
 def check_unit(unit: str | None) -> str | None:
@@ -11,8 +11,8 @@ def check_unit(unit: str | None) -> str | None:
     if unit is None:
         return None
     name = unit.replace("µ", "u").replace("μ", "u")
-    if name not in METRES:
-        raise UnitError(f"unit: unknown {unit!r}; choose one of {', '.join(METRES)}")
+    if name not in METERS:
+        raise UnitError(f"unit: unknown {unit!r}; choose one of {', '.join(METERS)}")
     return name
 
 
@@ -30,5 +30,7 @@ def unit_scale(source: str | None, target: str | None) -> float:
     if source == target:
         return 1.0
     if source is None or target is None:
-        raise UnitError(f"unit: {source} meets {target}; name the unit of both (for example unit='mm')")
-    return METRES[source] / METRES[target]
+        raise UnitError(
+            f"unit: {source} cannot be converted to {target}; name the unit of both (for example unit='mm')"
+        )
+    return METERS[source] / METERS[target]

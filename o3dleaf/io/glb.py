@@ -1,7 +1,7 @@
-"""glTF 2.0 in one binary file (.glb) for browsers and Blender: metres, y up, one primitive a label.
+"""glTF 2.0 in one binary file (.glb) for browsers and Blender: meters, y up, one primitive a label.
 
 Numbers are float32 by the format's definition. The mesh stands around its own middle, which the node
-holds in double precision, so that a leaf half a metre from the origin keeps its hairs.
+holds in double precision, so that a leaf half a meter from the origin keeps its hairs.
 """
 
 import json
@@ -22,7 +22,7 @@ Z_TO_Y = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 
 
 def write_glb(out: IO[bytes], mesh: MeshData, name: str) -> None:
-    """Write one glTF scene of a mesh that is in metres and has normals."""
+    """Write one glTF scene of a mesh that is in meters and has normals."""
     middle = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     positions = (mesh.vertices - middle).astype("<f4")
     normals = np.zeros_like(positions) if mesh.normals is None else mesh.normals.astype("<f4")

@@ -57,7 +57,7 @@ class LabelledMesh:
             return None
         labels = np.asarray(self.labels)
         if labels.shape[:1] != (triangles,):
-            raise InputError(f"labels: has shape {labels.shape}; give one a triangle, {triangles} in all")
+            raise InputError(f"labels: has shape {labels.shape}; give one per triangle, {triangles} in all")
         return labels
 
 
@@ -110,6 +110,8 @@ def label_parts(parts: list[tuple[str, int]]) -> tuple[LabelArray, tuple[str, ..
     names = [*LABELS] if any(name in LABELS for name, _ in parts) else []
     names += [name for name in dict.fromkeys(name for name, _ in parts) if name not in names]
     if len(names) > MAX_LABELS:
-        raise InputError(f"mesh: has {len(names)} solids or groups; at most {MAX_LABELS} are told apart")
+        raise InputError(
+            f"mesh: has {len(names)} solids or groups; at most {MAX_LABELS} can be read; merge some of them"
+        )
     numbers = np.array([names.index(name) for name, _ in parts], dtype=np.uint8)
     return np.repeat(numbers, [count for _, count in parts]), tuple(names)

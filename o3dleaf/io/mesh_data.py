@@ -163,7 +163,7 @@ def face_vectors(corners: FloatArray) -> FloatArray:
 
 def unit_rows(vectors: FloatArray) -> FloatArray:
     """Return rows of length 1; (0, 0, 1) for those that have no direction, as file formats want one."""
-    # Squares of the smallest sides in metres would underflow: scale before a row is given up.
+    # Squares of the smallest sides in meters would underflow: scale before a row is given up.
     largest = np.abs(vectors).max(axis=1, initial=0.0, keepdims=True)
     scaled = vectors / np.where(largest > 0, largest, 1.0)
     size = np.linalg.norm(scaled, axis=1, keepdims=True)

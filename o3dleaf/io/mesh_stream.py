@@ -1,7 +1,7 @@
 """Sinks of a surface that is made block by block: arrays in memory, or a PLY, STL or OBJ file.
 
-Blocks may come in any order and from any thread; of a file nothing stays in memory. STL repeats the corners and OBJ is text:
-both are made from a scratch file at the end.
+Blocks may come in any order and from any thread; of a file nothing is kept in memory. STL repeats the corners and OBJ
+is text: both are made from a scratch file at the end.
 """
 
 import tempfile
@@ -26,7 +26,7 @@ OBJ_VERTEX_BYTES, OBJ_TRIANGLE_BYTES = 64, 32
 
 
 class MeshSize(Protocol):
-    """The size of a surface, known before it is made."""
+    """Numbers of vertices and triangles of a surface, known before it is made."""
 
     @property
     def vertices(self) -> int:
@@ -107,7 +107,7 @@ def mesh_file(
 def file_bytes(
     suffix: str, size: MeshSize, comments: tuple[str, ...] = (), names: tuple[str, ...] = LABELS
 ) -> tuple[int, int]:
-    """Return the size of a file, exact but for OBJ, and that of the scratch file."""
+    """Return the size of a file, exact but for OBJ, and that of the scratch file beside it."""
     binary = _layout(size, comments, names).size
     if suffix == ".ply":
         return binary, 0

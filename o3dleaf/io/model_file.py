@@ -73,7 +73,9 @@ def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., An
     file = require_file(path)
     header, start = _read_header(file)
     if file.stat().st_size != start + header["bytes"]:
-        raise InputError(f"{file}: is {file.stat().st_size} bytes long, not {start + header['bytes']}; it was cut off")
+        raise InputError(
+            f"{file}: is {file.stat().st_size} bytes long, not {start + header['bytes']}; it was cut off, copy it again"
+        )
     if not header["bytes"]:
         return _unpack(header["model"], [], classes, file)
     # Copy on write: nothing reaches the disk, and Numba takes the arrays for ordinary ones.
@@ -95,7 +97,7 @@ def _read_header(file: Path) -> tuple[dict[str, Any], int]:
             raise InputError(f"{file}: is no o3dleaf model; give a file that save() or -o wrote")
         _, length, checksum = PREFIX.unpack(prefix)
         if length > file.stat().st_size:
-            raise InputError(f"{file}: is too short for its header; it was cut off")
+            raise InputError(f"{file}: is too short for its header; it was cut off, copy it again")
         text = stream.read(length)
     if zlib.crc32(text) != checksum:
         raise InputError(f"{file}: its header is damaged; save the model again")
@@ -146,7 +148,7 @@ def _unpack(
     if "array" in tree:
         return arrays[tree["array"]]
     if tree["class"] not in classes:
-        raise InputError(f"{file}: holds a {tree['class']}, which this version does not know; update o3dleaf")
+        raise InputError(f"{file}: contains a {tree['class']}, which this version does not know; update o3dleaf")
     kind = classes[tree["class"]]
     names = _stored_names(kind) if is_dataclass(kind) and not hasattr(kind, "state") else {}
     state = {names.get(name, name): _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}

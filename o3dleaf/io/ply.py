@@ -25,12 +25,12 @@ XYZ = np.dtype([(axis, "<f8") for axis in "xyz"])
 BLOCK = 1 << 17
 """Vertices or triangles written at once."""
 GAP = 1024
-"""Vertices that are read needlessly rather than going to the disk twice."""
+"""Vertices that are read though nobody asked for them, rather than going to the disk twice."""
 
 
 @dataclass(frozen=True)
 class PlyLayout:
-    """The contents of a binary PLY file and their offsets, known before the first vertex is.
+    """Elements and properties of a binary PLY file, known before its first vertex.
 
     Attributes
     ----------
@@ -38,12 +38,12 @@ class PlyLayout:
     triangles : int, optional
         None: points without faces.
     vertex : dtype
-        Type of a vertex.
+        Of a vertex.
     names : tuple of str, optional
         Of the labels of the faces; None: they have none.
     comments : tuple of str
     index : {"int", "uint"}
-        Type of vertex numbers, as the header states it.
+        Type that the header gives to the numbers of vertices.
     """
 
     vertices: int
@@ -68,7 +68,7 @@ class PlyLayout:
 
     @property
     def face(self) -> np.dtype[Any]:
-        """The type of a face, packed."""
+        """Packed dtype of a face."""
         label = [] if self.names is None else [("label", "u1")]
         return np.dtype([("count", "u1"), ("corners", "<i4", (3,)), *label])
 
@@ -173,7 +173,7 @@ def attribute_columns(attributes: Mapping[str, npt.NDArray[Any]]) -> dict[str, n
 
 
 def _record(columns: Mapping[str, npt.NDArray[Any]]) -> np.dtype[Any]:
-    """Return the type of a vertex with such columns: their own types, or float64 where PLY has not theirs."""
+    """Return what a vertex with such columns consists of: their types, or float64 where PLY has not theirs."""
     kinds = {name: column.dtype.str[1:] for name, column in columns.items()}
     return np.dtype([(name, f"<{kind}" if kind in TYPES else "<f8") for name, kind in kinds.items()])
 

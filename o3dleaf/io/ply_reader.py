@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.units import METRES
+from o3dleaf.core.units import METERS
 from o3dleaf.io.labelled_mesh import LabelArray, name_labels
 from o3dleaf.io.mesh_data import MeshData
 
@@ -51,19 +51,19 @@ class PlyHeader:
 
     @property
     def is_text(self) -> bool:
-        """Whether numbers are written out."""
+        """True for an ASCII file."""
         return ["format", "ascii", "1.0"] in self.lines
 
     @property
     def counts(self) -> dict[str, int]:
-        """The number of each element."""
+        """Number of items of each element."""
         return {words[1]: int(words[2]) for words in self.lines if words[0] == "element" and words[-1].isdigit()}
 
     @property
     def unit(self) -> str | None:
         """The unit that a comment states: ``comment unit mm``."""
         said = (words[2] for words in self.lines if words[:2] == ["comment", "unit"] and len(words) == 3)
-        return next((unit for unit in said if unit in METRES), None)
+        return next((unit for unit in said if unit in METERS), None)
 
     def properties(self, element: str) -> list[list[str]]:
         """Return the lines of the properties of an element."""
@@ -93,7 +93,7 @@ def require_whole_ply(file: Path) -> PlyHeader:
     header = PlyHeader.of(file)
     count = header.counts.get("vertex")
     if count is None:
-        raise InputError(f"{file}: its PLY header names no points; export it again")
+        raise InputError(f"{file}: its PLY header lists no vertices; export it again")
     if header.is_text:
         with file.open("rb") as stream:
             stream.seek(header.end)
@@ -104,7 +104,7 @@ def require_whole_ply(file: Path) -> PlyHeader:
         size = sum(np.dtype(TYPES.get(kind, "u1")).itemsize for kind in kinds)
         enough = file.stat().st_size - header.end >= size * count
     if not enough:
-        raise InputError(f"{file}: claims {count} points but is too short for them; it was cut off")
+        raise InputError(f"{file}: is too short for the {count} points of its header; it was cut off, copy it again")
     return header
 
 

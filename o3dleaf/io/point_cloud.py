@@ -38,9 +38,9 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool 
         cloud = o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)
     points = np.asarray(cloud.points)
     if not len(points):
-        raise InputError(f"{file}: no points could be read; is it a damaged file or an empty cloud?")
+        raise InputError(f"{file}: no points could be read; the cloud is empty or the file is damaged, export it again")
     if len(points) < least:
-        raise InputError(f"{file}: holds {len(points)} points; at least {least} are needed")
+        raise InputError(f"{file}: has {len(points)} points; at least {least} are needed")
     if finite:
         require_finite(points, str(file))
     return cloud

@@ -28,7 +28,7 @@ SOLID = re.compile(rb"^[ \t]*solid\b[ \t]*(\S*)", re.MULTILINE)
 VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 NUMBER = "% .16e"
 """17 digits, which read back bit for bit; 23 characters while the exponent has two digits."""
-SMALLEST, LARGEST = 1e-99, 9.9e99
+MIN_LENGTH, MAX_LENGTH = 1e-99, 9.9e99
 """Exponents of three digits do not fit the records: what is smaller is zero, what is larger refused."""
 NORMAL = "% .6f"
 """Normals are for looking at: readers compute their own."""
@@ -82,9 +82,9 @@ def number_lines(rows: FloatArray, form: str, width: int) -> npt.NDArray[np.byte
     InputError
         If a number is too large for it.
     """
-    if np.abs(rows).max(initial=0.0) > LARGEST:
+    if np.abs(rows).max(initial=0.0) > MAX_LENGTH:
         raise InputError(f"vertices: reach {np.abs(rows).max():.3g}; give lengths in a larger unit")
-    kept = np.where(np.abs(rows) < SMALLEST, 0.0, rows)
+    kept = np.where(np.abs(rows) < MIN_LENGTH, 0.0, rows)
     text = (f"{form} {form} {form}" * len(kept)) % tuple(kept.ravel().tolist())
     return np.frombuffer(text.encode("ascii"), dtype=f"S{3 * width + 2}")
 
@@ -95,7 +95,7 @@ def read_stl_text(file: Path) -> MeshData | None:
     Raises
     ------
     InputError
-        If a facet has not three corners.
+        If a facet does not have three corners.
     """
     with file.open("rb") as stream:
         if not stream.read(START).lstrip().startswith(b"solid"):
@@ -121,7 +121,7 @@ def _facets_of(file: Path) -> tuple[FloatArray, list[tuple[str, int]]]:
                     solids.append((starts[place - 1].group(1).decode("ascii", "replace"), 0))
                 rows = np.array(VERTEX.findall(part), dtype=np.bytes_).reshape(-1, 3)
                 if len(rows) % 3 or (len(rows) and not solids):
-                    raise InputError(f"{file}: is no ASCII STL, a facet has not three corners; export it again")
+                    raise InputError(f"{file}: is no ASCII STL, a facet does not have three corners; export it again")
                 if len(rows):
                     corners.append(rows.astype(np.float64).reshape(-1, 3, 3))
                     solids[-1] = solids[-1][0], solids[-1][1] + len(rows) // 3

@@ -38,7 +38,7 @@ def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         mesh = o3d.io.read_triangle_mesh(file)
     if not mesh.has_triangles():
-        raise InputError(f"{file}: no triangles could be read; is it a point cloud, or no PLY, OBJ, STL or OFF file?")
+        raise InputError(f"{file}: no triangles could be read; give a mesh, not a point cloud, as PLY, OBJ, STL or OFF")
     vertices, triangles = mesh_arrays(mesh)
     return build_mesh(*join_corners(vertices[triangles])) if file.suffix.lower() == ".stl" else mesh
 
@@ -80,7 +80,7 @@ def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     if data is None:
         return LabelledMesh(read_triangle_mesh(file), unit=unit)
     if not len(data.triangles):
-        raise InputError(f"{file}: holds no triangle; is it cut off?")
+        raise InputError(f"{file}: has no triangles; it may be cut off, copy it again")
     mesh = build_mesh(*mesh_arrays((data.vertices, data.triangles)))
     return LabelledMesh(mesh, data.labels, data.names, data.unit)
 

@@ -65,5 +65,5 @@ def _innermost(level: Level, region: FloatArray) -> Level:
         if (low >= child.box[0] + child.ratio).all() and (high <= child.box[1] - child.ratio).all():
             return _innermost(child, region)
         if (low < child.box[1]).all() and (high > child.box[0]).all():
-            raise InputError("levels: two windows cross; set the finer one into the other, and name it later")
+            raise InputError("levels: two windows cross; place the finer one inside the other, and list it later")
     return level

@@ -79,7 +79,7 @@ def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
     model = load(path)
     texture = model.texture if isinstance(model, MultiscaleLeaf) else model
     if not isinstance(texture, TiledField | PatchBlend):
-        raise InputError(f"{path}: holds a {type(model).__name__}, no micro-structure; give one that `patch` made")
+        raise InputError(f"{path}: contains a {type(model).__name__}, no micro-structure; give one that `patch` wrote")
     return texture
 
 
@@ -93,5 +93,5 @@ def load_leaf(path: str | PathLike[str]) -> Blade | MultiscaleLeaf:
     """
     model = load(path)
     if not isinstance(model, Blade | MultiscaleLeaf):
-        raise InputError(f"{path}: holds a {type(model).__name__}, no leaf; give a model that `leaf --model` wrote")
+        raise InputError(f"{path}: contains a {type(model).__name__}, no leaf; give a model that `leaf --model` wrote")
     return model

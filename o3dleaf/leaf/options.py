@@ -1,4 +1,4 @@
-"""What can be chosen where a leaf is built: of its blade, and of its micro-structure.
+"""Options for building a leaf: its blade, and its micro-structure.
 
 A field made by `option` is an option of the commands too; the others are for Python alone.
 """
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def _period(text: str) -> Any:
     """Return the two lengths of a text, or its word."""
-    found = [number_or_word(word) for word in words_of(text)]
-    return found[0] if len(found) == 1 else tuple(found)
+    values = [number_or_word(word) for word in words_of(text)]
+    return values[0] if len(values) == 1 else tuple(values)
 
 
 @dataclass(frozen=True, kw_only=True)
 class BladeOptions:
-    """How the macro-scale blade is built; the defaults choose everything from the scan.
+    """Options for the macro-scale blade; by default everything is chosen from the scan.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class BladeOptions:
     up, base : (3,) array_like, optional
         Direction of the adaxial side; a point near the base.
     offset : {"up", "normal"}
-        What the micro-structure's heights are measured along, see `Blade`.
+        Direction along which the heights of the micro-structure are measured, see `Blade`.
     """
 
     alpha: float | None = option(
@@ -40,17 +40,17 @@ class BladeOptions:
     smoothing: "SmoothingValue | Literal['robust']" = "robust"
     up: Any = None
     base: Any = None
-    offset: str = option("up", "Measure heights along 'up', as the paper, or the 'normal'.")
+    offset: str = option("up", "Direction of heights: 'up', as in the paper, or the blade's 'normal'.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextureOptions:
-    """How the micro-structure is built from a micro-CT volume.
+    """Options for the micro-structure from a micro-CT volume.
 
     Attributes
     ----------
     level : float, "valley" or "otsu"
-        The surface's intensity, or how to find it between the two peaks of the histogram.
+        Intensity of the surface, or the method that finds it between the two peaks of the histogram.
     rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.
     period : (2,) array_like or "best", optional
@@ -71,9 +71,9 @@ class TextureOptions:
     )
     period: Any = option(
         None,
-        "Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose faces match best.",
+        "Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose opposite sides match best.",
         kind=str,
         parse=_period,
     )
     flip: str | None = option(None, "Mirror every second tile: along, across or both.")
-    shift: float = option(0.0, "Shift rows of tiles along by this share of one, like bricks.")
+    shift: float = option(0.0, "Shift each row of tiles along by this share of a tile, like bricks.")

@@ -144,8 +144,8 @@ def _require_size(length: float, unit: str | None, limits: tuple[float, float], 
     """Raise `UnitError` for a length that no leaf has; without a unit there is nothing to judge by."""
     if unit is None:
         return
-    millimetres = length * unit_scale(unit, "mm")
-    if not limits[0] <= millimetres <= limits[1]:
+    millimeters = length * unit_scale(unit, "mm")
+    if not limits[0] <= millimeters <= limits[1]:
         raise UnitError(
             f"{name}: the {what} is {length:.4g} {unit} across, where {limits[0]:g} to {limits[1]:g} mm are expected; "
             f"is its unit really {unit}?"

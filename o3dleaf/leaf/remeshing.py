@@ -27,9 +27,9 @@ MAX_STEP = 0.1
 """The same: no step is longer."""
 ON_RIM = 1 << RIM
 """Bit of the rim among the labels around a vertex."""
-NEAR = 1e-3
+FACE_TOLERANCE = 1e-3
 """Distance from F = 0, of the edge, within which a vertex lies on a face."""
-CHUNK = 1 << 17
+BATCH_SIZE = 1 << 17
 """Vertices looked at together."""
 
 
@@ -159,7 +159,7 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     """
     places = np.empty_like(flat)
     run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
-    labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, NEAR * target_edge))
+    labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
     return remesh_charted(Charted.of(places, flat, triangles, labels), LeafTarget(leaf, outline, tile), target_edge)
 
 
@@ -182,7 +182,7 @@ def remesh_flat(leaf: TexturedBlade, flat: FloatArray, triangles: IntArray, targ
 def _on_faces(leaf: TexturedBlade, flat: FloatArray, near: float) -> BoolArray:
     """Return which points (n, 3) lie on F = 0 to within `near`."""
     on_face = np.empty(len(flat), dtype=bool)
-    for first, last in blocks(len(flat), CHUNK):
+    for first, last in blocks(len(flat), BATCH_SIZE):
         values, gradients = leaf.values_and_gradients(flat[first:last])
         on_face[first:last] = np.abs(values) <= near * np.linalg.norm(gradients, axis=1)
     return on_face
@@ -198,9 +198,9 @@ def _without_chamfers(triangles: IntArray, labels: Labels, on_face: BoolArray) -
     face_of = np.full(len(on_face), RIM, dtype=np.uint8)
     while True:
         for face in (face for face in range(RIM) if (labels == face).any()):
-            own = np.zeros(len(on_face), dtype=bool)
-            own[triangles[labels == face]] = True
-            face_of[own & on_face & (face_of == RIM)] = face
+            touched = np.zeros(len(on_face), dtype=bool)
+            touched[triangles[labels == face]] = True
+            face_of[touched & on_face & (face_of == RIM)] = face
         rows = np.flatnonzero(labels == RIM)
         face = face_of[triangles[rows]].min(axis=1, initial=RIM)
         if not (face < RIM).any():

@@ -12,7 +12,7 @@ from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 
-CHUNK = 1 << 17
+BATCH_SIZE = 1 << 17
 """Points asked for together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
 Texture: TypeAlias = TiledField | PatchBlend
@@ -88,7 +88,7 @@ class TexturedBlade:
         """Return G(x) at (n, 3) world points, in the unit of CT intensity; < 0 outside."""
         points = as_points(x, "x", dim=3)
         values = np.empty(len(points))
-        for first, last in blocks(len(points), CHUNK):
+        for first, last in blocks(len(points), BATCH_SIZE):
             values[first:last] = self.values(self.blade.flatten(points[first:last]))
         return values
 
@@ -96,7 +96,7 @@ class TexturedBlade:
         """Return the (n, 3) analytic gradient of G at world points, through weights, fits, tiling, H and frame."""
         points = as_points(x, "x", dim=3)
         gradients = np.empty_like(points)
-        for first, last in blocks(len(points), CHUNK):
+        for first, last in blocks(len(points), BATCH_SIZE):
             flat = self.blade.flatten(points[first:last])
             inner = self.texture.gradient(flat * self.scale) * self.scale
             gradients[first:last] = self.blade.pull_back(flat, inner, points[first:last])

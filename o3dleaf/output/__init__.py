@@ -1,4 +1,4 @@
-"""What leaves the package: files for the next program, pictures, reports, figures.
+"""Output: files for other programs, pictures, reports, figures.
 
 `export`   meshes, particles and distances for other programs
 `view`     pictures and the interactive window

@@ -141,16 +141,16 @@ class WheatBlade:
         return self._at(x), np.column_stack([x[:, 0], x[:, 1] * self.half_width(x[:, 0])])
 
     def _step(self, p: FloatArray, x: FloatArray, damping: FloatArray) -> FloatArray:
-        """Damped Gauss-Newton step (n, 2) in (arc length, share of the half width); a bound that holds is kept."""
+        """Return a damped Gauss-Newton step (n, 2) in (arc length, share of half width); bounds that hold stay."""
         steps = np.array([[1e-4, 0.0], [0.0, 1e-5]])
         J = np.stack([(self._at(x + h) - self._at(x - h)) / (2 * h.sum()) for h in steps], axis=-1)
         g = np.einsum("nck,nc->nk", J, p - self._at(x))
         A = np.einsum("nck,ncl->nkl", J, J)
         A[:, [0, 1], [0, 1]] *= 1 + damping[:, np.newaxis]
         low, high = np.array([0.0, -1.0]), np.array([self.length, 1.0])
-        held = ((x <= low) & (g < 0)) | ((x >= high) & (g > 0))
-        g[held] = 0.0
-        A[:, 0, 1] = A[:, 1, 0] = np.where(held.any(axis=1), 0.0, A[:, 0, 1])
+        at_bound = ((x <= low) & (g < 0)) | ((x >= high) & (g > 0))
+        g[at_bound] = 0.0
+        A[:, 0, 1] = A[:, 1, 0] = np.where(at_bound.any(axis=1), 0.0, A[:, 0, 1])
         return np.linalg.solve(A, g[:, :, np.newaxis])[:, :, 0]
 
     def _at(self, x: FloatArray) -> FloatArray:

@@ -122,7 +122,7 @@ class WavySheet(Meshed):
         return np.asarray(flat[:, 0] ** 2 + flat[:, 1] ** 2 + up**2)
 
     def _newton(self, points: FloatArray, sites: FloatArray, damping: FloatArray) -> FloatArray:
-        """Return a damped Newton step (n, 2); a bound that holds a site is kept."""
+        """Return a damped Newton step (n, 2); a coordinate at its bound stays."""
         half = np.array([self.length / 2, self.width / 2])
         slopes, (same, mixed) = self._slopes(sites), self._bends(sites)
         up = points[:, 2] - self._height(sites)
@@ -132,6 +132,6 @@ class WavySheet(Meshed):
         # Where the distance is not convex, Gauss and Newton's matrix is.
         convex = (curved[:, 0] > 0) & (curved[:, 0] * curved[:, 1] > curved[:, 2] ** 2)
         a, b, c = (np.where(convex[:, np.newaxis], curved, metric) + damping[:, np.newaxis] * metric).T
-        held = ((sites <= -half) & (fall < 0)) | ((sites >= half) & (fall > 0))
-        (p, q), c = np.where(held, 0.0, fall).T, np.where(held.any(axis=1), 0.0, c)
+        at_bound = ((sites <= -half) & (fall < 0)) | ((sites >= half) & (fall > 0))
+        (p, q), c = np.where(at_bound, 0.0, fall).T, np.where(at_bound.any(axis=1), 0.0, c)
         return np.asarray(np.column_stack([b * p - c * q, a * q - c * p]) / (a * b - c**2)[:, np.newaxis])

@@ -17,7 +17,7 @@ TURN = Rotation.from_euler("xyz", [23.0, 37.0, 11.0], degrees=True).as_matrix()
 CENTER = np.array([0.31, -0.17, 0.09])
 MARGIN = 0.25
 """What the bounds leave around a solid's box, of that box's diagonal."""
-ON = 1e-9
+TOLERANCE = 1e-9
 """Nearer than this, of the box's diagonal, a point is on the surface: the way to its foot has no direction."""
 
 
@@ -139,7 +139,7 @@ class Solid(ABC):
 
     def _inside(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         feet, normals, distance = self._feet((points - CENTER) @ TURN)
-        on = np.abs(distance) < ON * np.linalg.norm(self.box[1] - self.box[0])
+        on = np.abs(distance) < TOLERANCE * np.linalg.norm(self.box[1] - self.box[0])
         way = (points - (feet @ TURN.T + CENTER)) / np.where(on, 1.0, distance)[:, np.newaxis]
         return -distance, -np.where(on[:, np.newaxis], normals @ TURN.T, way)
 

@@ -202,7 +202,7 @@ def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
     assert result.returncode == 0, result.stderr
     assert "seam energy" in result.stdout
     assert mesh_report(read_triangle_mesh(tmp_path / "t.ply")).watertight
-    assert "both or none" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
+    assert "both or neither" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
 
 
 def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
@@ -350,7 +350,7 @@ def test_what_is_read_is_never_written_over(run, files, tmp_path):
     ):
         result = run(*words)
         assert result.returncode == 2
-        assert "not written over" in result.stderr
+        assert "not overwritten" in result.stderr
     assert all(path.read_bytes() == content for path, content in before.items())
 
 

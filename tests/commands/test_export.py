@@ -137,16 +137,16 @@ def test_scalars_are_those_of_the_field(leaf, model, tmp_path):
 @pytest.mark.parametrize(
     ("name", "how", "words"),
     [
-        ("a.ply", {}, "give the step to mesh it at"),
+        ("a.ply", {}, "give the mesh spacing"),
         ("a.ply", {"spacing": 0.5, "what": "soup"}, "unknown 'soup'"),
         ("a.ply", {"spacing": 0.5, "what": "volume-particles"}, "step"),
         ("a.stl", {"spacing": 0.5, "what": "volume-particles", "step": 1.0}, "unknown suffix"),
-        ("a.ply", {"what": "surface-particles", "step": 1.0, "consumer": "web"}, "about meshes"),
+        ("a.ply", {"what": "surface-particles", "step": 1.0, "consumer": "web"}, "reads meshes"),
         ("a.ply", {"spacing": 0.5, "scalar": ("taste",)}, "taste"),
         ("a.ply", {"spacing": 0.5, "tile": True, "scalar": ("curvature",)}, "field"),
         ("a.ply", {"spacing": -1.0}, "above zero"),
         ("a.ply", {"spacing": 0.5, "part": "petiole"}, "petiole"),
-        ("a.ply", {"spacing": 0.5, "part": "rim", "sheets": True}, "no triangle is rim"),
+        ("a.ply", {"spacing": 0.5, "part": "rim", "sheets": True}, "no triangle has the label rim"),
         ("nowhere/a.ply", {"spacing": 0.5}, "folder"),
     ],
 )
@@ -163,6 +163,6 @@ def test_the_command_line_takes_all_of_it(run, model, tmp_path):
     assert read_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")
     done = run("export", model, "--spacing", 0.5, "--open", "--for", "gmsh", "-o", tmp_path / "b.stl", "-q")
     assert done.returncode == 2
-    assert "wants a closed mesh" in done.stderr
+    assert "needs a closed mesh" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.stl"]

@@ -75,9 +75,9 @@ def test_files_and_choices_are_refused_before_the_work(tmp_path):
     (tmp_path / "c.ply").write_text("mine too")
     good = {"meshes": [tmp_path / "a.ply", tmp_path / "c.ply"], "output": tmp_path / "b.ply"}
     for wrong, words in (
-        ({"output": tmp_path / "c.ply"}, "not written over"),
-        ({"log": tmp_path / "a.ply"}, "not written over"),
-        ({"mask": tmp_path / "b.ply"}, "not written over"),
+        ({"output": tmp_path / "c.ply"}, "not overwritten"),
+        ({"log": tmp_path / "a.ply"}, "not overwritten"),
+        ({"mask": tmp_path / "b.ply"}, "not overwritten"),
         ({"output": tmp_path / "b.txt"}, "suffix '.txt'"),
         ({"log": tmp_path / "nowhere" / "log.txt"}, "folder"),
         ({"color": "blue"}, "in: unknown 'blue'; choose one of green, brown"),

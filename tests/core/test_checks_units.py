@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.core import checks
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METRES, check_unit, unit_scale
+from o3dleaf.core.units import METERS, check_unit, unit_scale
 
 
 @pytest.mark.parametrize(
@@ -42,19 +42,19 @@ def test_a_clean_array_is_not_copied_and_a_read_only_one_is():
 
 def test_one_flat_point_is_taken_where_the_dimension_is_known():
     assert checks.as_points([1, 2, 3], dim=3).shape == (1, 3)
-    with pytest.raises(InputError, match=r"shape \(3,\); give one point a row, shape \(n, d\)"):
+    with pytest.raises(InputError, match=r"shape \(3,\); give one point per row, shape \(n, d\)"):
         checks.as_points([1, 2, 3])
 
 
 @pytest.mark.parametrize(
     ("points", "options", "message"),
     [
-        (np.ones((3, 2)), {"dim": 3}, r"shape \(3, 2\); give one point a row, shape \(n, 3\)"),
+        (np.ones((3, 2)), {"dim": 3}, r"shape \(3, 2\); give one point per row, shape \(n, 3\)"),
         (np.ones((3, 0)), {}, r"shape \(3, 0\)"),
         (np.ones((2, 2, 2)), {}, r"shape \(2, 2, 2\)"),
         (3.0, {}, r"shape \(\)"),
         ([], {}, r"shape \(0,\)"),
-        (np.empty((0, 3)), {"least": 1}, "holds 0 points; at least 1"),
+        (np.empty((0, 3)), {"least": 1}, "has 0 points; at least 1"),
         ([["a", "b"]], {}, "not an array of numbers"),
         ([[1, 2], [3]], {}, "not an array of numbers"),
         ([[None, 1.0]], {}, "NaN"),
@@ -71,7 +71,7 @@ def test_what_is_no_array_of_points_is_refused_with_its_name(points, options, me
 def test_values_are_one_a_point():
     assert checks.as_values([1, 2], 2).dtype == np.float64
     for bad in ([1, 2, 3], [[1], [2]], 5.0):
-        with pytest.raises(InputError, match=r"one value a point, shape \(2,\)"):
+        with pytest.raises(InputError, match=r"one value per point, shape \(2,\)"):
             checks.as_values(bad, 2)
     with pytest.raises(InputError, match="NaN"):
         checks.as_values([1, np.nan], 2)
@@ -121,7 +121,7 @@ def test_every_error_of_ours_has_one_base_and_input_errors_are_value_errors():
     assert issubclass(UnitError, InputError)
 
 
-@given(a=st.sampled_from(list(METRES)), b=st.sampled_from(list(METRES)), c=st.sampled_from(list(METRES)))
+@given(a=st.sampled_from(list(METERS)), b=st.sampled_from(list(METERS)), c=st.sampled_from(list(METERS)))
 def test_unit_scales_compose_and_invert(a, b, c):
     assert unit_scale(a, b) * unit_scale(b, c) == pytest.approx(unit_scale(a, c), rel=1e-15)
     assert unit_scale(a, b) * unit_scale(b, a) == pytest.approx(1, rel=1e-15)

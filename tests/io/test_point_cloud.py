@@ -31,7 +31,7 @@ def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_p
         ("none.ply", None, "no such file"),
         ("empty.ply", "", "empty"),
         ("text.ply", "hello", "does not begin with 'ply'"),
-        ("nothing.ply", "ply\nformat ascii 1.0\nend_header\n", "names no points"),
+        ("nothing.ply", "ply\nformat ascii 1.0\nend_header\n", "lists no vertices"),
         ("scan.las", "LASF", "unknown kind"),
         ("words.xyz", "these are words\n", "no points"),
         ("two.xyz", "0 0 0\n1 1 1\n", "at least 3"),

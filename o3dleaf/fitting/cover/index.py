@@ -1,4 +1,4 @@
-"""Which balls contain a point: a tree of boxes, each with the list of the balls that reach into it."""
+"""Index of the balls that contain a point: a tree of boxes, each with the list of the balls that reach into it."""
 
 from dataclasses import dataclass, field
 

@@ -22,7 +22,7 @@ FACE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class VoxelLattice:
-    """Where the voxels of an array lie: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
+    """Positions of an array's voxels: voxel (i, j, k) at turn · (spacing (i, j, k) + start) + shift.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class VoxelLattice:
         if bounds is None:
             if self.moved:
                 raise InputError(
-                    "bounds: are needed with a transform; give a box within the turned voxels (inscribed_box)"
+                    "bounds: are needed with a transform; give a box inside the rotated volume (inscribed_box)"
                 )
             return np.array([self.origin, self.origin + np.diag(self.steps) * (sides - 1)])
         box = as_bounds(bounds, len(sides))

@@ -21,7 +21,7 @@ POINTS_PER_BALL = (200, 400)
 
 @dataclass(frozen=True, eq=False)
 class ScatteredData:
-    """What is fitted: values at points and, as far as there are any, weights, groups and normals.
+    """Values at points and, as far as there are any, weights, groups and normals: the data of a fit.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class ScatteredData:
     def oriented(self) -> OrientedPoints:
         """Points and normals, as the compiled loops take them, or `InputError` where there are no normals."""
         if self.normals is None:
-            raise InputError("normals: are none, and this fit needs them; give one for each point")
+            raise InputError("normals: are missing, and this fit needs them; give one for each point")
         return OrientedPoints(self.points, self.normals)
 
 

@@ -1,4 +1,4 @@
-"""Which local fit suits oriented points, and how large its balls: as large as noise asks for and the shape allows."""
+"""Choice of the local fit for oriented points and of its balls, as large as noise requires and the shape allows."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -22,7 +22,7 @@ NAMED_FITTERS: dict[str, type[Hermite | CurlFree | MovingLeastSquares]] = {
 SIZES = tuple(50 * 2**step for step in range(8))
 """Points of the trial balls."""
 
-PLACES, SAMPLE = 128, 100_000
+MAX_BALLS, MAX_POINTS = 128, 100_000
 """Most balls of a size, and points of all of them: their mean square residual is known to half a per cent."""
 
 FILLED = 0.7
@@ -81,7 +81,7 @@ def mean_square_residual(size: int, data: OrientedPoints, tree: cKDTree) -> floa
     """Return the mean square distance of points to the cubics of balls of their `size` nearest, 0 but for rounding."""
     fitter, points = MovingLeastSquares(), data.points
     exponents = tail_exponents(points.shape[1], fitter.degree)
-    places = min(PLACES, SAMPLE // size)
+    places = min(MAX_BALLS, MAX_POINTS // size)
     seeds = np.unique(np.linspace(0, len(points) - 1, places).round().astype(np.int64))
     distances, near = tree.query(points[seeds], k=size, workers=-1)
 

@@ -95,7 +95,9 @@ def _choose_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel
     """Return the smoothing that a fixed sample of balls agrees on, by one eigen-decomposition a class."""
     smoothing, power, exponents = model.smoothing, model.kernel.power, model.exponents
     if smoothing.value == "gcv-per-ball":
-        raise InputError("smoothing: balls on a lattice share one factor and its smoothing; give 'gcv' or a number")
+        raise InputError(
+            "smoothing: balls on a lattice share one factorization and its smoothing; give 'gcv' or a number"
+        )
     sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
     batches = list(_batches(cover.classes[sample]))
 

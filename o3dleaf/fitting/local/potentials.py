@@ -110,7 +110,7 @@ def _fit_potentials(
     points, dimension = data.oriented, data.points.shape[1]
     kernel = as_kernel(fitter.kernel, dimension)
     if kernel.logarithmic or kernel.power < 3:
-        raise InputError(f"kernel: {kernel} has no slopes to interpolate here; use 'cubic' or 'quintic'")
+        raise InputError(f"kernel: {kernel} is not smooth enough for gradients at its data; use 'cubic' or 'quintic'")
     kind = PotentialKind(tail_exponents(dimension, as_degree(fitter.degree, kernel)), kernel.power, method, step)
     smoothing = _chosen(fitter.smoothing, cover, points, kind)
     count, total = len(cover.radii), int(cover.offsets[-1])

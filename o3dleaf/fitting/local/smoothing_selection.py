@@ -1,4 +1,4 @@
-"""How much each ball is smoothed, where the data are to say it: one value for all, or each ball's own."""
+"""Smoothing chosen from the data: one value for all balls, or one for each ball."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What every blend of balls can be asked: values, gradients and Hessians, at points and on lattices."""
+"""Evaluation of every blend of balls: values, gradients and Hessians, at points and on lattices."""
 
 from typing import Any
 
@@ -14,11 +14,11 @@ from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.local.jet_loops import unpack
 
-CHUNK = 1 << 20
+BATCH_SIZE = 1 << 20
 """Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
 result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`; eight of them
 are left over for what the threads work in, which is enough for sixteen."""
-WORKING_MEMORY = 128 * CHUNK
+WORKING_MEMORY = 128 * BATCH_SIZE
 """128 MiB, however many points are asked for; the result does not depend on it."""
 FOLD_BLOCK = 1 << 15
 
@@ -128,7 +128,7 @@ class Blended:
         dimension = self.index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
         results = tuple(np.empty((len(queries), *[dimension] * order), dtype=kind) for order in orders)
-        for first, last in blocks(len(queries), CHUNK):
+        for first, last in blocks(len(queries), BATCH_SIZE):
             self._fill(queries[first:last], dict(zip(orders, (part[first:last] for part in results), strict=True)))
         return results
 

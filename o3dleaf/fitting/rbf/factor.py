@@ -11,7 +11,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 @dataclass(frozen=True, eq=False)
 class LocalFactor:
-    r"""What the solution of (A + D) λ + P a = f, Pᵀ λ = 0 needs of everything but f.
+    r"""Factorization of the system (A + D) λ + P a = f, Pᵀ λ = 0, for any right-hand side f.
 
     .. math:: P = Q \binom{R}{0}, \quad Q = I - Y^T T Y, \quad Q^T (A + D)\, Q =
               \begin{pmatrix} \cdot & B \\ B^T & L L^T \end{pmatrix}
@@ -48,7 +48,9 @@ class LocalFactor:
         rank = len(right)
         lower, fit = cholesky_loops.cholesky(matrix[rank:, rank:].copy())
         if not fit:
-            raise IllPosedError("smoothing: without any, the points' system is singular to rounding; give one above 0")
+            raise IllPosedError(
+                "smoothing: without it the system of these points is singular to rounding; give a number above 0"
+            )
         return cls(vectors, block_reflector(vectors, betas), right, basis, matrix[:rank, rank:].copy(), lower)
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -36,7 +36,7 @@ class Polyharmonic:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether φ carries log r (even powers do; without it they would be polynomials)."""
+        """True where φ carries log r (even powers do; without it they would be polynomials)."""
         return self.power % 2 == 0
 
     @property

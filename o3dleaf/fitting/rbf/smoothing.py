@@ -1,4 +1,4 @@
-"""How much to smooth: the number on the diagonal, given, from the paper's ρ, or chosen by GCV."""
+"""Smoothing: the number on the diagonal, given, from the paper's ρ, or chosen by GCV."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -24,7 +24,7 @@ GRID = 49
 
 @dataclass(frozen=True)
 class Smoothing:
-    r"""What gives every local system its diagonal: s = value, or s = ρ N/θ (equation (2)).
+    r"""Smoothing on the diagonal of every local system: s = value, or s = ρ N/θ (equation (2)).
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Smoothing:
             If no point could be left out.
         """
         if not weight:
-            raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+            raise InputError("smoothing: too few points for 'gcv'; give a number")
         best = np.flatnonzero(squares <= squares.min() * (1 + 2 / weight))[-1]
         return replace(self, value=float(trials[best]), score=float(squares[best] / weight))
 
@@ -111,7 +111,7 @@ def as_smoothing(kernel: Polyharmonic, smoothing: SmoothingValue | None, rho: Sm
 
 @dataclass(frozen=True)
 class SplineModel:
-    """Which splines are fitted: kernel, degree of the tail, smoothing."""
+    """Parameters of the splines: kernel, degree of the tail, smoothing."""
 
     kernel: Polyharmonic
     degree: int
@@ -125,7 +125,7 @@ class SplineModel:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    r"""What the score of every value of the smoothing follows from, of one local system or of many.
+    r"""Eigenvalues and coefficients that give the GCV score of every smoothing, of one local system or of many.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ def trial_values(spectrum: Spectrum) -> FloatArray:
     """
     positive = spectrum.eigenvalues[spectrum.eigenvalues > 0]
     if not len(positive):
-        raise InputError("smoothing: too few points for 'gcv' to judge by; give a number")
+        raise InputError("smoothing: too few points for 'gcv'; give a number")
     return np.asarray(np.exp(np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)))
 
 

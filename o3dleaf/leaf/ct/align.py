@@ -95,7 +95,7 @@ def _thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
     """Axis of the lattice nearest to the direction in which the blade is thinnest."""
     voxels = np.argwhere(blade) * spacing
     if len(voxels) < 4:
-        raise ReconstructionError("align: the volume holds no blade at this threshold; lower it")
+        raise ReconstructionError("align: no blade was found in the volume at this threshold; lower the threshold")
     _, directions = np.linalg.eigh(np.cov(voxels.T))
     return int(np.argmax(abs(directions[:, 0])))
 

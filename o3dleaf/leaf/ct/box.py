@@ -8,7 +8,7 @@ from o3dleaf.core.checks import FloatArray, as_bounds, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.volume import apply_transform
 
-TOO_HIGH = "box: no box of this height fits into the turned volume; lower it, or crop the volume less"
+TOO_HIGH = "box: no box of this height fits into the rotated volume; reduce the height, or crop the volume less"
 
 
 def inscribed_box(

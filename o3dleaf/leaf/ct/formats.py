@@ -62,13 +62,13 @@ def read_volume(
     scale = unit_scale(stated.unit, wanted) if stated.unit else 1.0
     if spacing is None:
         if stated.spacing is None:
-            raise InputError(f"{place}: does not say how far apart its voxels are; give the voxel spacing and its unit")
+            raise InputError(f"{place}: does not state its voxel spacing; give the voxel spacing and its unit")
         spacing = stated.spacing * scale
         if origin is None and stated.origin is not None:
             origin = stated.origin * scale
     volume = Volume(data, spacing, (0.0, 0.0, 0.0) if origin is None else origin, wanted)
     if data.min() == data.max():
-        raise InputError(f"{place}: all voxels hold one value, {data.min()}; check the export, or scan again")
+        raise InputError(f"{place}: all voxels have one value, {data.min()}; check the export, or scan again")
     return volume
 
 
@@ -92,7 +92,7 @@ def _read_slices(folder: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     """Stack the single-page TIFF files of a folder, slice_2 before slice_10."""
     files = sorted((f for f in folder.iterdir() if f.suffix.lower() in TIFF), key=_by_number)
     if not files:
-        raise InputError(f"{folder}: holds no TIFF slices; give the folder that does")
+        raise InputError(f"{folder}: contains no TIFF slices; give the folder that does")
     slices: list[npt.NDArray[Any]] = []
     for file in files:
         page, lattice = read_tiff(require_file(file))
@@ -101,7 +101,7 @@ def _read_slices(folder: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
         if len(page) != 1 or page.shape != first.shape or page.dtype != first.dtype:
             raise InputError(
                 f"{file}: has shape {page.shape} and type {page.dtype} where {files[0].name} has {first.shape} and "
-                f"{first.dtype}; a folder holds the slices of one volume, one page each"
+                f"{first.dtype}; the slices in a folder must form one volume, one page each"
             )
         slices.append(page[0])
     return np.stack(slices), stated
@@ -131,13 +131,13 @@ def _read_itk(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
         header = SimpleITK.ImageFileReader()
         header.SetFileName(str(path))
         header.ReadImageInformation()
-        promised, held = int(np.prod(header.GetSize(), dtype=np.int64)), path.stat().st_size
+        expected, size = int(np.prod(header.GetSize(), dtype=np.int64)), path.stat().st_size
         detached = path.name.lower().endswith((".mhd", ".nhdr"))
-        if promised > MAX_RATIO * held and not detached:
-            raise InputError(f"{path}: is truncated, {held} bytes for {promised} voxels; copy or export it again")
+        if expected > MAX_RATIO * size and not detached:
+            raise InputError(f"{path}: is truncated, {size} bytes for {expected} voxels; copy or export it again")
         if path.name.lower().endswith((".nii", ".nii.gz")):
             one = SimpleITK.GetArrayViewFromImage(SimpleITK.Image([1] * 3, header.GetPixelID()))
-            _require_whole_nifti(path, promised * one.itemsize)
+            _require_whole_nifti(path, expected * one.itemsize)
         image = header.Execute()
         if image.GetNumberOfComponentsPerPixel() != 1 or image.GetDimension() != 3:
             raise InputError(f"{path}: is in color or not three-dimensional; export one volume of gray values")
@@ -150,19 +150,19 @@ def _read_itk(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     return swap_page_order(SimpleITK.GetArrayFromImage(image)), stated
 
 
-def _require_whole_nifti(path: Path, promised: int) -> None:
+def _require_whole_nifti(path: Path, expected: int) -> None:
     """Refuse a NIfTI file that ends early: SimpleITK fills the rest with zeros and says nothing."""
-    held = path.stat().st_size
+    size = path.stat().st_size
     if path.suffix.lower() == ".gz":
-        held = 0
+        size = 0
         try:
             with gzip.open(path) as file:
                 while part := file.read(1 << 22):
-                    held += len(part)
+                    size += len(part)
         except (EOFError, OSError, zlib.error) as cause:
             raise InputError(f"{path}: is truncated ({cause}); copy or export it again") from cause
-    if held < MIN_NIFTI_HEADER + promised:
-        raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
+    if size < MIN_NIFTI_HEADER + expected:
+        raise InputError(f"{path}: is truncated, {size} bytes where {expected} are expected; copy or export it again")
 
 
 def _last_line(cause: Exception) -> str:

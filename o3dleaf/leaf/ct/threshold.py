@@ -39,12 +39,12 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float
     Raises
     ------
     InputError
-        If all voxels hold one value or the histogram has not two distinct peaks.
+        If all voxels have one value or the histogram has not two distinct peaks.
     """
     choose = {"valley": _valley, "otsu": _otsu}[require_choice(method, METHODS, "threshold")]
     low, high = data.min(), data.max()
     if low == high:
-        raise InputError(f"volume: all voxels hold one value, {low}; check the file, or scan again")
+        raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
     sample = np.asarray(thin(data), dtype=np.float64).ravel()
     level = choose(sample[sample != 0.0])
     if level is None:

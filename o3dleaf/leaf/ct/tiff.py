@@ -17,7 +17,7 @@ import tifffile
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.units import METRES, check_unit
+from o3dleaf.core.units import METERS, check_unit
 from o3dleaf.leaf.ct.volume import Volume
 
 MAX_RATIO = 2000
@@ -127,7 +127,7 @@ def _complaints() -> Iterator[list[str]]:
 
 def _one_gray_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
     if len(tiff.series) != 1:
-        raise InputError(f"{path}: holds {len(tiff.series)} images of different sizes; export one stack")
+        raise InputError(f"{path}: contains {len(tiff.series)} images of different sizes; export one stack")
     stack = tiff.series[0]
     if "S" in stack.axes or tiff.pages.first.samplesperpixel > 1:
         raise InputError(f"{path}: is in color; export gray values")
@@ -139,23 +139,23 @@ def _three(shape: tuple[int, ...]) -> tuple[int, int, int]:
     """Shape as (page, row, column); a single slice is one page."""
     sizes = (1,) * (3 - len(shape)) + tuple(shape)
     if len(sizes) != 3:
-        raise InputError(f"volume: the file holds a stack of shape {shape}; export one channel of one time")
+        raise InputError(f"volume: the file is a stack of shape {shape}; export one channel of one time point")
     pages, rows, columns = sizes
     return pages, rows, columns
 
 
 def _require_complete(tiff: tifffile.TiffFile, stack: tifffile.TiffPageSeries, path: Path) -> None:
     """Compare what the header promises with the size of the file, before anything is allocated."""
-    held = tiff.filehandle.size
+    size = tiff.filehandle.size
     if stack.dataoffset is not None:
-        promised = stack.dataoffset + stack.nbytes
+        expected = stack.dataoffset + stack.nbytes
     else:
         segments = [
             (o + n) for page in stack.pages if page for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)
         ]
-        promised = max(segments, default=held + 1)
-    if promised > held or stack.nbytes > MAX_RATIO * held or any(page is None for page in stack.pages):
-        raise InputError(f"{path}: is truncated, {held} bytes where {promised} are promised; copy or export it again")
+        expected = max(segments, default=size + 1)
+    if expected > size or stack.nbytes > MAX_RATIO * size or any(page is None for page in stack.pages):
+        raise InputError(f"{path}: is truncated, {size} bytes where {expected} are expected; copy or export it again")
 
 
 def _stated(tiff: tifffile.TiffFile) -> StatedLattice:
@@ -192,7 +192,7 @@ def _ome_lattice(xml: str) -> StatedLattice:
     units = [_unit(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
     if None in units:
         return StatedLattice(np.array(sizes) if len(set(units)) == 1 else None)
-    to_first = [METRES[u] / METRES[units[0]] for u in units if u is not None and units[0] is not None]
+    to_first = [METERS[u] / METERS[units[0]] for u in units if u is not None and units[0] is not None]
     return StatedLattice(np.array(sizes) * to_first, None, units[0])
 
 

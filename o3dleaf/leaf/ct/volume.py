@@ -98,7 +98,8 @@ class Volume:
         level, low, high = float(method), float(self.data.min()), float(self.data.max())
         if not low < level < high:
             raise InputError(
-                f"threshold: {level:g} is not inside the volume's range {low:g} to {high:g}; choose one between"
+                f"threshold: {level:g} is outside the volume's range of intensities, {low:g} to {high:g}; "
+                "choose a value between them"
             )
         return level
 
@@ -140,7 +141,7 @@ class Volume:
         surface = self.threshold(level)
         keep = np.ones(self.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
         if keep.shape != self.shape:
-            raise InputError(f"mask: has shape {keep.shape}; give one flag a voxel, shape {self.shape}")
+            raise InputError(f"mask: has shape {keep.shape}; give one bool per voxel, shape {self.shape}")
         points = np.argwhere(keep) * self.spacing + self.origin
         values = self.data[keep].astype(np.float64) - surface
         if transform is not None:

@@ -24,7 +24,7 @@ from o3dleaf.leaf.distance.strip_loops import Strips, nearest_strips
 from o3dleaf.leaf.distance.tile_samples import TileSamples
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
-CHUNK = 1 << 15
+BATCH_SIZE = 1 << 15
 """Points that are put in order together: 4 MB."""
 BLOCK = 1 << 10
 """Points that a thread looks at together: 1 MB."""
@@ -136,7 +136,7 @@ class SurfaceIndex:
 
         What is near to one point is near to the next, and still in the cache.
         """
-        for first, last in blocks(len(points), CHUNK):
+        for first, last in blocks(len(points), BATCH_SIZE):
             near_points = self._brought_near(points[first:last])
             low = near_points.min(axis=0)
             size = float(np.max(near_points.max(axis=0) - low)) or 1.0

@@ -40,7 +40,7 @@ class MeasuredLeaf(TexturedBlade):
     def _build_index(self, *, closed: bool) -> SurfaceIndex:
         if not self.is_one_tile:
             raise InputError(
-                "texture: several patches along the leaf have no one tile to measure to; extract a mesh and ask "
+                "texture: several patches along the leaf have no single tile to measure to; extract a mesh and use "
                 "Open3D's RaycastingScene"
             )
         return SurfaceIndex.build(self, closed=closed)

@@ -16,7 +16,7 @@ from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.leaf.distance import projection_loops
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
-CHUNK = 1 << 15
+BATCH_SIZE = 1 << 15
 """Points looked at together: what is kept of them beside arguments and results, 600 bytes each, is 20 MB."""
 BLOCK = 1 << 12
 MAX_ITERATIONS = 40
@@ -35,7 +35,7 @@ def project(leaf: TexturedBlade, x: npt.ArrayLike, closest_points: Callable[[Flo
     """
     points, size = as_points(x, "x", dim=3), leaf.thickness
     result = np.empty_like(points)
-    for first, last in blocks(len(points), CHUNK):
+    for first, last in blocks(len(points), BATCH_SIZE):
         flat, converged = descend_to_level(
             leaf.blade.flatten(points[first:last]),
             leaf.values_and_gradients,
@@ -63,7 +63,7 @@ def mean_curvature(leaf: TexturedBlade, x: npt.ArrayLike) -> FloatArray:
     """Return div n/2 (n,) of the level sets of G at world points, n = −∇G/|∇G|."""
     points = as_points(x, "x", dim=3)
     curvatures = np.empty(len(points))
-    for first, last in blocks(len(points), CHUNK):
+    for first, last in blocks(len(points), BATCH_SIZE):
         _fill_curvatures(leaf, leaf.blade.flatten(points[first:last]), curvatures[first:last])
     return curvatures
 

@@ -12,7 +12,7 @@ from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.distance.projection import CHUNK
+from o3dleaf.leaf.distance.projection import BATCH_SIZE
 from o3dleaf.leaf.distance.search_loops import TileArrays
 from o3dleaf.leaf.distance.solid import FilledLattice
 from o3dleaf.leaf.textured_blade import TexturedBlade
@@ -177,7 +177,7 @@ def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[
     if filled is not None:
         vertices = vertices[filled.is_crossed_at(vertices)]
     points = origin + vertices * steps
-    for first, last in blocks(len(points), CHUNK):
+    for first, last in blocks(len(points), BATCH_SIZE):
         points[first:last] = _onto_surface(leaf, points[first:last], step / 4)
     return points, filled
 
@@ -211,7 +211,7 @@ def _slab_vertices(
     # A layer above and below the patch closes what its faces cut.
     origin = low + steps * [slab[0], 0, -1]
     lattice = Lattice(tuple(origin), tuple(steps), (thick + 1, int(counts[1]) + 1, int(counts[2]) + 3))
-    samples = sample_lattice(leaf.values, lattice, dtype=np.float32, block=CHUNK)
+    samples = sample_lattice(leaf.values, lattice, dtype=np.float32, block=BATCH_SIZE)
     if positive is not None:
         positive[slab[0] : slab[1]] = samples[:-1, :-1] > 0
     vertices, _ = polygonize(samples, 0.0)

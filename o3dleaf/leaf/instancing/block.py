@@ -42,7 +42,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
         If the tile was not polygonized by marching cubes.
     """
     if METHODS[tile.method] != "cubes":
-        raise InputError("method: walls are drawn for marching cubes; use cubes")
+        raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
     nx, ny, nz = tile.lattice.shape
     nodes = np.concatenate([tile.edges, tile.edges[tile.beyond[:, 0]]])
     shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])

@@ -132,21 +132,21 @@ class Placement:
         return tile.lattice.positions(places)
 
     def node_numbers(
-        self, own: VertexNumbers | None, neighbors: dict[int, tuple["Placement", VertexNumbers]]
+        self, own_numbers: VertexNumbers | None, neighbors: dict[int, tuple["Placement", VertexNumbers]]
     ) -> npt.NDArray[np.int32]:
-        """Return a number for every node from those of own vertices (n + e,), here and in the neighbors.
+        """Return a number for every node from those of vertices (n + e,), of this placement and of its neighbors.
 
         Parameters
         ----------
-        own : VertexNumbers, optional
+        own_numbers : VertexNumbers, optional
         neighbors : dict
             By shift (bits: along, across) the placement there and its numbers; a missing one has none.
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
         numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int32)
-        if own is not None:
-            numbers[:vertices] = own[:vertices]
-            numbers[vertices + len(beyond) :][: self.rim_own] = own[vertices:]
+        if own_numbers is not None:
+            numbers[:vertices] = own_numbers[:vertices]
+            numbers[vertices + len(beyond) :][: self.rim_own] = own_numbers[vertices:]
         names, shifts = self._rim_beyond
         for shift, (other, given) in neighbors.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)
@@ -201,7 +201,7 @@ def place_solid(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Pla
         return solid_within(tile, distance[1:, 1:], place)
     if (distance > 0).all():
         return sheets_over(tile, ~in_hole, place)
-    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward, by a tile, or leave it open")
+    raise InputError("levels: a window lies in a tile that the rim cuts; move it inward by a tile, or mesh open sheets")
 
 
 def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Placement | None:

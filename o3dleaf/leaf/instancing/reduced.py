@@ -51,7 +51,7 @@ def reduce_tile(tile: Tile, reduce: Reduce) -> ReducedTile:
     border_nodes = {row.tobytes(): int(node) for node, row in zip(border, positions[border], strict=True)}
     node = np.array([border_nodes.get(row.tobytes(), -1) for row in np.ascontiguousarray(vertices)])
     if np.unique(node[node >= 0]).size != len(border) or (node >= 0).sum() != len(border):
-        raise ReconstructionError("the tile's border did not stay as it was; simplify it less")
+        raise ReconstructionError("simplifying changed the tile's border; simplify it less")
     inside = node < 0
     node[inside] = len(positions) + np.arange(inside.sum())
     used = np.zeros(len(tile.edges), dtype=bool)

@@ -27,9 +27,9 @@ from o3dleaf.leaf.macro.outline import MAX_FRAGMENTS, AlphaShape
 from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.surface.mesh.components import largest_components
 
-PLACES = 20_000
+SAMPLE_COUNT = 20_000
 """Places of the blade at which frame and distortion are measured, beside those of the scan."""
-DIFFERENCE = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Step of the differences of the lift's Jacobian, of the blade's width: blades bend over their width."""
 
 
@@ -69,8 +69,8 @@ class Blade:
                 self.height_map.jet(self.height_map.bounds[:1])
             except InputError as cause:
                 raise InputError(
-                    "offset: the normal's derivatives need second ones, which this height map lacks; fit it with "
-                    "kernel='cubic', or take offset='up'"
+                    "offset: 'normal' needs second derivatives, which this height map lacks; fit it with "
+                    "kernel='cubic', or use offset='up'"
                 ) from cause
 
     def __repr__(self) -> str:
@@ -110,7 +110,7 @@ class Blade:
     def lift_hessians(self, flat: FloatArray) -> FloatArray:
         """Return ∂²X/∂z_a∂z_b, (n, 3, 3, 3), from central differences of the analytic Jacobian; X is linear in z₃."""
         hessians = np.zeros((len(flat), 3, 3, 3))
-        step = DIFFERENCE * float(np.ptp(self.outline.bounds[:, 1]))
+        step = DIFFERENCE_STEP * float(np.ptp(self.outline.bounds[:, 1]))
         for axis in range(2):
             shift = step * np.eye(3)[axis]
             ahead, behind = (self.lift_with_jacobian(flat + sign * shift).columns for sign in (1.0, -1.0))
@@ -171,20 +171,20 @@ class Blade:
         Parameters
         ----------
         plane : (n, 2) array_like, optional
-            Places (along, across), in `unit`; `PLACES` ones inside the outline by default.
+            Places (along, across), in `unit`; `SAMPLE_COUNT` ones inside the outline by default.
         """
-        places = self._places(PLACES) if plane is None else as_points(plane, "plane", dim=2)
+        places = self._places(SAMPLE_COUNT) if plane is None else as_points(plane, "plane", dim=2)
         return Distortion.of(self.frame, self.height_map, places, self.offset)
 
     def frame_quality(self, points: CloudLike) -> FrameQuality:
-        """Return the quality of the frame for the scan and for this blade, at `PLACES` places inside the outline.
+        """Return the quality of the frame for the scan and for this blade, at `SAMPLE_COUNT` places inside the outline.
 
         Parameters
         ----------
         points : (n, 3) array_like or Open3D point cloud
             The scan, at least two points, in `unit`.
         """
-        plane = self._places(PLACES)
+        plane = self._places(SAMPLE_COUNT)
         leaf = np.column_stack([plane, self.height_map(plane)])
         return FrameQuality.of(self.frame, points_of(points, "points", least=2), leaf)
 

@@ -191,8 +191,8 @@ def arc_lengths(control: FloatArray, degree: int) -> FloatArray:
     index = np.arange(len(control), dtype=np.float64)
     velocity = make_interp_spline(index, control, k=degree).derivative()
     nodes, weights = np.polynomial.legendre.leggauss(16)
-    at = index[:-1, None] + 0.5 * (nodes + 1)
-    lengths = 0.5 * np.linalg.norm(velocity(at), axis=2) @ weights
+    positions = index[:-1, None] + 0.5 * (nodes + 1)
+    lengths = 0.5 * np.linalg.norm(velocity(positions), axis=2) @ weights
     return np.concatenate([[0.0], np.cumsum(lengths)])
 
 

@@ -60,12 +60,12 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
     length = _length(control)
     width = 2 * half_width(points, control)
     if not width > MIN_WIDTH * length:
-        raise InputError("midrib: the points lie on one line or in one place; a leaf has a width")
+        raise InputError("midrib: the points lie on one line or in one place; give the points of a whole leaf")
     if length < MIN_ASPECT * width:
         raise _broad(length, width)
     for _ in range(MAX_ITERATIONS):
         before = _resample(control, width / 2)
-        control = _recentre(points, before, width / 2)
+        control = _recenter(points, before, width / 2)
         width = 2 * half_width(points, control)
         if _farthest_move(control, before) < TOLERANCE * width:
             break
@@ -132,7 +132,7 @@ def _neighbor_graph(points: FloatArray) -> csr_array:
         graph = graph.maximum(coo_array((gaps, (a, b)), shape=(count, count)).tocsr())
 
 
-def _recentre(points: FloatArray, control: FloatArray, reach: float) -> FloatArray:
+def _recenter(points: FloatArray, control: FloatArray, reach: float) -> FloatArray:
     """Return the control points moved midway between the blade's edges, smoothed, and ending where the scan ends."""
     frame = LeafFrame.fit(points, control, radius=reach)
     leaf = frame.to_leaf(points)

@@ -53,7 +53,7 @@ class AlphaShape:
         try:
             delaunay = Delaunay(self.points)
         except QhullError as cause:
-            raise InputError("points: lie on one line; an outline needs an area") from cause
+            raise InputError("points: lie on one line; give points that cover an area") from cause
         radii = circumradii(self.points, delaunay.simplices)
         self.automatic = alpha is None
         self.alpha = _least_alpha(delaunay, radii) if alpha is None else require_positive(alpha, "alpha")
@@ -159,7 +159,7 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
     """Return the least α at which the largest component has every point and no narrow neck."""
     candidates = np.unique(radii[np.isfinite(radii)])
     if not len(candidates):
-        raise InputError("points: lie on one line; an outline needs an area")
+        raise InputError("points: lie on one line; give points that cover an area")
     points = delaunay.points
     reachable = len(np.unique(delaunay.simplices[np.isfinite(radii)]))
     spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))

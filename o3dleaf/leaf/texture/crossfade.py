@@ -19,7 +19,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
-from o3dleaf.fitting.pu.blend import CHUNK
+from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.leaf.texture import copy_loops
 
@@ -61,7 +61,7 @@ class CrossFade:
         count, dimension = queries.shape
         sums = np.empty((jet_size(dimension, level), count))
         # Copies are held beside the sums: fewer points at once keep to the memory that a blend promises.
-        size = 1 + int(CHUNK / (2 ** (1 + level) * np.prod(1 + 2 * self.fade / self.tile)))
+        size = 1 + int(BATCH_SIZE / (2 ** (1 + level) * np.prod(1 + 2 * self.fade / self.tile)))
         for first, last in blocks(count, size):
             folded, _ = index.fold(queries[first:last])
             heads = np.zeros(len(folded) + 1, dtype=np.int64)

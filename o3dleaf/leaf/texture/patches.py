@@ -15,7 +15,7 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.jet_loops import add_product
-from o3dleaf.fitting.pu.blend import CHUNK, Blended
+from o3dleaf.fitting.pu.blend import BATCH_SIZE, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.io.model_file import write_model
@@ -108,7 +108,7 @@ class PatchBlend(Blended):
         """
         given = tuple(textures)
         if not given:
-            raise InputError("textures: are none; give at least one")
+            raise InputError("textures: is empty; give at least one")
         for each in given[1:]:
             if unit_scale(given[0].unit, each.unit) != 1.0:
                 raise UnitError(f"textures: are in {given[0].unit} and {each.unit}; fit all of them in one unit")
@@ -120,7 +120,9 @@ class PatchBlend(Blended):
         reach = require_positive(default if fade is None else fade, "fade")
         places = as_values(np.atleast_1d(np.asarray(breaks, dtype=np.float64)), len(given) - 1, "breaks")
         if np.any(np.diff(places) < 2 * reach):
-            raise InputError(f"breaks: {places.tolist()} do not rise by twice the fade, {2 * reach:.4g}; fade less")
+            raise InputError(
+                f"breaks: {places.tolist()} do not increase by at least twice the fade, {2 * reach:.4g}; fade less"
+            )
         cell = np.array([[0.0, 0.0, low], [*size, high]])
         everywhere = np.array([[-np.inf, -np.inf, low], [np.inf, np.inf, high]])
         index = BallIndex.build(np.empty((0, 3)), np.empty(0), everywhere)
@@ -202,7 +204,7 @@ class WeightedTextures:
         count, dimension = queries.shape
         sums = np.empty((jet_size(dimension, level), count))
         # Patches are held beside the sums: fewer points at once keep to the memory that a blend promises.
-        for first, last in blocks(count, CHUNK >> (2 + level)):
+        for first, last in blocks(count, BATCH_SIZE >> (2 + level)):
             folded, _ = index.fold(queries[first:last])
             sums[:, first:last] = self._sum(folded, level, dtype)
         return sums

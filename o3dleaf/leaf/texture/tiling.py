@@ -174,7 +174,7 @@ class TiledField(Blended):
         low, high = self.field.bounds[:, :2]
         room = float(np.min(np.minimum(crop.offset - low, high - crop.offset - crop.tile)))
         if not 0 <= width <= max(room, 0.0) * (1 + TOLERANCE):
-            raise InputError(f"width: is {width}; the patch reaches {room:.4g} beyond its tile, give 0 to that")
+            raise InputError(f"width: is {width}; the patch extends {room:.4g} beyond its tile, give 0 to that")
         return SampledPatch.of(self.field).energy(crop, width)
 
     def tile_key(self, p: int) -> Hashable:  # noqa: ARG002 - all periods are alike
@@ -230,7 +230,7 @@ def _as_crop(
     reach = reach_of_fade(field) if fade is None else _as_pair(fade, "fade")
     if None in wished:
         if offset is not None:
-            raise InputError("offset: is found together with the best period; leave it out or give both")
+            raise InputError("offset: is chosen together with the period 'best'; leave it out, or give both as lengths")
         crop = best_crop(field, wished, reach)
         return _require_room(replace(crop, flip=placing.flip, shift=placing.shift), field), True
     tile = np.array(wished, dtype=np.float64)
@@ -273,7 +273,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     if any(size is not None and not size > 0 for size in given):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across")
     if any(size is not None and size > most * (1 + TOLERANCE) for size, most in zip(given, extent, strict=True)):
-        raise InputError(f"period: {given} is larger than the patch, {extent.tolist()}; tiles would not meet")
+        raise InputError(f"period: {given} is larger than the patch, {extent.tolist()}; give one that fits into it")
     return given[0], given[1]
 
 

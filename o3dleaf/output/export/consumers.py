@@ -1,4 +1,4 @@
-"""Programs that read our files, the formats and units that they take, and the one function that serves them all."""
+"""Formats and units of other programs, and the one function that writes for them all."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,12 +25,12 @@ from o3dleaf.io.vtk import write_vtp
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 SUFFIXES = (".stl", ".ply", ".obj", ".glb", ".vtp")
-"""Formats of an exported mesh."""
+"""What a mesh can be exported as."""
 
 
 @dataclass(frozen=True)
 class Consumer:
-    """Formats and conditions of a program.
+    """Requirements of a program on its input.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ CONSUMERS = {
 """The programs that are known by name; docs/consumers has a page on each."""
 NO_UNIT = "no stated unit"
 RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
-"""Names that scalars cannot have."""
+"""What scalars cannot be called."""
 
 
 def export_mesh(
@@ -87,7 +87,7 @@ def export_mesh(
     .stl    for openfoam and gmsh ASCII, one named solid a label, 17 digits; else binary, float32
     .ply    binary, float64: normals, scalars, labels of the faces; unit and names of labels as comments
     .obj    text, every digit of float64: normals, one group a label; the unit as a comment
-    .glb    glTF 2.0, float32 around the middle of the mesh: metres and y up, as the format wants
+    .glb    glTF 2.0, float32 around the middle of the mesh: meters and y up, as the format wants
     .vtp    VTK PolyData, float64: normals, scalars, labels; the unit as a comment
     ======  =============================================================================================
 
@@ -101,7 +101,7 @@ def export_mesh(
     unit : str, optional
         Unit of length of the mesh.
     to_unit : str, optional
-        Unit of the file: converted to it. By default the consumer's (metres for openfoam, dualsphysics, web and
+        Unit of the file: converted to it. By default the consumer's (meters for openfoam, dualsphysics, web and
         blender, and for .glb always), or the mesh's own.
     consumer : {"openfoam", "dualsphysics", "paraview", "web", "blender", "gmsh"}, optional
         The program that the file is for.
@@ -122,7 +122,7 @@ def export_mesh(
     suffix = target.suffix.lower()
     goal = check_unit(to_unit) or wanted.unit or ("m" if suffix == ".glb" else None)
     if suffix == ".glb" and goal != "m":
-        raise UnitError(f"{target}: glTF is in metres by its definition; leave to_unit out")
+        raise UnitError(f"{target}: glTF is in meters by its definition; leave to_unit out")
     given = MeshData.of(mesh, labels, unit)
     values = _as_scalars(scalars or {}, given.vertex_count)
     if goal is not None and given.unit is None:
@@ -144,7 +144,7 @@ def _as_scalars(scalars: Mapping[str, npt.ArrayLike], count: int) -> dict[str, F
     """Return scalars as (count,) arrays, or raise `InputError` where one is called as a column of the file's own."""
     taken = sorted(RESERVED & scalars.keys())
     if taken:
-        raise InputError(f"scalars: {', '.join(taken)} would be a second column of that name; choose another")
+        raise InputError(f"scalars: {', '.join(taken)} would be a second column of that name; choose another name")
     return {name: as_values(each, count, name) for name, each in scalars.items()}
 
 
@@ -175,11 +175,11 @@ def _require_closed(mesh: MeshData, target: Path) -> None:
     wrong = int((edges.count != 2).sum()) + int(edges.inconsistent.sum())
     if wrong:
         raise InputError(
-            f"{target}: wants a closed mesh, and {wrong:,} edges of this one are open, branch or are inconsistent; "
+            f"{target}: needs a closed mesh, and {wrong:,} edges of this one are open, non-manifold or inconsistent; "
             "mesh the leaf with closed=True, or clean the mesh"
         )
     if enclosed_volume(mesh.vertices, mesh.triangles) <= 0:
-        raise InputError(f"{target}: wants faces that look outwards, and these look inwards; flip the mesh")
+        raise InputError(f"{target}: needs triangles whose normals point outward, and these point inward; flip them")
 
 
 def _require_single(mesh: MeshData, target: Path) -> None:

@@ -63,8 +63,8 @@ def export_distance(
     ready = given.in_unit(to_unit)
     scale = 1.0 if ready is given else float(np.ptp(ready.vertices) / np.ptp(given.vertices))
     step = require_positive(spacing, "spacing") * scale
-    own = np.array([ready.vertices.min(axis=0) - 4 * step, ready.vertices.max(axis=0) + 4 * step])
-    box = own if bounds is None else as_bounds(bounds, 3) * scale
+    around_mesh = np.array([ready.vertices.min(axis=0) - 4 * step, ready.vertices.max(axis=0) + 4 * step])
+    box = around_mesh if bounds is None else as_bounds(bounds, 3) * scale
     grid = GridFile.plan(path, step, box, "distance", ready.unit)
     tracing, writing = progress.split(0, 1)
     with tracing:

@@ -1,4 +1,4 @@
-"""What of a mesh is exported, and where: one of its parts, another origin."""
+"""Selection before export: one part of a mesh, another origin."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def part_of(mesh: LabelledMesh, name: str) -> LabelledMesh:
     vertices, triangles = mesh_arrays(mesh.mesh)
     kept = mesh.labels == number
     if not kept.any():
-        raise InputError(f"part: no triangle is {name}; choose another part")
+        raise InputError(f"part: no triangle has the label {name}; choose another part")
     return replace(mesh, mesh=build_mesh(*drop_unused_vertices(vertices, triangles[kept])), labels=mesh.labels[kept])
 
 

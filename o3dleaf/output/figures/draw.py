@@ -155,7 +155,7 @@ def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[l
     suffixes = [require_choice(name, FORMATS, "formats") for name in formats]
     wanted = list(FIGURES) if only is None else [require_choice(name, FIGURES, "only") for name in only]
     if not (suffixes and wanted):
-        raise InputError("formats, only: ask for nothing; name a format and a figure, or leave them out")
+        raise InputError("formats, only: are empty; name a format and a figure, or leave them out")
     return suffixes, wanted
 
 

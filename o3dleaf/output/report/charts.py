@@ -106,12 +106,12 @@ class Histogram:
         for mark in sorted(self.marks, key=lambda each: each.value):
             if not self.low <= mark.value <= self.high:
                 continue
-            at, width = x(mark.value), 6.2 * len(mark.label)
-            left = min(max(at - width / 2, LEFT), WIDTH - RIGHT - width)
+            position, width = x(mark.value), 6.2 * len(mark.label)
+            left = min(max(position - width / 2, LEFT), WIDTH - RIGHT - width)
             row = next((row for row, end in enumerate(ends) if left > end), len(ends) - 1)
             ends[row] = left + width + 6
             kind = "mark limit" if mark.is_limit else "mark"
-            lines.append(f'<path class="{kind}" d="M{at:.1f} {13 + 12 * row}V{HEIGHT - BOTTOM}"/>')
+            lines.append(f'<path class="{kind}" d="M{position:.1f} {13 + 12 * row}V{HEIGHT - BOTTOM}"/>')
             lines.append(f'<text class="tick" x="{left:.1f}" y="{10 + 12 * row}">{escape(mark.label)}</text>')
         return lines
 

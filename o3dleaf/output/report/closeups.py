@@ -21,10 +21,10 @@ SIZE = (340, 300)
 FRONT, BACK, LINE = linear_color("#b9c8b4"), linear_color("#a99bc4"), linear_color("#2c352e")
 """Outside and inside of the surface, and edges between triangles, in linear RGB."""
 
-OUTLINED = 400
+MAX_OUTLINES = 400
 """Outlines that are drawn at most."""
 
-SMALL = 26
+MIN_PIXELS = 26
 """What takes fewer pixels of the page than this is ringed."""
 
 
@@ -74,14 +74,14 @@ def _with_edges(vertices: FloatArray, triangles: IntArray, chosen: np.ndarray, c
 
 def _outlines(camera: Camera, corners: FloatArray, color: str) -> list[str]:
     """Return the outlines of triangles (k, 3, 3), seen through what hides them, and a ring about what is small."""
-    at = camera.project(corners[:OUTLINED].reshape(-1, 3), SIZE).reshape(-1, 3, 2)
-    drawn = " ".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in each) + "Z" for each in at)
+    projected = camera.project(corners[:MAX_OUTLINES].reshape(-1, 3), SIZE).reshape(-1, 3, 2)
+    drawn = " ".join("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in each) + "Z" for each in projected)
     ink = [f'<path class="outline" style="stroke:{color}" d="{drawn}"/>']
-    flat = at.reshape(-1, 2)
-    if np.ptp(flat, axis=0).max(initial=0) < SMALL or np.linalg.norm(np.ptp(flat, axis=0)) < SMALL:
+    flat = projected.reshape(-1, 2)
+    if np.ptp(flat, axis=0).max(initial=0) < MIN_PIXELS or np.linalg.norm(np.ptp(flat, axis=0)) < MIN_PIXELS:
         middle = (flat.min(axis=0) + flat.max(axis=0)) / 2
         ink.append(
-            f'<circle class="ring" style="stroke:{color}" cx="{middle[0]:.1f}" cy="{middle[1]:.1f}" r="{SMALL}"/>'
+            f'<circle class="ring" style="stroke:{color}" cx="{middle[0]:.1f}" cy="{middle[1]:.1f}" r="{MIN_PIXELS}"/>'
         )
     return ink
 

@@ -20,10 +20,10 @@ from o3dleaf.output.report.viewer import angle_colors, viewer_data
 from o3dleaf.output.report.words import in_words, unit_of
 from o3dleaf.surface.mesh.inspection import Inspection
 
-DRAWN = 1_500_000
+MAX_DRAWN = 1_500_000
 """Triangles that the pictures of the whole are drawn with at most: more than they have pixels."""
 
-TURNED = 300_000
+MAX_INTERACTIVE = 300_000
 """Triangles that the interactive view has at most."""
 
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
@@ -55,8 +55,8 @@ def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section
     """Return the sections of pictures, close-ups, maps and the interactive view."""
     measurements, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
-        drawn = reduce_mesh(measurements.vertices, measurements.triangles, DRAWN)
-        turned = reduce_mesh(measurements.vertices, measurements.triangles, TURNED)
+        drawn = reduce_mesh(measurements.vertices, measurements.triangles, MAX_DRAWN)
+        turned = reduce_mesh(measurements.vertices, measurements.triangles, MAX_INTERACTIVE)
     with journal.stage("places"):
         places = find_places(inspection)
         closeups = list[str]()
@@ -108,14 +108,14 @@ def _reduced_note(reduced: ReducedMesh, unit: str | None) -> str:
 def _maps(inspection: Inspection, drawn: ReducedMesh, points: FloatArray | None) -> str:
     """Return the maps of the deviations that were measured."""
     unit, figures = inspection.report.unit, list[str]()
-    found: list[tuple[Colors | None, str]] = [
+    maps: list[tuple[Colors | None, str]] = [
         (field_colors(inspection, drawn), "Distance of the vertices to the field's surface."),
         (
             scan_colors(inspection, drawn, points),
             "Distance from the mesh of the scan's nearest point; gray: no point near.",
         ),
     ]
-    for colors, caption in found:
+    for colors, caption in maps:
         if colors is not None:
             figures.append(draw_map(drawn, colors, unit, f"{caption} Colors end at 99 %."))
     return "\n".join(figures)
@@ -125,9 +125,9 @@ def _defects_table(inspection: Inspection) -> str:
     """Return how many triangles each kind of defect concerns."""
     rows = [
         f'<tr><td><i class="key" style="background:{KINDS[name].color}">&nbsp;</i> {KINDS[name].title}</td>'
-        f"<td>{KINDS[name].text}</td><td>{len(found):,} triangle{'s' * (len(found) > 1)}</td></tr>"
-        for name, found in inspection.defects.rows().items()
-        if len(found)
+        f"<td>{KINDS[name].text}</td><td>{len(rows_of_kind):,} triangle{'s' * (len(rows_of_kind) > 1)}</td></tr>"
+        for name, rows_of_kind in inspection.defects.rows().items()
+        if len(rows_of_kind)
     ]
     note = (
         '<p class="note">Triangles concerned are in color and outlined where something hides them; '

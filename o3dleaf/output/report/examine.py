@@ -19,14 +19,14 @@ from o3dleaf.surface.mesh.inspection import Inspection, inspect_mesh
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Examination:
-    """What was found of a mesh.
+    """Inspection of a mesh, and its check against requirements.
 
     Attributes
     ----------
     inspection : Inspection
         Its `report` has the figures.
     result : CheckResult
-        What the requirements say to them.
+        Each requirement, met or not.
     points : (k, 3) ndarray, optional
         The scan it was measured against, in the mesh's unit.
     """
@@ -129,6 +129,6 @@ def require_field(model: object, name: str) -> Field:
     """Return a model if it is a field, else raise `InputError`."""
     if not isinstance(model, Field):
         raise InputError(
-            f"{name}: holds a {type(model).__name__}, which has no surface of its own; give a leaf or an interpolant"
+            f"{name}: contains a {type(model).__name__}, which has no surface of its own; give a leaf or an interpolant"
         )
     return model

@@ -20,7 +20,7 @@ from o3dleaf.surface.mesh.inspection import Inspection
 WIDE, HALF = 1040, 505
 """Width of a picture that takes the whole line, and of one that shares it."""
 
-TALLEST = 620
+MAX_HEIGHT = 620
 """Height of a picture at most."""
 
 REACH = 3.0
@@ -76,7 +76,7 @@ def _frame(reduced: ReducedMesh, view: View, colors: Colors | None = None) -> Pi
     """Return the picture of the whole mesh, as wide as its shape asks for."""
     fitted = Camera.framing(reduced.vertices, reduced.triangles, view)
     width = WIDE if fitted.width > 1.9 * fitted.height else HALF
-    height = int(np.clip(round(width * fitted.height / fitted.width), 90, TALLEST if width == WIDE else HALF))
+    height = int(np.clip(round(width * fitted.height / fitted.width), 90, MAX_HEIGHT if width == WIDE else HALF))
     camera = Camera.framing(reduced.vertices, reduced.triangles, view, width / height)
     paint = leaf_green if colors is None else colors.paint(reduced.triangles)
     return shoot(reduced.vertices, reduced.triangles, paint, camera, (width, height))

@@ -12,7 +12,7 @@ from o3dleaf.output.view.camera import Camera
 from o3dleaf.surface.mesh.inspection import Inspection
 from o3dleaf.surface.mesh.topology import label_nodes
 
-NEAR = 3.0
+MARGIN = 3.0
 """Half the width of a close-up at least, in longest edges of what it shows."""
 
 WIDE = 40.0
@@ -122,7 +122,9 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
     corners = measurements.vertices[measurements.triangles[group]]
     longest = float(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max())
     size = max(
-        WHOLE * radius, NEAR * min(longest, radius), 2 * report.median_edge if longest < report.median_edge else 0.0
+        WHOLE * radius,
+        MARGIN * min(longest, radius),
+        2 * report.median_edge if longest < report.median_edge else 0.0,
     )
     size = size or 1.0
     near = np.linalg.norm(measurements.vertices - center, axis=1) < 1.3 * size

@@ -7,10 +7,10 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 
-TRIALS = 6
+MAX_TRIALS = 6
 """Steps of the grid that are tried at most."""
 
-ENOUGH = 0.7
+MIN_SHARE = 0.7
 """Part of the budget that a trial has to reach to be the last."""
 
 
@@ -71,12 +71,12 @@ def reduce_mesh(vertices: FloatArray, triangles: IntArray, budget: int) -> Reduc
     step = float(np.sqrt(3 * triangle_areas(vertices, triangles).sum() / budget))
     step = max(step, 1e-6 * float(np.ptp(vertices, axis=0).max()))
     best: ReducedMesh | None = None
-    for _ in range(TRIALS):
+    for _ in range(MAX_TRIALS):
         trial = _cluster(vertices, triangles, step)
         count = len(trial.triangles)
         if count <= budget and (best is None or count > len(best.triangles)):
             best = trial
-        if ENOUGH * budget <= count <= budget:
+        if MIN_SHARE * budget <= count <= budget:
             break
         step *= float(np.clip(np.sqrt(count / (0.85 * budget)), 0.25, 4.0))
     if best is None or not len(best.triangles):

@@ -16,20 +16,20 @@ ORDERS = {"=": "", "≥": "at least ", "≤": "at most "}
 
 
 class Rule(NamedTuple):
-    """What one word asks of a report.
+    """Meaning of the name of a requirement: a figure of the report and its comparison.
 
     Attributes
     ----------
     attribute : str
-        The figure of `MeshReport` that it looks at.
+        The figure of `MeshReport`.
     order : {"is", "none", "=", "≥", "≤"}
-        How that is compared: a property that must hold, a count that must be 0, or with a number.
+        Its comparison: a property that must hold, a count that must be 0, or with a number.
     kind : {"count", "degrees", "share", "length"}
-        What the number is.
+        Of the number.
     causes : tuple of str
-        Counts that say why a property does not hold.
+        Counts that explain why a property does not hold.
     needs : str, optional
-        What the report must have been made with: "field" or "cloud".
+        Input that the report must have been made with: "field" or "cloud".
     """
 
     attribute: str
@@ -91,13 +91,13 @@ class Requirement:
 
     @property
     def rule(self) -> Rule:
-        """What the name means."""
+        """The rule of that name."""
         return RULES[self.name]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one requirement.
+    """One requirement, and the figure of the report.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Whether a mesh is what it must be.
+    """Result of checking a mesh against requirements.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class CheckResult:
 
     @property
     def passed(self) -> bool:
-        """Whether every requirement is met; so is none at all."""
+        """True if every requirement is met, also where there are none."""
         return not self.failures
 
     @property
@@ -178,12 +178,12 @@ def parse_requirements(text: str) -> tuple[Requirement, ...]:
         If a name is unknown or named twice, a number is missing, too many, or not one that can be.
     """
     words = [word.strip() for word in text.split(",")] if text.strip() else []
-    found = tuple(_parse_one(word) for word in words)
-    names = [each.name for each in found]
+    requirements = tuple(_parse_one(word) for word in words)
+    names = [each.name for each in requirements]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"require: names {twice} twice; name it once")
-    return found
+    return requirements
 
 
 def _parse_one(word: str) -> Requirement:
@@ -257,25 +257,25 @@ def require_inputs(requirements: tuple[Requirement, ...], given: dict[str, bool]
 def _find(report: MeshReport, requirement: Requirement) -> Finding:
     """Return what one requirement finds in a report."""
     rule, unit = requirement.rule, report.unit
-    found = getattr(report, rule.attribute)
+    value = getattr(report, rule.attribute)
     if rule.needs is not None:
-        require_inputs((requirement,), {rule.needs: found is not None})
+        require_inputs((requirement,), {rule.needs: value is not None})
     if rule.order == "is":
-        return Finding(requirement, bool(found), "yes", "yes" if found else f"no{_because(report, rule)}")
-    words = "none that is defined" if found is None else in_words(rule.attribute, found, unit)
+        return Finding(requirement, bool(value), "yes", "yes" if value else f"no{_because(report, rule)}")
+    words = "none that is defined" if value is None else in_words(rule.attribute, value, unit)
     if rule.order == "none":
-        return Finding(requirement, found == 0, "none", words if found else "none")
+        return Finding(requirement, value == 0, "none", words if value else "none")
     limit = requirement.wanted
     wanted = ORDERS[rule.order] + in_words(rule.attribute, limit, unit)
-    met = found is not None and limit is not None and _compare(found, rule.order, limit)
+    met = value is not None and limit is not None and _compare(value, rule.order, limit)
     return Finding(requirement, met, wanted, words)
 
 
-def _compare(found: float, order: str, limit: float) -> bool:
+def _compare(value: float, order: str, limit: float) -> bool:
     """Say whether a figure keeps to its limit."""
     if order == "=":
-        return found == limit
-    return found >= limit if order == "≥" else found <= limit
+        return value == limit
+    return value >= limit if order == "≥" else value <= limit
 
 
 def _because(report: MeshReport, rule: Rule) -> str:

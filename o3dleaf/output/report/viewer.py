@@ -23,7 +23,7 @@ STEPS = 65535
 LEVELS = 254
 """Of a color; one more is for no value."""
 
-SOUP = 20_000
+MAX_DEFECTS = 20_000
 """Triangles of one kind of defect that are passed on at most."""
 
 QUIET = ("boundary", "sharpest")
@@ -100,7 +100,7 @@ def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]
                 "color": color,
                 "shown": name not in QUIET,
                 "places": [place.center.tolist() for place in places if place.kind == name],
-                "soup": _pack(measurements.vertices[measurements.triangles[rows[name][:SOUP]]], "<f4"),
+                "soup": _pack(measurements.vertices[measurements.triangles[rows[name][:MAX_DEFECTS]]], "<f4"),
             }
         )
     return defects

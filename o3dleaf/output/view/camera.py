@@ -183,7 +183,7 @@ def _orthogonal(first: FloatArray, second: FloatArray, toward: FloatArray) -> Fl
         length = np.linalg.norm(across)
         if length > 0.1:
             return np.asarray(across / length)
-    raise InputError("direction: the mesh has no extent across it; choose another")
+    raise InputError("direction: the mesh has no extent perpendicular to it; choose another")
 
 
 def _rotate(one: FloatArray, other: FloatArray, degrees: float) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.macro.blade import PLACES, Blade
+from o3dleaf.leaf.macro.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.macro.distortion import Distortion
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import Scalars, render
@@ -24,12 +24,12 @@ class Measure(NamedTuple):
 
 
 MEASURES = {
-    "along": Measure(lambda found: found.along, "stretch along", 1.0),
-    "across": Measure(lambda found: found.across, "stretch across", 1.0),
-    "shear": Measure(lambda found: np.degrees(found.shear), "shear, degrees", 0.0),
-    "thickness": Measure(lambda found: found.thickness, "thickness factor", 1.0),
-    "area": Measure(lambda found: found.area, "area factor", 1.0),
-    "volume": Measure(lambda found: found.volume, "volume factor", 1.0),
+    "along": Measure(lambda distortion: distortion.along, "stretch along", 1.0),
+    "across": Measure(lambda distortion: distortion.across, "stretch across", 1.0),
+    "shear": Measure(lambda distortion: np.degrees(distortion.shear), "shear, degrees", 0.0),
+    "thickness": Measure(lambda distortion: distortion.thickness, "thickness factor", 1.0),
+    "area": Measure(lambda distortion: distortion.area, "area factor", 1.0),
+    "volume": Measure(lambda distortion: distortion.volume, "volume factor", 1.0),
 }
 MIN_SPAN = 1e-3
 """Half the span of the colors at least, lest rounding be painted."""
@@ -75,7 +75,7 @@ def render_distortion(
         If the blade has no triangle at this spacing.
     """
     shown = MEASURES[require_choice(measure, MEASURES, "measure")]
-    step = float(np.sqrt(blade.outline.area / PLACES)) if spacing is None else spacing
+    step = float(np.sqrt(blade.outline.area / SAMPLE_COUNT)) if spacing is None else spacing
     world, triangles = mesh_arrays(blade.extract_mesh(step))
     plane = blade.flatten(world)[:, :2]
     values = shown.values(blade.distortion(plane))

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.units import METRES
+from o3dleaf.core.units import METERS
 
 INK = "#27302a"
 FAINT = "#8b958d"
@@ -188,7 +188,7 @@ def name_length(length: float, unit: str | None) -> str:
     """Return a length in words, in the largest unit that makes it 1 or more: 0.2 mm is 200 µm."""
     if unit is None:
         return f"{length:g}"
-    meters = length * METRES[unit]
-    usual = [name for name in METRES if name != "cm" or name == unit]
-    name = next((name for name in usual if METRES[name] <= METRES[unit] and meters >= 0.999 * METRES[name]), "nm")
-    return f"{meters / METRES[name]:.6g} {name.replace('um', 'µm')}"
+    meters = length * METERS[unit]
+    usual = [name for name in METERS if name != "cm" or name == unit]
+    name = next((name for name in usual if METERS[name] <= METERS[unit] and meters >= 0.999 * METERS[name]), "nm")
+    return f"{meters / METERS[name]:.6g} {name.replace('um', 'µm')}"

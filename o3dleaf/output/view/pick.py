@@ -30,7 +30,7 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
     Raises
     ------
     InputError
-        If the cloud is empty or not finite, or fewer than two places were picked.
+        If the cloud is empty or not finite, or fewer than two points were picked.
     O3DLeafError
         If there is no screen, or it has no OpenGL.
     """
@@ -54,12 +54,12 @@ def control_points(points: FloatArray, picked: Sequence[int]) -> FloatArray:
     Raises
     ------
     InputError
-        If fewer than two places were picked.
+        If fewer than two points were picked.
     """
     chosen = points[list(picked)].reshape(-1, 3)
     _, first = np.unique(chosen, axis=0, return_index=True)
     if len(first) < MIN_POINTS:
-        raise InputError(f"pick_midrib: {len(first)} places were picked; {HELP}")
+        raise InputError(f"pick_midrib: {len(first)} points were picked; {HELP}")
     return chosen[np.sort(first)]
 
 

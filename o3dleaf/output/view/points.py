@@ -51,7 +51,7 @@ class Points:
         apart = cKDTree(points).query(points, k=2)[0][:, 1] if len(points) > 1 else np.zeros(1)
         apart = apart[np.isfinite(apart) & (apart > 0)]
         if not len(apart):
-            raise InputError("points: are all in one place, which tells no size to draw them in; give a radius")
+            raise InputError("points: are all in one place, so their size cannot be chosen; give a radius")
         return float(np.median(apart)) / 2
 
 

@@ -24,7 +24,7 @@ Drawable: TypeAlias = (
 CLOUDS = (o3d.geometry.PointCloud, o3d.t.geometry.PointCloud, np.ndarray, Points)
 GEOMETRIES = (*CLOUDS[:2], Points, o3d.geometry.TriangleMesh, o3d.t.geometry.TriangleMesh, tuple)
 
-LARGEST = 60_000_000
+MAX_TRIANGLES = 60_000_000
 """Triangles that a picture is made of at most (about 10 GiB for the tree of the ray caster)."""
 
 UPPER_GREEN = np.array([0.130, 0.300, 0.055])
@@ -121,10 +121,10 @@ class SceneMesh:
         if self.owner is not None:
             count = int(self.owner[-1]) + 1
             if values.shape != (count,):
-                raise InputError(f"scalars: have shape {values.shape}; give one a point ({count},)")
+                raise InputError(f"scalars: have shape {values.shape}; give one per point ({count},)")
         elif values.shape not in {(len(self.vertices),), (len(self.triangles),)}:
             raise InputError(
-                f"scalars: have shape {values.shape}; give one a vertex ({len(self.vertices)},) or one a triangle "
+                f"scalars: have shape {values.shape}; give one per vertex ({len(self.vertices)},) or one per triangle "
                 f"({len(self.triangles)},)"
             )
         low, high = scalars.limits or np.percentile(values, (1, 99)).tolist()
@@ -205,10 +205,10 @@ def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
     def paint(triangle: IntArray, weights: FloatArray, facing: FloatArray) -> FloatArray:
         colors = np.empty((len(triangle), 3))
         part = np.searchsorted(first, triangle, side="right") - 1
-        for number, own in enumerate(paints):
-            at = np.flatnonzero(part == number)
-            if len(at):
-                colors[at] = own(triangle[at] - first[number], weights[at], facing[at])
+        for number, paint_part in enumerate(paints):
+            rows = np.flatnonzero(part == number)
+            if len(rows):
+                colors[rows] = paint_part(triangle[rows] - first[number], weights[rows], facing[rows])
         return colors
 
     return paint
@@ -216,7 +216,7 @@ def _join(paints: Sequence[Paint], counts: Sequence[int]) -> Paint:
 
 def _require_few(count: int) -> None:
     """Raise `MemoryBudgetError` for more triangles than a picture is made of."""
-    if count > LARGEST:
+    if count > MAX_TRIANGLES:
         raise MemoryBudgetError(f"mesh: {count} triangles are too many for a picture; simplify it first")
 
 

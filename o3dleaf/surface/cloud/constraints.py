@@ -100,7 +100,7 @@ def offset_constraints(
         distance = (DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE) * whole.spacing
     wanted = as_values(np.broadcast_to(np.asarray(distance, dtype=np.float64), len(x)), len(x), "distance")
     if np.any(wanted <= 0):
-        raise InputError(f"distance: {np.sum(wanted <= 0)} are not above zero; give a length, a spacing for instance")
+        raise InputError(f"distance: {np.sum(wanted <= 0)} are not above zero; give a length, for instance the spacing")
     step = np.minimum(wanted[:, np.newaxis], ROOM * _empty_balls(x, n, 3 * float(wanted.max())))
     chosen = np.zeros(len(x), dtype=bool)
     chosen[np.random.default_rng(0).permutation(len(x))[: max(len(x) // every, 1)]] = True

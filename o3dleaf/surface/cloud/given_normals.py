@@ -34,7 +34,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     """
     points, rows, surfels = cloud.points, cloud.neighbors.row, cloud.surfels
     unit, missing = _completed(points, given, rows)
-    notes = (f"{missing} normals were missing and were found",) if missing else ()
+    notes = (f"{missing} normals were missing and were estimated",) if missing else ()
     if not orient:
         return Orientation(unit, notes)
     repaired, conflict = repair_normals(points, unit, rows)
@@ -43,9 +43,9 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     if conflict > CONTRADICTED:
         unit, more = _oriented_anew(points, unit, surfels)
     else:
-        unit, more = repaired, ((f"{turned} normals were turned, contradicted by their neighbors",) if turned else ())
+        unit, more = repaired, ((f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
     if _point_inward(surfels, unit):
-        unit, more = -unit, (*more, "all normals pointed inward and were turned")
+        unit, more = -unit, (*more, "all normals pointed inward and were flipped")
     return Orientation(unit, notes + more)
 
 
@@ -102,5 +102,5 @@ def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Or
             return Orientation(unit, ("two sheets lie within the noise: normals were kept as they are",))
     sign = np.where(turned, -1.0, 1.0)[:, np.newaxis]
     return Orientation(
-        sign * unit, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were turned", *notes)
+        sign * unit, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were flipped", *notes)
     )

@@ -75,7 +75,7 @@ def fit_planes(points: FloatArray, rows: IndexArray) -> Planes:
 def smooth_spacings(near: Neighborhoods) -> FloatArray:
     """Return the (n,) spacings by the twelfth neighbors' distances: the median, then the mean, over 13 points."""
     if near.row.shape[1] <= SPACED:
-        raise InputError(f"cloud: holds {len(near.row)} points; at least {SPACED + 1} are needed for its spacing")
+        raise InputError(f"cloud: has {len(near.row)} points; at least {SPACED + 1} are needed for its spacing")
     first, middle = near.distance[:, SPACED] * np.sqrt(np.pi / SPACED), np.empty(len(near.row))
     spacing = np.empty(len(near.row))
 
@@ -88,5 +88,5 @@ def smooth_spacings(near: Neighborhoods) -> FloatArray:
     run_blocks(median, len(first), BLOCK)
     run_blocks(mean, len(first), BLOCK)
     if not spacing.min() > 0:
-        raise InputError(f"cloud: {SPACED + 1} lie in one place; remove repeated ones")
+        raise InputError(f"cloud: {SPACED + 1} points lie in one place; remove duplicates")
     return spacing

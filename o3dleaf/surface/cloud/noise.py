@@ -20,7 +20,7 @@ WIDE = 4.5
 def noise_across(points: FloatArray, tree: cKDTree) -> float:
     """Return the standard deviation of points (n, 3) across their surface, see `estimate_noise`; `tree` is theirs."""
     if len(points) < PATCHES[0]:
-        raise InputError(f"cloud: holds {len(points)} points; at least {PATCHES[0]} are needed for its noise")
+        raise InputError(f"cloud: has {len(points)} points; at least {PATCHES[0]} are needed for its noise")
     places = points[np.unique(np.linspace(0, len(points) - 1, SAMPLE).round().astype(np.int64))]
     noise = np.full(len(places), np.nan)
     for count in PATCHES:

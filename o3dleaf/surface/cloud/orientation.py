@@ -30,12 +30,12 @@ FULL = 0.6
 """Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
-OPEN_NOTE = "the cloud encloses no volume and is taken for an open sheet: either side may be outside"
+OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
 DECISIVE = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
-APART = -1.3
+TWO_CLEAR_SHEETS = -1.3
 """The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
 SEAM = 0.3
 """Points along the longest line across which normals contradict, over the square root of all points: a strip of a
@@ -109,7 +109,7 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     known = OrientedCloud.of(cloud)
     given = known.normals if normals is None else as_points(normals, "normals", dim=3)
     if given is not None and len(given) != len(known):
-        raise InputError(f"normals: {len(given)} for {len(known)} points; give one a point")
+        raise InputError(f"normals: {len(given)} for {len(known)} points; give one per point")
     outward, notes = orient_surfels(known.points, known.surfels)
     if given is None:
         return Orientation(outward, notes)
@@ -126,7 +126,7 @@ class _Sides(NamedTuple):
 
     @property
     def contradictory(self) -> bool:
-        """Whether they are an open sheet whose normals contradict one another along a line."""
+        """True for an open sheet whose normals contradict one another along a line."""
         return self.enclosed < OPEN and self.seam > SEAM
 
 
@@ -141,7 +141,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     if surfels.flatness > FULL:
         raise OrientationError(
             f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighborhoods "
-            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, or less noise"
+            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, with less noise"
         )
     first, *more = progress.split(*(COARSER + 1) * [1])
     with first:
@@ -216,7 +216,9 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
         notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
     groups = len(surfels.group) / len(surfels.points)
     if groups > 1:
-        notes.append(f"noise hides the surface from single points: sides are those of groups of {groups:.0f} points")
+        notes.append(
+            f"noise is too large to orient single points: groups of {groups:.0f} points were oriented together"
+        )
     return tuple(notes)
 
 
@@ -231,12 +233,12 @@ def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, note
         return Orientation(outward, notes)
     square = float(np.mean(height**2))
     excess = float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0
-    if excess < APART:
+    if excess < TWO_CLEAR_SHEETS:
         side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
         kept = tuple(note for note in notes if note != OPEN_NOTE)
         return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))
     if excess < TWO_SHEETS:
-        notes += ("two sheets lie within the noise, whose sides cannot be told, and are taken for one; give normals",)
+        notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
     return Orientation(outward, notes)
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray, as_normals, as_weights
-from o3dleaf.core.cloud_arrays import CloudLike, held_normals, points_of
+from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
 from o3dleaf.surface.cloud.noise import noise_across
@@ -79,8 +79,8 @@ class OrientedCloud:
         if isinstance(cloud, cls) and normals is None and weights is None and spacing is None:
             return cloud
         points = points_of(cloud, "cloud", least=1)
-        held = held_normals(cloud) if normals is None else normals
-        unit = None if held is None else as_normals(held, points)
+        directions = raw_normals(cloud) if normals is None else normals
+        unit = None if directions is None else as_normals(directions, points)
         if weights is None:
             counts = cloud.weights if isinstance(cloud, cls) else np.broadcast_to(1.0, len(points))
         else:
@@ -102,7 +102,7 @@ class OrientedCloud:
 
     @property
     def decisions(self) -> tuple[str, ...]:
-        """What preprocessing removed and decided, one sentence each; nothing of a cloud without fault."""
+        """Points that preprocessing removed and choices it made, one sentence each; empty for a clean cloud."""
         reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel")
         counts = [f"{count:,} {why}" for count, why in zip(self.removed, reasons, strict=True) if count]
         return (f"points left out: {', '.join(counts)}", *self.notes) if counts else self.notes
@@ -121,7 +121,7 @@ class OrientedCloud:
     def surfels(self) -> Surfels:
         """The cloud at the scale at which it is a surface: its points, or under noise groups of them."""
         if len(self) < 3:
-            raise InputError(f"cloud: holds {len(self)} points; at least 3 are needed")
+            raise InputError(f"cloud: has {len(self)} points; at least 3 are needed")
         return Surfels.of(self.points, self.neighbors.row)
 
     @cached_property
@@ -135,7 +135,7 @@ class OrientedCloud:
         """
         spacing = float(np.median(self.surfels.spacing))
         if not spacing > 0:
-            raise InputError("cloud: most points lie on a line or in one place; a surface is needed")
+            raise InputError("cloud: most points lie on a line or in one place; give the points of a surface")
         return spacing
 
     @cached_property
@@ -151,7 +151,7 @@ class OrientedCloud:
     def require_normals(self) -> FloatArray:
         """Return the normals (n, 3), or raise `InputError` where there are none."""
         if self.normals is None:
-            raise InputError("cloud: has no normals; `preprocess_point_cloud` finds them")
+            raise InputError("cloud: has no normals; compute them with `preprocess_point_cloud`")
         return self.normals
 
     def take(self, rows: npt.NDArray[np.generic]) -> "OrientedCloud":

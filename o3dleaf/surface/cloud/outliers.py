@@ -18,7 +18,7 @@ MAX_GAP = 6.0
 MAX_RATIO = 2.5
 """Times that a point's eighth neighbor may be as far as its neighbors' eighth are in the median: of two million
 random points three have 2.2 and none 2.5; four spacings off a surface it is 2.7."""
-CLUSTER = 24
+MIN_CLUSTER = 24
 """Fewer points than this are no piece of a surface: three times the neighbors that a plane is fitted to."""
 
 
@@ -57,7 +57,7 @@ def detect_outliers(
     with searching:
         near = OrientedCloud.of(cloud).neighbors
     if not np.isfinite(near.distance).all():
-        raise InputError("cloud: its coordinates are too large for distances between its points; is it damaged?")
+        raise InputError("cloud: its coordinates are too large to compute distances; is it damaged?")
     with linking:
         distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
@@ -74,7 +74,7 @@ def _in_small_clusters(distance: FloatArray, row: IndexArray, max_gap: float) ->
     parity_loops.join_near(row, distance, max_gap * float(np.median(distance[:, -1])), parent, sign)
     parity_loops.flatten(parent, sign)
     size = np.bincount(parent)
-    return np.asarray(size[parent] < min(CLUSTER, size.max()))
+    return np.asarray(size[parent] < min(MIN_CLUSTER, size.max()))
 
 
 def _are_isolated(far: FloatArray, row: IndexArray, max_ratio: float) -> npt.NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_positive
-from o3dleaf.core.cloud_arrays import CloudLike, held_normals, held_points
+from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
@@ -68,11 +68,11 @@ def preprocess_point_cloud(
     OrientationError
         If the points do not say which side is outside.
     """
-    points = _as_rows(held_points(cloud), "cloud")
-    normals = held_normals(cloud) if normals is None else normals
+    points = _as_rows(raw_points(cloud), "cloud")
+    normals = raw_normals(cloud) if normals is None else normals
     given = None if normals is None else _as_rows(normals, "normals")
     if given is not None and len(given) != len(points):
-        raise InputError(f"normals: {len(given)} for {len(points)} points; give one a point")
+        raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
     if voxel_size is not None:
         require_positive(voxel_size, "voxel_size")
     sorting, finding, measuring, siding, ending = progress.split(*SHARES)
@@ -107,7 +107,7 @@ def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -
     InputError
         If too few points are left.
     """
-    points = _as_rows(held_points(cloud), "cloud")
+    points = _as_rows(raw_points(cloud), "cloud")
     usable = _Usable.of(points, _weights_of(cloud, len(points))).without(outliers, len(points))
     return usable.restored(usable.cloud)
 
@@ -185,8 +185,8 @@ def _first_of_each(points: FloatArray) -> IndexArray:
 def _require_enough(count: int, whole: int) -> None:
     if count < MIN_POINTS:
         raise InputError(
-            f"cloud: {count} of {whole} points are left without repeated, stray and non-finite ones; "
-            f"a surface needs {MIN_POINTS}; is it damaged?"
+            f"cloud: {count} of {whole} points are left after removing repeated, outlying and non-finite ones; "
+            f"a surface needs at least {MIN_POINTS}; is it damaged?"
         )
 
 
@@ -202,7 +202,7 @@ def _find_normals(
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
         return Orientation(unit, notes)
     unit, more = _find_anew(cloud, estimate, orient)
-    note = f"{turned:.0%} of the given normals are on the wrong side, under noise: all were found anew"
+    note = f"{turned:.0%} of the given normals are on the wrong side, because of noise: all were estimated anew"
     return Orientation(unit, (note, *more))
 
 

@@ -98,7 +98,7 @@ class CreasedSplines:
         """Return the angle, or raise `InputError`."""
         angle = ANGLE if self.angle == "auto" else as_number(self.angle, "angle")
         if not 0 < angle < 180:
-            raise InputError(f"angle: {angle:g} is no angle between 0 and 180 degrees; give 30, say")
+            raise InputError(f"angle: {angle:g} is no angle between 0 and 180 degrees; give for example 30")
         return angle
 
 

@@ -25,7 +25,7 @@ from o3dleaf.surface.mesh.clip import trim_to_manifold
 CornerArray: TypeAlias = npt.NDArray[np.int32]
 CodeArray: TypeAlias = npt.NDArray[np.uint8]
 
-BATCH = 1 << 18
+BATCH_SIZE = 1 << 18
 """Points at which a field is asked at once."""
 
 SHARES = (1, 2, 3)
@@ -49,7 +49,7 @@ class Band:
     ----------
     field, level, step
         The surface is where the field has the level; the lattice is that of the whole multiples of `step` (3,).
-    centre : (3,) ndarray of int64
+    center : (3,) ndarray of int64
         The lattice point in the middle of what keys can name.
     expected : int
         Points at which the field is asked until the band is closed, about: for progress.
@@ -63,7 +63,7 @@ class Band:
     field: Field
     level: float
     step: FloatArray
-    centre: IntArray
+    center: IntArray
     expected: int = 0
     table: npt.NDArray[np.int32] = attribute(default_factory=lambda: np.full(1 << 13, -1, dtype=np.int32))
     keys: IntArray = attribute(default_factory=lambda: np.empty(1 << 12, dtype=np.int64))
@@ -79,14 +79,14 @@ class Band:
         quarter = 1 << loops.BITS - 2
         if np.any(high - low > quarter):
             raise InputError(
-                f"spacing: the seeds reach over {(high - low).max():.2g} cells; coarsen it or cut the cloud"
+                f"spacing: the seeds extend over {(high - low).max():.2g} cells; coarsen it or crop the cloud"
             )
         return cls(field, level, step, (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64))
 
     @property
     def base(self) -> FloatArray:
         """(3,) the lattice point with key 0."""
-        return (self.centre - (1 << loops.BITS - 1)).astype(np.float64)
+        return (self.center - (1 << loops.BITS - 1)).astype(np.float64)
 
     def cells_of(self, points: FloatArray) -> IntArray:
         """Return the rising keys of the cells that hold points; those too far away to be named are left out."""
@@ -97,7 +97,7 @@ class Band:
         return _distinct(keys)
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
-        """Return the cells whose centres pass a test."""
+        """Return the cells whose centers pass a test."""
         return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
 
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
@@ -113,7 +113,7 @@ class Band:
             start, self.count = loops.add_cells(cells, start, self.table, self.keys, self.known, self.count, corners)
             if start < len(cells):
                 self._grow()
-        for i, j in blocks(self.count - known, BATCH):
+        for i, j in blocks(self.count - known, BATCH_SIZE):
             rows = slice(known + i, known + j)
             self.values[rows] = self._ask(self.positions(self.keys[rows]))
             # The next wave is about as large.
@@ -186,7 +186,7 @@ class Band:
 
     def _sharpen(self, edges: CrossedEdges, vertices: FloatArray) -> None:
         """Move vertices along their edges to the zero of a parabola."""
-        for i, j in blocks(len(vertices), BATCH):
+        for i, j in blocks(len(vertices), BATCH_SIZE):
             loops.sharpen_fractions(i, j, edges.here, edges.there, self._ask(vertices[i:j]), edges.fraction)
             progress.report(j, len(vertices))
 
@@ -200,7 +200,7 @@ class Band:
     ) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles with a vertex more in each loop of a cell whose normals disagree."""
         normals = np.empty_like(vertices)
-        for i, j in blocks(len(vertices), BATCH):
+        for i, j in blocks(len(vertices), BATCH_SIZE):
             slope = require_finite(np.asarray(self.field.gradient(vertices[i:j]), dtype=np.float64), "field gradients")
             length = np.maximum(np.linalg.norm(slope, axis=1), np.finfo(np.float64).tiny)
             normals[i:j] = slope / length[:, np.newaxis]

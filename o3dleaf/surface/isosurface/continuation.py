@@ -30,7 +30,7 @@ TOLERANCE = 1e-3
 """Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""The reach of a band from its seeds, or a function of (n, 3) centres of cells that says which it may have."""
+"""The reach of a band from its seeds, or a function of (n, 3) centers of cells that says which it may have."""
 
 
 def continue_from_seeds(
@@ -71,9 +71,9 @@ def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray],
         return None
     if callable(within):
         test = within
-        return lambda centres: as_mask(test(centres), (len(centres),), "within")
+        return lambda centers: as_mask(test(centers), (len(centers),), "within")
     reach, tree = require_positive(within, "within"), cKDTree(seeds)
-    return lambda centres: np.isfinite(tree.query(centres, distance_upper_bound=reach, workers=-1)[0])
+    return lambda centers: np.isfinite(tree.query(centers, distance_upper_bound=reach, workers=-1)[0])
 
 
 def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:

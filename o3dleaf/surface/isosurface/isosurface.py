@@ -32,7 +32,7 @@ def extract_isosurface(
     edge takes the isovalue: they lie within O(spacing^2) of the surface.
 
     With `seeds`, those parts of the surface are extracted that seeds lie on (continuation): the field is asked only
-    at the corners of cells that the surface crosses and of their neighbours across crossed faces, so that time and
+    at the corners of cells that the surface crosses and of their neighbors across crossed faces, so that time and
     memory grow with the area, not with the box. Parts of the surface that no seed leads to are not found.
 
     Parameters
@@ -54,7 +54,7 @@ def extract_isosurface(
         Points near the surface, such as the data, in the field's unit; the first in each block of 4 × 4 × 4 cells
         is moved onto the surface by Newton's method, :math:`x - F \nabla F / |\nabla F|^2`.
     within : float or callable, optional
-        With seeds: cells whose centre lies farther than this from all of them, or for whose centres (n, 3) the
+        With seeds: cells whose center lies farther than this from all of them, or for whose centers (n, 3) the
         function returns False, are left out; the surface ends there, open. Left out, it is followed until it is
         closed. `distance_mask` makes such a function of a cloud.
     sharpen : bool
@@ -63,7 +63,7 @@ def extract_isosurface(
     features : bool
         With seeds: ask for the gradient at every vertex; where two in one cell are more than 26° apart, the cell
         gets one vertex more, where the tangent planes of its vertices meet (half a cell beside it at most), and
-        neighbours of the kind are joined: creases of the field come out as edges, which marching cubes chamfers.
+        neighbors of the kind are joined: creases of the field come out as edges, which marching cubes chamfers.
         Manifold all the same; triangles may cross where the field turns within a cell.
 
     Returns

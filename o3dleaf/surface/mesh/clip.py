@@ -29,7 +29,7 @@ def discard_triangles(vertices: FloatArray, triangles: IntArray, keep_vertex: Bo
     keep = np.asarray(keep_vertex)
     if keep.shape != (len(vertices),) or keep.dtype != np.bool_:
         raise InputError(
-            f"keep_vertex: is {keep.dtype} of shape {keep.shape}; give one bool a vertex, ({len(vertices)},)"
+            f"keep_vertex: is {keep.dtype} of shape {keep.shape}; give one bool per vertex, ({len(vertices)},)"
         )
     return drop_unused_vertices(vertices, triangles[keep[triangles].all(axis=1)])
 

@@ -41,7 +41,7 @@ class Deviation:
     from_scan : (k,) ndarray or None
         Of each point of the scan to the mesh.
     spacing : float or None
-        Median distance of the scan's points to their nearest neighbour.
+        Median distance of the scan's points to their nearest neighbor.
     unsupported : float or None
         Part of the area (a third of each triangle to each corner) farther than `SUPPORT` spacings from the scan.
     unit : str or None

@@ -22,7 +22,7 @@ class Inspection:
     defects : Defects
         The triangles of every defect.
     deviation : Deviation
-        Distances to field and scan, one a vertex and one a point, for colour maps and histograms.
+        Distances to field and scan, one a vertex and one a point, for color maps and histograms.
     measurements : MeshMeasurements
         Pieces, loops, angles, areas and edge lengths, one a triangle or an edge.
     """

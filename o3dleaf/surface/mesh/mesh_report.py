@@ -76,7 +76,7 @@ class MeshReport:
     support_median, support_95pc, support_max : float or None
         Distances of the mesh's vertices to the nearest point of the scan; None without a scan.
     scan_spacing : float or None
-        Median distance of the scan's points to their nearest neighbour.
+        Median distance of the scan's points to their nearest neighbor.
     unsupported_share : float or None
         Part of the area farther than `SUPPORT` times that from every point of the scan.
     unit : str or None

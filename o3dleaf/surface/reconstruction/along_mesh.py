@@ -24,7 +24,7 @@ FACING = -0.3
 """Least cosine between the normals of a vertex and of data of its sheet: 0 on the rim of a thin sheet, −1 where a
 surface has turned over and runs back between sheets that both face the other way."""
 
-SAMPLED = 20_000
+SAMPLE_SIZE = 20_000
 """Triangles by whose edges the fineness of a mesh is measured."""
 
 BLOCK = 1 << 14
@@ -124,7 +124,7 @@ class MeshNearData(NamedTuple):
     @property
     def edge_length(self) -> float:
         """Median length of the edges."""
-        one, other = self.triangles[:: -(-len(self.triangles) // SAMPLED), :2].T
+        one, other = self.triangles[:: -(-len(self.triangles) // SAMPLE_SIZE), :2].T
         return float(np.median(np.linalg.norm(self.vertices[other] - self.vertices[one], axis=1)))
 
 

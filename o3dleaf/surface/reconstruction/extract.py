@@ -11,9 +11,9 @@ from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.proximity import distance_mask
 
-FINEST = 0.6
+MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
-ENOUGH = 200_000
+MAX_TRIANGLES = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
@@ -42,4 +42,4 @@ def mesh_step(spacing: float, count: int) -> float:
 
     It is 0.6 spacings; where that would make more than 200,000 triangles, more, but not more than one spacing.
     """
-    return spacing * float(np.clip(np.sqrt(PER_POINT * count / ENOUGH), FINEST, 1.0))
+    return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), MIN_STEP, 1.0))

@@ -112,7 +112,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         with measuring:
             cloud.compact()  # sixteen neighbors of each point are the largest arrays of the job
     if len(cloud) < count:
-        journal.note(f"noise is thicker than the spacing: {count:,} points make {len(cloud):,} means")
+        journal.note(f"noise exceeds the point spacing: {count:,} points were averaged to {len(cloud):,}")
     with journal.stage("fit balls"):
         field = fit_surface(
             cloud,

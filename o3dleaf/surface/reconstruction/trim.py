@@ -33,7 +33,7 @@ MARGIN = 0.5
 NOISE = 3.0
 """Standard deviations of the data off the surface that do not count."""
 
-SAMPLED = 20_000
+SAMPLE_SIZE = 20_000
 """Points by whose distance from the mesh the noise is measured."""
 
 MIN_SHARE = 0.05
@@ -129,7 +129,7 @@ def _cut_off(
 
 def _measure_noise(mesh: MeshNearData, points: FloatArray) -> float:
     """Return three standard deviations of points off the mesh, from their median as if they were normal."""
-    some = points[:: -(-len(points) // SAMPLED)]
+    some = points[:: -(-len(points) // SAMPLE_SIZE)]
     return float(NOISE * 1.4826 * np.median(distance_to_mesh(mesh.vertices, mesh.triangles, some)))
 
 
@@ -202,5 +202,5 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
     if not keep.any():
-        raise ReconstructionError("trim_to_data: no piece of the mesh has data enough; is the spacing too small?")
+        raise ReconstructionError("trim_to_data: no component of the mesh has enough data; is the spacing too small?")
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)

@@ -207,7 +207,7 @@ def _sums(
     steps = np.floor((points - low) / radius)
     shape = steps.max(axis=0).astype(np.int64) + 1
     if np.prod(shape, dtype=np.float64) > 2.0**62:
-        raise InputError(f"spacing: {radius / REACH:g} is nothing beside the cloud's extent; check the unit")
+        raise InputError(f"spacing: {radius / REACH:g} is negligible for the cloud's extent; check the unit")
     i, j, k = steps.astype(np.int64).T
     keys = (i * shape[1] + j) * shape[2] + k
     order = np.argsort(keys, kind="stable")

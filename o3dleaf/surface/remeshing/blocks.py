@@ -78,15 +78,17 @@ def edit_part(mesh: Charted, chosen: BoolArray, task: Task) -> Charted:
     shared = np.zeros(len(mesh.places), dtype=bool)
     shared[mesh.triangles[~chosen]] = True
     part = _edit_rows(mesh, np.flatnonzero(chosen), shared, task)
-    rest = _edit_rows(mesh, np.flatnonzero(~chosen), shared, lambda own, _: own)
+    rest = _edit_rows(mesh, np.flatnonzero(~chosen), shared, lambda block, _: block)
     return _join(mesh, [rest, part])
 
 
 def _edit_rows(mesh: Charted, rows: IntArray, shared: BoolArray, task: Task) -> tuple[IntArray, Charted]:
     """Return the vertices of some triangles, and what an edit makes of these."""
     used, local = np.unique(mesh.triangles[rows], return_inverse=True)
-    own = Charted(mesh.places[used], mesh.charts[used], local.reshape(-1, 3), mesh.labels[rows], mesh.on_surface[used])
-    return used, task(own, shared[used])
+    block = Charted(
+        mesh.places[used], mesh.charts[used], local.reshape(-1, 3), mesh.labels[rows], mesh.on_surface[used]
+    )
+    return used, task(block, shared[used])
 
 
 def _cut(points: FloatArray, share: float) -> tuple[IntArray, IntArray]:

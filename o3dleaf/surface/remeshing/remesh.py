@@ -33,7 +33,7 @@ SLIVER = 0.1
 FLOOR = 1e-4
 """Least score of what vertices leave behind that come to the surface then."""
 UNTANGLING_ROUNDS = 8
-"""Times that the neighbourhood of crossing triangles is smoothed, wider each time."""
+"""Times that the neighborhood of crossing triangles is smoothed, wider each time."""
 COARSENING = 1.1
 """By how much longer its edges become, each time."""
 
@@ -158,8 +158,8 @@ def _wider(mesh: Charted, chosen: BoolArray) -> BoolArray:
 def _improving(target: ProjectionTarget, limits: Limits, rounds: int, smooth: int = 0) -> Task:
     """Return the task of a block: rounds of smoothing without regard, then of improving."""
 
-    def task(own: Charted, locked: BoolArray) -> Charted:
-        submesh = Submesh(own, locked)
+    def task(block: Charted, locked: BoolArray) -> Charted:
+        submesh = Submesh(block, locked)
         submesh.smooth(target, limits, smooth)
         submesh.improve(target, limits, rounds)
         return submesh.result()
@@ -184,5 +184,5 @@ def _as_labels(labels: npt.ArrayLike | None, count: int) -> npt.NDArray[np.uint8
     """Return one label a triangle, 0 for all by default."""
     whole = np.zeros(count, dtype=np.int64) if labels is None else np.asarray(labels)
     if whole.shape != (count,) or not np.issubdtype(whole.dtype, np.integer) or whole.min() < 0 or whole.max() > 7:
-        raise InputError(f"labels: give one whole number from 0 to 7 a triangle, ({count},)")
+        raise InputError(f"labels: give one whole number from 0 to 7 per triangle, ({count},)")
     return whole.astype(np.uint8)

@@ -21,7 +21,7 @@ SHARE = 0.7
 TRIES = (0.3, 0.1, 0.5, 0.2)
 """Shares of the edges along which the corners of slivers are moved, one after another."""
 
-NOT_MANIFOLD = "mesh: is not manifold, or has triangles that run against one another; clean it first"
+NOT_MANIFOLD = "mesh: is not manifold, or its triangles are not consistently oriented; clean it first"
 
 
 class Submesh:

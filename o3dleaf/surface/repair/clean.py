@@ -47,7 +47,7 @@ class Cleaning:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name}: is {value}; give zero (leave alone) or more")
+                raise InputError(f"{name}: is {value}; give zero (no change) or more")
 
     def steps(self) -> list[Callable[[EditableMesh], EditableMesh]]:
         """Return the repairs in the order in which one makes work for the next."""
@@ -104,7 +104,7 @@ def clean_mesh(
 
     Rounds of repairs until nothing changes, so that cleaning twice is cleaning once, bit for bit:
     vertices in one place are joined, duplicate and flat triangles removed, edges flipped where a
-    triangle is flat or folded over its neighbour, triangles taken away until every edge has at most
+    triangle is flat or folded over its neighbor, triangles taken away until every edge has at most
     two (fins before what they stand on), bow-tie vertices split into one a fan, small components
     removed, flipped triangles turned, holes closed with triangles between their own vertices
     (MeshLab's ear cutting).
@@ -145,9 +145,9 @@ def clean_mesh(
     Returns
     -------
     LabelledMesh if one was given, else open3d.geometry.TriangleMesh
-        float64 vertices, bit for bit some of the input's. Vertex colours stay, normals are computed
+        float64 vertices, bit for bit some of the input's. Vertex colors stay, normals are computed
         anew if there were any; texture coordinates and materials are dropped. Triangles keep their
-        labels, one that closes a hole takes a neighbour's.
+        labels, one that closes a hole takes a neighbor's.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def clean_mesh(
 
 
 def _spread(mesh: EditableMesh) -> IntArray:
-    """Return the origins of the triangles; new ones take the first that a neighbour has."""
+    """Return the origins of the triangles; new ones take the first that a neighbor has."""
     origin = mesh.triangle_origin.copy()
     edges = EdgeTable.of(mesh.triangles)
     pairs = edges.order[edges.first(np.flatnonzero(edges.count == 2))[:, np.newaxis] + [0, 1]] // 3
@@ -185,7 +185,7 @@ def _spread(mesh: EditableMesh) -> IntArray:
 
 
 def _finish(given: MeshLike, cleaned: EditableMesh) -> o3d.geometry.TriangleMesh:
-    """Return a cleaned mesh with the colours and normals that the input had."""
+    """Return a cleaned mesh with the colors and normals that the input had."""
     result = build_mesh(cleaned.vertices, cleaned.triangles)
     if isinstance(given, o3d.t.geometry.TriangleMesh):
         given = given.to_legacy()

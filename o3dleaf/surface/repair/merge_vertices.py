@@ -18,8 +18,8 @@ def merge_close(mesh: EditableMesh, distance: float, angle: float, *, orient: bo
     """Join each vertex to one before it that is at most `distance` away, if there is one that stays itself.
 
     So nothing moves by more than `distance`, however long a chain of close vertices is. Merges are
-    undone where they would make a triangle cross another one, fold over (meet its neighbour at less
-    than `angle`, in degrees), stand on an edge of three, or run against its neighbour; where triangles
+    undone where they would make a triangle cross another one, fold over (meet its neighbor at less
+    than `angle`, in degrees), stand on an edge of three, or run against its neighbor; where triangles
     may be turned (`orient`), only if turning does not help.
     """
     turn = turn_flipped if orient else _as_it_is

@@ -47,7 +47,7 @@ def simplify_mesh(
     Returns
     -------
     LabelledMesh if one was given, else open3d.geometry.TriangleMesh
-        float64 vertices, without colours or normals.
+        float64 vertices, without colors or normals.
 
     Raises
     ------

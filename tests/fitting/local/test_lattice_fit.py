@@ -248,7 +248,7 @@ def test_what_cannot_be_meant_is_refused():
         fit(values, spacing=1.0, isovalue=np.nan)
     with pytest.raises(InputError, match=r"degree: is 1.5; give a whole number"):
         fit(values, spacing=1.0, degree=1.5)
-    with pytest.raises(InputError, match="one bool a voxel"):
+    with pytest.raises(InputError, match="one bool per voxel"):
         fit(values, spacing=1.0, mask=np.ones((8, 9, 6), dtype=bool))
     with pytest.raises(InputError, match="NaN"):
         fit(np.where(values > 1, np.nan, values), spacing=1.0)

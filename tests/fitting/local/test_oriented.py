@@ -211,9 +211,9 @@ def test_any_object_with_a_fit_is_a_local_method():
     ("change", "message"),
     [
         ({"normals": np.ones((9, 3))}, "give one for each point"),
-        ({"normals": np.zeros((10, 3))}, "10 are zero"),
+        ({"normals": np.zeros((10, 3))}, "10 have length zero"),
         ({"local": "voronoi"}, "local: unknown"),
-        ({"local": Hermite("linear")}, "no slopes"),
+        ({"local": Hermite("linear")}, "not smooth enough"),
         ({"local": Hermite(smoothing=-1.0)}, "smoothing: is -1"),
         ({"local": Hermite(step=0.0)}, "step"),
         ({"local": MovingLeastSquares(4)}, "give 1, 2 or 3"),

@@ -45,11 +45,11 @@ def test_the_number_of_threads_does_not_change_a_bit(threads):
     assert found[0] == found[1] == found[2]
 
 
-SIZES = [(blending, "BLEND_BLOCK"), (index, "FOLD_BLOCK"), (blend, "FOLD_BLOCK"), (blend, "CHUNK")]
+SIZES = [(blending, "BLEND_BLOCK"), (index, "FOLD_BLOCK"), (blend, "FOLD_BLOCK"), (blend, "BATCH_SIZE")]
 
 
 def test_every_size_of_a_block_of_queries_is_varied_here():
-    named = [(m, n) for m in (blend, index, blending) for n in vars(m) if n == "CHUNK" or n.endswith("BLOCK")]
+    named = [(m, n) for m in (blend, index, blending) for n in vars(m) if n == "BATCH_SIZE" or n.endswith("BLOCK")]
     assert sorted(named, key=str) == sorted(SIZES, key=str)
 
 

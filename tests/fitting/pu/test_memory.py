@@ -50,8 +50,8 @@ def working_memory(call, queries, dtype):
 def test_it_does_not_grow_with_the_number_of_queries(field, name, dtype, monkeypatch):
     """Six chunks of queries need what two need, and that is what is stated, scaled to the smaller chunk."""
     chunk = 1 << 14
-    share = chunk / blend.CHUNK
-    monkeypatch.setattr(blend, "CHUNK", chunk)
+    share = chunk / blend.BATCH_SIZE
+    monkeypatch.setattr(blend, "BATCH_SIZE", chunk)
     queries = np.random.default_rng(1).random((6 * chunk, 3))
     few, many = (working_memory(getattr(field, name), queries[: n * chunk], dtype) for n in (2, 6))
     assert few > 40 * chunk  # folded points, leaves and order alone are that much: the tracer sees NumPy
@@ -60,6 +60,6 @@ def test_it_does_not_grow_with_the_number_of_queries(field, name, dtype, monkeyp
 
 
 def test_it_stays_below_what_is_stated(field):
-    queries = np.random.default_rng(1).random((blend.CHUNK * 9 // 8, 3))
+    queries = np.random.default_rng(1).random((blend.BATCH_SIZE * 9 // 8, 3))
     needed = working_memory(field.hessian, queries, np.float64)
     assert 0.5 * blend.WORKING_MEMORY < needed <= blend.WORKING_MEMORY

@@ -174,7 +174,7 @@ def test_bad_input_is_named():
         field(hole)
     with pytest.raises(InputError, match="NaN"):
         field.gradient(hole)
-    with pytest.raises(InputError, match="one value a point"):
+    with pytest.raises(InputError, match="one value per point"):
         RBFInterpolant.fit(points, values[:-1])
     with pytest.raises(InputError, match="at least 1"):
         RBFInterpolant.fit(np.empty((0, 3)), np.empty(0))

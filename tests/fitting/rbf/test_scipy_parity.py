@@ -165,7 +165,7 @@ def test_a_tail_below_the_least_degree_is_refused(kernel):
 def test_input_of_other_shapes_is_refused():
     points, values, _ = waves(2)
     for bad in (values[:-1], np.ones((len(values), 2, 2)), np.ones((len(values), 0)), np.array(1.0)):
-        with pytest.raises(InputError, match="one value a point"):
+        with pytest.raises(InputError, match="one value per point"):
             RBFInterpolant.fit(points, bad)
     with pytest.raises(InputError, match="shape"):
         RBFInterpolant.fit(points, values)(np.ones((3, 3)))

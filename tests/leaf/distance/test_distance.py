@@ -127,7 +127,7 @@ def test_it_depends_on_neither_company_nor_threads(rough, monkeypatch):
     expected = leaf.signed_distance(x)
     order = np.random.default_rng(8).permutation(len(x))
     monkeypatch.setattr(distance, "BLOCK", 77)
-    monkeypatch.setattr(distance, "CHUNK", 500)
+    monkeypatch.setattr(distance, "BATCH_SIZE", 500)
     before = get_num_threads()
     try:
         set_num_threads(3)
@@ -138,7 +138,7 @@ def test_it_depends_on_neither_company_nor_threads(rough, monkeypatch):
 
 def test_memory_does_not_grow_with_the_number_of_points(rough):
     leaf, _ = rough
-    x = about(leaf, np.random.default_rng(9), 8 * distance.CHUNK, 40.0)
+    x = about(leaf, np.random.default_rng(9), 8 * distance.BATCH_SIZE, 40.0)
     leaf.signed_distance(x[:10])
 
     def needed(count):
@@ -149,7 +149,7 @@ def test_memory_does_not_grow_with_the_number_of_points(rough):
             tracemalloc.stop()
 
     threads = get_num_threads()
-    assert needed(len(x)) <= threads * 1100 * distance.BLOCK + 120 * distance.CHUNK
+    assert needed(len(x)) <= threads * 1100 * distance.BLOCK + 120 * distance.BATCH_SIZE
 
 
 def test_project_falls_back_to_the_nearest_point_where_there_is_no_way_down(rough):
@@ -174,7 +174,7 @@ def test_several_patches_have_fields_and_masks_but_no_distance(tmp_path):
         lambda: leaf.project(far),
         lambda: leaf.write_grid(tmp_path / "distance.nrrd", 0.5, what="distance"),
     ):
-        with pytest.raises(InputError, match="several patches along the leaf have no one tile"):
+        with pytest.raises(InputError, match="several patches along the leaf have no single tile"):
             call()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["field.nrrd", "mask.nrrd"]
 

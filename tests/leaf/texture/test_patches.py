@@ -6,7 +6,7 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf import PatchBlend, PUInterpolant, TiledField
 from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.fitting.pu.blend import CHUNK, WORKING_MEMORY
+from o3dleaf.fitting.pu.blend import BATCH_SIZE, WORKING_MEMORY
 from tolerances import ANALYTIC_VS_DIFFERENCE, FADE_TWIN, HESSIAN_DIFFERENCE, PERIODIC
 
 
@@ -175,7 +175,7 @@ def test_it_keeps_to_the_memory_that_a_blend_promises(kind):
     if kind != "cropped":
         sides = PatchBlend([texture, texture], [0.5], 0.1, axis="up")
         texture = PatchBlend([sides, sides], [0.5], 0.1)
-    queries = np.random.default_rng(1).random((CHUNK * 9 // 8, 3))
+    queries = np.random.default_rng(1).random((BATCH_SIZE * 9 // 8, 3))
     texture.hessian(points)
     tracemalloc.start()
     try:

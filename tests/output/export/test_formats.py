@@ -254,7 +254,7 @@ def test_units_are_converted_or_asked_for(ball, tmp_path):
     assert np.array_equal(np.asarray(found.mesh.vertices), np.asarray(ball.mesh.vertices) * (1e-3 / 1e-6))
     with pytest.raises(UnitError, match="not known"):
         export_mesh(ball.mesh, tmp_path / "x.glb")
-    with pytest.raises(UnitError, match="metres"):
+    with pytest.raises(UnitError, match="meters"):
         export_mesh(ball, tmp_path / "x.glb", to_unit="mm")
     with pytest.raises(UnitError, match="not known"):
         export_mesh(ball.mesh, tmp_path / "x.stl", consumer="openfoam")
@@ -271,12 +271,12 @@ def hair_thin():
     ("name", "change", "how", "words"),
     [
         ("a.stl", lambda v, t: (v, t[1:]), {"consumer": "dualsphysics"}, "closed"),
-        ("a.stl", lambda v, t: (v, t[:, ::-1]), {"consumer": "dualsphysics"}, "inwards"),
+        ("a.stl", lambda v, t: (v, t[:, ::-1]), {"consumer": "dualsphysics"}, "inward"),
         ("a.stl", lambda v, t: (v, np.vstack([t[:1, ::-1], t[1:]])), {"consumer": "gmsh"}, "inconsistent"),
         ("a.stl", lambda *_: hair_thin(), {"consumer": "openfoam"}, "2 triangles collapse in single"),
         ("a.glb", lambda v, t: (v, t), {"consumer": "openfoam"}, "unknown suffix"),
         ("a.ply", lambda v, t: (v, t), {"consumer": "excel"}, "unknown 'excel'"),
-        ("a.ply", lambda v, t: (v, t), {"labels": [0, 1]}, "one whole number a triangle"),
+        ("a.ply", lambda v, t: (v, t), {"labels": [0, 1]}, "one whole number per triangle"),
         ("a.ply", lambda v, t: (v, t), {"labels": np.full(1000, 7)}, "0 to 2"),
         ("a.ply", lambda v, t: (v, t), {"scalars": {"depth": [1.0]}}, "depth"),
         ("a.ply", lambda v, t: (v, t), {"scalars": {"nx": [1.0]}}, "second column"),

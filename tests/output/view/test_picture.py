@@ -135,7 +135,7 @@ def test_files_are_pictures_and_the_mesh_stays_as_it_was(ball, tmp_path):
         ((np.ones((3, 3)), [[0, 1, 2]]), {}, "one place"),
         (None, {"path": "ball.gif"}, "suffix"),
         (None, {"size": (10, 10)}, "size"),
-        (None, {"scalars": [1.0, 2.0]}, "one a vertex"),
+        (None, {"scalars": [1.0, 2.0]}, "one per vertex"),
         (None, {"unit": "furlong"}, "unit"),
         (None, {"view": View(direction=(0, 0, 0))}, "direction"),
     ],

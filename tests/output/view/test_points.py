@@ -117,7 +117,7 @@ def test_scalars_of_a_list_are_those_of_the_first(scattered):
     part = page[70:, :].astype(float)
     assert (part[:100, 40:80, 2] - part[:100, 40:80, 0]).max() > 60
     assert (part[:100, 320:360, 0] - part[:100, 320:360, 2]).max() > 60
-    with pytest.raises(InputError, match="one a point"):
+    with pytest.raises(InputError, match="one per point"):
         render(things, size=SIZE, scalars=[1.0, 2.0])
 
 
@@ -150,7 +150,7 @@ def test_clouds_that_cannot_be_drawn_are_refused(thing, error, words):
 
 
 def test_too_many_triangles_are_refused(monkeypatch, scattered):
-    monkeypatch.setattr(scene, "LARGEST", 100)
+    monkeypatch.setattr(scene, "MAX_TRIANGLES", 100)
     with pytest.raises(MemoryBudgetError, match="simplify"):
         render(scattered, size=SIZE)
 

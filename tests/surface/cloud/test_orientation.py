@@ -146,7 +146,7 @@ def test_normals_given_inward_or_at_random_are_turned_outward():
     points, normals = torus(4000)
     inward = preprocess_point_cloud(points, normals=-normals)
     assert inward.normals == pytest.approx(normals)
-    assert inward.notes == ("all normals pointed inward and were turned",)
+    assert inward.notes == ("all normals pointed inward and were flipped",)
     sign = np.random.default_rng(8).choice([-1.0, 1.0], (4000, 1))
     assert preprocess_point_cloud(points, normals=sign * normals).normals == pytest.approx(normals)
 

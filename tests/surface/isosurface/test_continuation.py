@@ -178,7 +178,7 @@ def test_a_band_that_ends_in_single_cells_is_manifold():
 def test_a_band_that_cannot_be_says_why():
     with pytest.raises(ReconstructionError, match="none of 1 leads to a cell"):
         extract_isosurface(sphere(), 0.1, seeds=[[1.0, 0.0, 0.0]], isovalue=5.0)
-    with pytest.raises(InputError, match="coarsen it or cut the cloud"):
+    with pytest.raises(InputError, match="coarsen it or crop the cloud"):
         extract_isosurface(sphere(), 1e-6, seeds=[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     with pytest.raises(InputError, match="within: is"):
         extract_isosurface(sphere(), 0.1, seeds=[[1.0, 0.0, 0.0]], within=lambda centres: np.ones(3))

@@ -140,7 +140,7 @@ def test_what_cannot_be_trimmed_says_why():
         trim_to_data(plane(0.5), OrientedCloud.of(cloud + 100, spacing=spacing))
     with pytest.raises(InputError, match="margin: is 3"):
         trim_to_data(plane(0.5), OrientedCloud.of(cloud, spacing=spacing), margin=3)
-    with pytest.raises(InputError, match="13 lie in one place"):
+    with pytest.raises(InputError, match="13 points lie in one place"):
         point_spacing(np.zeros((20, 3)))
     with pytest.raises(InputError, match="spacing"):
         OrientedCloud.of(cloud, spacing=np.ones(3))

@@ -314,7 +314,7 @@ def test_colours_and_labels_stay_with_their_places(ball):
     assert np.array_equal(left[: len(kept)], labels)
     beside = np.isin(kept, triangles[:5]).any(axis=1)
     assert set(left[len(kept) :]) <= set(labels[beside])
-    with pytest.raises(InputError, match="one a triangle"):
+    with pytest.raises(InputError, match="one per triangle"):
         clean_mesh(LabelledMesh(mesh, labels[1:]))
 
 
@@ -375,5 +375,5 @@ def test_what_cannot_be_meant_is_refused(ball):
         simplify_mesh(ball)
     with pytest.raises(InputError, match="deviation"):
         simplify_mesh(ball, deviation=0.0)
-    with pytest.raises(InputError, match="one a triangle"):
+    with pytest.raises(InputError, match="one per triangle"):
         simplify_mesh(LabelledMesh(ball, [1, 2]), target_triangles=10)
