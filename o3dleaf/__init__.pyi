@@ -66,6 +66,7 @@ from .output import view as view
 from .core import errors as errors
 from . import samples as samples
 from .core.field import Field as Field
+from .commands.terminal import show_progress as show_progress
 from .core.parallel import get_num_threads as get_num_threads
 from .core.parallel import set_num_threads as set_num_threads
 

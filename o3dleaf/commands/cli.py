@@ -19,7 +19,7 @@ from o3dleaf.commands.qa import QaJob
 from o3dleaf.commands.reconstruct import ReconstructJob
 from o3dleaf.commands.render import RenderJob
 from o3dleaf.commands.sample import SampleJob
-from o3dleaf.commands.terminal import shown
+from o3dleaf.commands.terminal import show_progress
 from o3dleaf.commands.view import ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
@@ -86,7 +86,7 @@ def perform(job: Job) -> int:
     if isinstance(job, LongJob):
         if job.threads is not None:
             set_num_threads(job.threads)
-        with shown(quiet=job.quiet):
+        with show_progress(quiet=job.quiet):
             summary = job.run()
     else:
         summary = job.run()

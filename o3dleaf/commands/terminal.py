@@ -1,10 +1,10 @@
 """Progress on the terminal while a command runs: a bar for each stage, and a line now and then."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
-from o3dleaf.core.journal import Journal
+from o3dleaf.core.journal import Journal, stage
 from o3dleaf.core.progress import Listener
 
 
@@ -32,8 +32,23 @@ class BarJournal(Journal):
 
 
 @contextmanager
-def shown(*, quiet: bool) -> Iterator[None]:
-    """Open a journal for what is done inside, shown on the terminal unless `quiet`."""
+def show_progress(title: str | None = None, *, quiet: bool = False) -> Iterator[None]:
+    """Show a progress bar on the terminal (stderr) for each stage of what is done inside, and what is noted there.
+
+    ::
+
+        with o3l.show_progress():
+            mesh, field = o3l.create_from_point_cloud_rbfpu(pcd)
+        with o3l.show_progress("fit"):
+            field = o3l.PUInterpolant.fit(points, values)
+
+    Parameters
+    ----------
+    title : str, optional
+        Name of one bar for all of it, for a function that has no stages of its own.
+    quiet : bool
+        Show nothing: decisions about a cloud are then no warnings either.
+    """
     if quiet:
         with Journal():
             yield
@@ -44,7 +59,7 @@ def shown(*, quiet: bool) -> Iterator[None]:
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True)) as bars:
         try:
-            with BarJournal(bars):
+            with BarJournal(bars), stage(title) if title else nullcontext():
                 yield
         except BaseException:
             # Of a run that failed, the one line that says why is what should be left to read.

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar, Token
 from typing import Self
 
-from o3dleaf.core.progress import Listener, listening, report
+from o3dleaf.core.progress import Listener, listening, report, silent
 
 
 def _unheard(done: int, total: int) -> None:
@@ -70,10 +70,11 @@ def open_journal() -> Journal | None:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """Run a stage of the journal that is open; without one, as part of what is running."""
+    """Run a stage of the journal that is open; without one, unreported: nobody knows its share of the whole."""
     journal = _open.get()
     if journal is None:
-        yield
+        with silent():
+            yield
         return
     with journal.stage(name):
         yield

@@ -117,8 +117,11 @@ def test_stages_and_notes_reach_the_open_journal_alone():
         def note(self, text):
             self.text = text
 
-    with journals.stage("nobody"):
+    heard, listener = listen()
+    with progress.listening(listener), journals.stage("nobody"):
         journals.note("nobody")
+        progress.report(1, 2)
+    assert heard == [1.0]
     with Noting() as journal:
         with journals.stage("fit"):
             assert progress.is_heard()
