@@ -1,4 +1,4 @@
-"""A triangle mesh that knows which part each of its triangles belongs to, and how labels get their names."""
+"""A triangle mesh with a label for the part that each triangle belongs to, and the names of labels."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ LabelArray = npt.NDArray[np.uint8]
 LABELS = ("adaxial", "abaxial", "rim")
 """Names of the labels 0, 1 and 2 of a leaf, which the labels of a file have if it names none."""
 MAX_LABELS = 256
-"""What labels of one byte tell apart."""
+"""Number of labels that one byte distinguishes."""
 
 ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
 """Upper side, lower side and rim of the solid, as `o3dleaf.leaf.instancing.components` numbers them."""
@@ -26,7 +26,7 @@ ADAXIAL, ABAXIAL, RIM = range(len(LABELS))
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledMesh:
-    """A triangle mesh that knows which part of the leaf each triangle belongs to.
+    """A triangle mesh with a label for the part of the leaf that each triangle belongs to.
 
     Attributes
     ----------

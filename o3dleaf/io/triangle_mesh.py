@@ -19,7 +19,7 @@ from o3dleaf.io.stl_text import read_stl_text
 SUFFIXES = (".ply", ".obj", ".stl")
 """What meshes can be written as."""
 OPEN3D = "Created by Open3D"
-"""What the file of a plain mesh says of itself, as Open3D's own: its bytes are the same."""
+"""Comment in the file of a plain mesh, as in Open3D's own: its bytes are the same."""
 
 
 def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
@@ -111,7 +111,7 @@ def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ..
         Not modified.
     path : path-like
     comments : tuple of str, optional
-        What the file says of itself instead of "o3dleaf" and the unit.
+        Comments in the file instead of "o3dleaf" and the unit.
 
     Raises
     ------
@@ -123,19 +123,19 @@ def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ..
     require_object_first(mesh, "write_mesh", "mesh")
     target = require_writable(path, SUFFIXES)
     data, suffix = MeshData.of(mesh), target.suffix.lower()
-    said = _comments(mesh, data, suffix) if comments is None else comments
+    header = _comments(mesh, data, suffix) if comments is None else comments
     with whole_file(target) as temporary, temporary.open("r+b") as out:
         if suffix == ".ply":
-            write_ply(out, data, (OPEN3D,) if said is None else said, index="uint" if said is None else "int")
+            write_ply(out, data, (OPEN3D,) if header is None else header, index="uint" if header is None else "int")
         elif suffix == ".stl":
-            words = OPEN3D.ljust(HEADER, "\0") if said is None else "; ".join(said)
+            words = OPEN3D.ljust(HEADER, "\0") if header is None else "; ".join(header)
             write_stl(out, data, words.encode("ascii", "replace"))
         else:
-            write_obj(out, data, said or ())
+            write_obj(out, data, header or ())
 
 
 def _comments(mesh: AnyMesh, data: MeshData, suffix: str) -> tuple[str, ...] | None:
-    """Return what a file says of itself; None: what it would say if Open3D had written it."""
+    """Return the comments of a file; None: those that Open3D would write."""
     if isinstance(mesh, LabelledMesh):
         # Binary STL that begins with our name has labels.
         return None if suffix == ".stl" and data.labels is None else ("o3dleaf", *unit_comment(mesh.unit))

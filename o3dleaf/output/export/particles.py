@@ -169,7 +169,7 @@ def _middles(k: int) -> FloatArray:
 def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Particles:
     """Return particles inside a closed mesh, at the middles of the cubes of edge `step` of one lattice of the world.
 
-    Inside is told exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
+    Inside is decided exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
     inside, and where it meets an edge, one of its triangles is passed.
 
     Parameters
