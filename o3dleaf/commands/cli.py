@@ -71,7 +71,7 @@ def _parameter(name: str, field: Field[Any], known: Option) -> inspect.Parameter
 
 
 def job_of(job: type[Job], given: dict[str, Any]) -> Job:
-    """Return the job that a command line asks for; what it leaves out keeps its default."""
+    """Return the job of a command line; what it leaves out keeps its default."""
     known = {name: option for name, (_, option) in options_of(job).items()}
     named = {name: value for name, value in given.items() if value is not None and value != []}
     return job(**{name: (known[name].parse or _as_it_is)(value) for name, value in named.items()})

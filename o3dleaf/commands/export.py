@@ -77,7 +77,7 @@ class ExportJob(UnitOption, LongJob):
 
     @property
     def edge(self) -> float | None:
-        """Edge length that the leaf is remeshed to: what was asked for, or the mesh step if a solver is to take it.
+        """Edge length that the leaf is remeshed to: the given one, or the mesh spacing if a solver is to read it.
 
         None: the surface stays as it was polygonized. A tile's opposite walls must match, and so it always does.
         """
@@ -126,7 +126,7 @@ class ExportJob(UnitOption, LongJob):
             raise InputError("remesh: opposite walls of a tile must match; leave it out, or give a region of the leaf")
 
     def work(self) -> str:
-        """Export, and return a line that says what was written."""
+        """Export, and return a line about what was written."""
         from o3dleaf.output.export.selection import moved, part_of
 
         with stage("mesh" if self.is_model else "read"):
@@ -189,7 +189,7 @@ class ExportJob(UnitOption, LongJob):
         return {name: SCALARS[name](model, vertices) for name in self.scalar}
 
     def write(self, mesh: "LabelledMesh", scalars: "dict[str, FloatArray]") -> str:
-        """Write what was asked for; return a line about it."""
+        """Write what was requested; return a line about it."""
         import numpy as np
 
         from o3dleaf.output.export.consumers import export_mesh

@@ -46,7 +46,7 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
 
     @property
     def wanted(self) -> tuple[list[str], list[str] | None]:
-        """The formats and the figures that are asked for."""
+        """The formats and the figures that are requested."""
         return words_of(self.formats), None if self.only is None else words_of(self.only)
 
     def work(self) -> "Drawn":

@@ -218,7 +218,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         return made.mesh, None
 
     def write_more(self, leaf: "MultiscaleLeaf") -> None:
-        """Write a flat tile and a grid, where they are asked for."""
+        """Write a flat tile and a grid, where they are requested."""
         from o3dleaf.io.triangle_mesh import write_mesh
 
         if self.tile_solid is not None:

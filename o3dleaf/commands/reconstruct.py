@@ -1,4 +1,4 @@
-"""`o3dleaf reconstruct`: read a cloud, make its surface, and write what was asked for."""
+"""`o3dleaf reconstruct`: read a cloud, make its surface, and write what was requested."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The ground of every chapter: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
+"""The base of every chapter: errors, checks, units, the field protocol, threads, the doors to Open3D and the disk.
 
 `errors`         the errors and warnings that reach a user
 `checks`         validation of input, all of it

@@ -25,11 +25,11 @@ class UnitError(InputError):
 
 
 class IllPosedError(O3DLeafError):
-    """The data cannot determine the interpolant that was asked for (names the rank found)."""
+    """The data cannot determine the interpolant that was requested (names the rank found)."""
 
 
 class OrientationError(InputError):
-    """The points do not say which side of them is outside."""
+    """The points do not determine which side of them is outside."""
 
 
 class ReconstructionError(O3DLeafError):

@@ -1,4 +1,4 @@
-"""The Field protocol: all that fitting a function and meshing it know of one another."""
+"""The Field protocol: the interface between fitting a function and meshing it."""
 
 from typing import Protocol, runtime_checkable
 

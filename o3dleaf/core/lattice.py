@@ -14,7 +14,7 @@ from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.parallel import blocks
 
 BLOCK = 1 << 18
-"""Points asked for at once: 6 MiB of coordinates, and enough of them to keep a field's threads busy."""
+"""Points evaluated at once: 6 MiB of coordinates, and enough of them to keep a field's threads busy."""
 
 MAX_SIZE = 1 << 29
 """Samples that a lattice may hold (4 GiB): beyond it, a spacing is more likely mistyped than meant."""
@@ -129,7 +129,7 @@ def sample_lattice(
     dtype : float64 or float32
         Of the result.
     block : int
-        Points asked for at once; the result does not depend on it.
+        Points evaluated at once; the result does not depend on it.
 
     Returns
     -------

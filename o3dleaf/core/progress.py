@@ -1,4 +1,4 @@
-"""Progress by context: whoever works reports to the part of the work that is running, whoever listens hears of it.
+"""Progress by context: work reports to the part that is running, and listeners are notified.
 
 ::
 
@@ -47,7 +47,7 @@ class Part:
 
 
 class _Whole(Part):
-    """The whole work that a listener hears of."""
+    """The whole work that a listener is notified of."""
 
     def __init__(self, listener: Listener) -> None:
         super().__init__(None, 0.0, 1.0)

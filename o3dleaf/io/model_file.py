@@ -1,4 +1,4 @@
-"""Models on disk: one file that says what it is, holds plain arrays and is mapped into memory when read.
+"""Models on disk: one file with a header and plain arrays, which is mapped into memory when read.
 
 Layout: 8 bytes of magic, 8 of the header's length, 4 of its CRC-32, a JSON header, and the arrays, each
 aligned to 64 bytes. The header is a tree of plain values; an array in it is a place in the file, an
@@ -35,8 +35,8 @@ ALIGNMENT = 64
 def write_model(model: object, path: str | PathLike[str]) -> None:
     """Write an object as one file, whole or not at all.
 
-    An object is a dataclass, saved field by field, or has ``state() -> dict`` to say what it is made of. A field that
-    was renamed after files had been written keeps its name there: ``field(metadata={"stored": "name in the file"})``.
+    An object is a dataclass, saved field by field, or has ``state() -> dict`` to return its parts. A field that was
+    renamed after files had been written keeps its name there: ``field(metadata={"stored": "name in the file"})``.
     """
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)

@@ -23,7 +23,7 @@ def write_obj(out: IO[bytes], mesh: MeshBlocks, comments: tuple[str, ...] = (), 
     out : binary file
     mesh : MeshBlocks
     comments : tuple of str
-        What the file says of itself, in its first lines.
+        Comments, in its first lines.
     group : str, optional
         Name of the one group of a mesh without labels; by default it has no group.
     """

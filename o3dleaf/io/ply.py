@@ -25,7 +25,7 @@ XYZ = np.dtype([(axis, "<f8") for axis in "xyz"])
 BLOCK = 1 << 17
 """Vertices or triangles written at once."""
 GAP = 1024
-"""Vertices that are read though nobody asked for them, rather than going to the disk twice."""
+"""Vertices that are read though they were not requested, rather than going to the disk twice."""
 
 
 @dataclass(frozen=True)

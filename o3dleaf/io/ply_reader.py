@@ -1,4 +1,4 @@
-"""The header of a PLY file, whether the file is as long as it says, and triangles with their labels from it."""
+"""The header of a PLY file, whether the file is complete, and triangles with their labels from it."""
 
 from dataclasses import dataclass
 from pathlib import Path

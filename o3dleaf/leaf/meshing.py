@@ -44,7 +44,7 @@ class MeshPlan:
         The area in the plane (along, across) that it covers.
     spacing : (3,) tuple of float
         The steps along, across and through the blade, in the scan's unit. Those in the plane divide the
-        texture's period, so that they may differ a little from what was asked for.
+        texture's period, so that they may differ a little from what was requested.
     closed : bool
     vertices, triangles : int
         Of the mesh.

@@ -13,7 +13,7 @@ from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 
 BATCH_SIZE = 1 << 17
-"""Points asked for together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
+"""Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
 Texture: TypeAlias = TiledField | PatchBlend
 """A field over the plane that repeats, in its own unit of length."""

@@ -1,4 +1,4 @@
-"""The samples as files: a scan, its midrib, a micro-CT volume, and a page that says what they are."""
+"""The samples as files: a scan, its midrib, a micro-CT volume, and a page that describes them."""
 
 import hashlib
 from os import PathLike

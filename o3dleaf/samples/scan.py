@@ -65,7 +65,7 @@ def wheat_scan(
     Raises
     ------
     InputError
-        If fewer than 100 points are asked for, or a number is negative.
+        If fewer than 100 points are requested, or a number is negative.
     """
     if count < 100 or min(noise, misregistration, holes, outliers) < 0 or outliers > count // 2:
         raise InputError(f"scan: count is {count} with {outliers} outliers; give 100 points, most on the leaf")

@@ -1,4 +1,4 @@
-"""Any cloud, any field, any mesh: nothing here knows a leaf.
+"""Any cloud, any field, any mesh: nothing here depends on leaves.
 
 `cloud`           a point cloud made ready
 `mesh`            what a mesh is: topology, defects, measures

@@ -24,7 +24,7 @@ SHARES = (1, 3, 1, 3, 2)
 take."""
 
 BATCH_SIZE = 1 << 14
-"""Balls whose nearest points are asked for at once."""
+"""Balls whose nearest points are searched at once."""
 
 LEAF_POINTS = 32
 """Points of a leaf of the tree that counts the points of balls, hundreds at a time."""

@@ -1,4 +1,4 @@
-"""The blend of balls that compiled loops know how to evaluate, over fixed blocks of queries."""
+"""The blend of balls that compiled loops evaluate, over fixed blocks of queries."""
 
 from typing import NamedTuple
 

@@ -83,7 +83,7 @@ class ScatteredData:
 
 
 class LocalFits(Protocol):
-    """The local fits of a cover: all that the partition of unity needs to know of them."""
+    """The local fits of a cover: all that the partition of unity needs of them."""
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries."""

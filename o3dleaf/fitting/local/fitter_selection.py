@@ -48,7 +48,7 @@ def as_fitter(local: str | Fitter | FitBall, data: ScatteredData) -> Fitter:
 
 
 def choose_fitter(data: OrientedPoints) -> Hermite | MovingLeastSquares:
-    """Return `Hermite` with smoothing by GCV, or `MovingLeastSquares` with balls as large as the noise asks for.
+    """Return `Hermite` with smoothing by GCV, or `MovingLeastSquares` with balls as large as the noise requires.
 
     Cubics are fitted to balls of growing size around a sample of the points. Where noise exceeds what the shape bends
     away from a cubic, their residuals stay at its level from one size to the next: small balls follow it, large ones

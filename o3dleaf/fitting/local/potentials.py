@@ -2,7 +2,7 @@ r"""Splines of points and normals on a surface, with no others beside it: F = 0 
 
 .. math:: F(x) = \sum_j λ_j φ(x - x_j) - \sum_j c_j \cdot \nabla φ(x - x_j) + p(x)
 
-`Hermite` asks a ball's points for both at once, `CurlFree` for the gradients first and the values then. Each blends
+`Hermite` fits both in a ball at once, `CurlFree` the gradients first and the values then. Each blends
 like splines of values do; see `PUInterpolant.fit_oriented`.
 """
 
@@ -195,7 +195,7 @@ class LocalPotentials:
         Raises
         ------
         InputError
-            If second derivatives are asked for of a kernel below r⁵.
+            If second derivatives are requested of a kernel below r⁵.
         """
         if level == 2 and self.kernel.power < 5:
             raise InputError(f"hessian: gradients of {self.kernel} have kinks at the data; use 'quintic'")

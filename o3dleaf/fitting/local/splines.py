@@ -28,7 +28,7 @@ BATCH_SIZE = 4
 
 @dataclass(frozen=True)
 class Splines:
-    """Splines of values, as `PUInterpolant.fit` makes them where nothing else is asked for, with its options."""
+    """Splines of values, as `PUInterpolant.fit` makes them where nothing else is requested, with its options."""
 
     kernel: str | Polyharmonic = "cubic"
     degree: int | None = None
@@ -149,7 +149,7 @@ class LocalSplines:
         Raises
         ------
         InputError
-            If second derivatives are asked for of a kernel that has none.
+            If second derivatives are requested of a kernel that has none.
         """
         return blend_balls(self.balls(level, dtype), index, queries, level)
 

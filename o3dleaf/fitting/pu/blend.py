@@ -16,15 +16,15 @@ from o3dleaf.fitting.local.jet_loops import unpack
 
 BATCH_SIZE = 1 << 20
 """Points blended at once. It bounds the memory that evaluation needs beside its arguments and its
-result: 128 bytes a point where Hessians in space are asked for, hence `WORKING_MEMORY`; eight of them
+result: 128 bytes a point where Hessians in space are requested, hence `WORKING_MEMORY`; eight of them
 are left over for what the threads work in, which is enough for sixteen."""
 WORKING_MEMORY = 128 * BATCH_SIZE
-"""128 MiB, however many points are asked for; the result does not depend on it."""
+"""128 MiB, however many points are requested; the result does not depend on it."""
 FOLD_BLOCK = 1 << 15
 
 
 class Blended:
-    """A partition of unity that can be evaluated: local fits, and the index that says which of them contain a point.
+    """A partition of unity that can be evaluated: local fits, and the index of those that contain a point.
 
     Outside its domain a blend falls with the distance to it (`o3dleaf.core.outside_loops`). Whatever the
     number of points, evaluation needs `WORKING_MEMORY` beside its arguments and its result.

@@ -15,7 +15,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 @dataclass(frozen=True, eq=False)
 class BallDiagnostics:
-    r"""Diagnostics of the fit of each ball: (M,) arrays, a row for each ball that was asked for.
+    r"""Diagnostics of the fit of each ball: (M,) arrays, a row for each ball that was requested.
 
     Attributes
     ----------

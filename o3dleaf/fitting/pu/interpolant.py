@@ -287,7 +287,7 @@ class PUInterpolant(Blended):
             If the local fits are no splines, or there is no ball of such a number.
         """
         if not isinstance(self.local, LocalSplines):
-            raise InputError("diagnostics: the local fits are no splines; fit with local='rbf'")
+            raise InputError("diagnostics: the local fits are no splines; fit values, with local=None")
         count = len(self.cover.radii)
         asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls))
         if asked.dtype.kind not in "iu" or np.any((asked < 0) | (asked >= count)):

@@ -103,7 +103,7 @@ class RBFInterpolant:
         InputError
             If the input has a wrong shape or is not finite.
         IllPosedError
-            If the points cannot determine the tail of the degree that was asked for, or the degree
+            If the points cannot determine the tail of the degree that was requested, or the degree
             is below what the kernel needs.
         """
         sites = as_points(points, least=1)

@@ -188,7 +188,7 @@ def trial_values(spectrum: Spectrum) -> FloatArray:
 
 
 def choose_by_gcv(spectrum: Spectrum) -> float:
-    r"""Return the largest smoothing that the data do not speak against.
+    r"""Return the largest smoothing that is consistent with the data.
 
     The least score marks the smoothing of least error only to within what the noise of the data makes
     of it, and where the curve is flat (few points, or nothing but noise) its minimum may lie decades

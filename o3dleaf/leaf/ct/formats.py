@@ -40,8 +40,8 @@ def read_volume(
         names), a ``.npy`` array with axes (x, y, z), or, with the extra ``formats`` installed,
         NRRD, MetaImage or NIfTI.
     spacing : float or (3,) array_like, optional
-        Distance between voxels along (x, y, z), in `unit`; wins over what the file says (ImageJ and
-        OME metadata, the headers of the other formats). Needed where the file says nothing.
+        Distance between voxels along (x, y, z), in `unit`; overrides what the file states (ImageJ and
+        OME metadata, the headers of the other formats). Needed where the file states none.
     unit : str, optional
         Unit that the volume is to be in. Lengths that the file states are converted to it; numbers
         given here are in it. Default: the file's unit, if any (millimeters for NRRD, MetaImage, NIfTI).

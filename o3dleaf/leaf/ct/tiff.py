@@ -1,4 +1,4 @@
-"""TIFF stacks: what the file holds, what it says about lengths, and nothing allocated before it is checked."""
+"""TIFF stacks: their pages and the lengths that they state, checked before anything is allocated."""
 
 import logging
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Bounding balls of the leaf, which tell empty air from it without looking at G."""
+"""Bounding balls of the leaf, which separate empty air from it without evaluating G."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ MAX_BALLS = 1 << 16
 SLACK = 1.1
 """By how much a ball is larger than about the corners of its piece: the blade bends between them, by less than 1 %."""
 RUNS = (64, 8)
-"""Points of a grid that are told from the leaf together, first and then."""
+"""Points of a grid that are tested against the leaf together, at first and later."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ SUFFIXES = (".vti", ".nrrd")
 KINDS: dict[str, type[Any]] = {"field": np.float32, "distance": np.float32, "mask": np.uint8}
 """The values that can be written, and the numbers that they are kept in."""
 SLAB = 1 << 18
-"""Points asked for at once."""
+"""Points evaluated at once."""
 BLOCK = 1 << 13
 """Points of a mask that a thread looks at together: empty air costs it nothing but the look."""
 
@@ -35,12 +35,12 @@ def plan_grid(
 
 
 def write_grid(grid: GridFile, sampler: Sampler) -> None:
-    """Write what a sampler says at the points of a grid, slab by slab."""
+    """Write the values of a sampler at the points of a grid, slab by slab."""
     grid.write(sampler(points) for points in grid.points(SLAB))
 
 
 def mask_sampler(leaf: TexturedBlade, solid: LeafSolid) -> Sampler:
-    """Return the function that says of (n, 3) points whether they lie in a solid."""
+    """Return the function that tests whether (n, 3) points lie in a solid."""
     balls = BoundingBalls.of(leaf)
 
     def mask(points: FloatArray) -> npt.NDArray[np.bool_]:

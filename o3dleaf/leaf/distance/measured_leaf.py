@@ -19,7 +19,7 @@ class MeasuredLeaf(TexturedBlade):
 
     @cached_property
     def surface_index(self) -> SurfaceIndex:
-        """Index of the surface, pockets and specks too; see `index_of`."""
+        """Index of the surface, pockets and islands too; see `index_of`."""
         return self._build_index(closed=False)
 
     @cached_property
@@ -57,8 +57,8 @@ class MeasuredLeaf(TexturedBlade):
         x : (n, 3) array_like
         closed : bool
             True: to the solid that ``extract_mesh(closed=True)`` draws and a droplet meets: the outline is rounded,
-            air that the blade encloses is leaf, and specks beside it are not. Half the distance of the data is the
-            step at which enclosed air is told from the rest.
+            air that the blade encloses is leaf, and islands beside it are not. Half the distance of the data is the
+            step at which enclosed air is distinguished from the rest.
 
         Raises
         ------
@@ -80,7 +80,7 @@ class MeasuredLeaf(TexturedBlade):
 
         with steps halved until \|G\| falls. Where that ends in a place without a surface - far away, in the
         air between hairs, in the middle of the blade - the result is the closest point of the leaf instead, as in
-        `closest_points`. Otherwise the outline has no say here: the surface goes on past the rim.
+        `closest_points`. Otherwise the outline has no effect here: the surface goes on past the rim.
         """
         return project(self, x, self.closest_points)
 
@@ -129,7 +129,7 @@ class MeasuredLeaf(TexturedBlade):
         ------
         InputError
             If the suffix is unknown, the folder cannot be written to, or several patches are blended along the leaf
-            and distances are asked for.
+            and distances are requested.
         O3DLeafError
             If the disk has no room for the grid.
         """

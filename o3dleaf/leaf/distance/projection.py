@@ -31,7 +31,7 @@ MAX_STEP = 0.05
 def project(leaf: TexturedBlade, x: npt.ArrayLike, closest_points: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Return the (n, 3) points of G = 0 that Newton's method along the gradient reaches from (n, 3) world points.
 
-    Where it reaches none, the `closest_points` of the leaf are asked for.
+    Where it reaches none, the `closest_points` of the leaf are requested.
     """
     points, size = as_points(x, "x", dim=3), leaf.thickness
     result = np.empty_like(points)

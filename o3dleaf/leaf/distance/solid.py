@@ -1,6 +1,6 @@
 """The solid: where G > 0 in the outline, or the closed one that meshes draw.
 
-In the closed one air pockets are filled, specks beside the blade are left out, and the outline is rounded.
+In the closed one air pockets are filled, islands beside the blade are left out, and the outline is rounded.
 """
 
 from dataclasses import dataclass

@@ -78,7 +78,7 @@ class TileSamples:
 
     @classmethod
     def sample(cls, leaf: TexturedBlade, *, closed: bool = False) -> "TileSamples":
-        """Sample the leaf's texture with its pockets and specks or, closed, without them.
+        """Sample the leaf's texture with its pockets and islands or, closed, without them.
 
         Raises
         ------

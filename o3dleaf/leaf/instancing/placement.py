@@ -94,7 +94,7 @@ class Placement:
 
     @property
     def nodes(self) -> Nodes:
-        """(m, 3) all triangles, gathered when they are asked for: what is held of a place is small."""
+        """(m, 3) all triangles, gathered when they are requested: what is kept of a place is small."""
         if self.cells is None:
             return self.tile.nodes
         plain = _kept_triangles(self.tile, self.cells)

@@ -19,7 +19,7 @@ from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import lattice_positions, march
 
 SLAB_SIZE = 1 << 18
-"""Samples held at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
+"""Samples in memory at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
 
 MAX_STEPS = 12
 """Steps towards a field's zero along an edge: a smooth field takes three."""
@@ -109,7 +109,7 @@ def extract_tile(
     """Sample one period of a field, fill its voids, and polygonize it.
 
     Memory grows with the surface, not with the samples: a first pass over slabs notes what is inside, a
-    second one asks again for the samples beside the surface, and marches.
+    second one evaluates the samples beside the surface again, and marches.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def extract_tile(
         Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
         and across after which the field repeats: copies get the same bits.
     slab_size : int
-        Samples held at once, if a plane has no more.
+        Samples in memory at once, if a plane has no more.
 
     Raises
     ------

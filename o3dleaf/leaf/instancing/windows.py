@@ -1,4 +1,4 @@
-"""The plane row by row: what of the tile is in each place of the outline, held for two rows of places at a time."""
+"""The plane row by row: what of the tile is in each place of the outline, kept for two rows of places at a time."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, TypeVar, cast

@@ -76,7 +76,7 @@ class LeafFrame:
         base : (3,) array_like, optional
             A point near the base; the control points are reversed if their last one is nearer to it.
         degree : int
-            Degree of the interpolating splines: 3 as in the paper, 5 where curvature is asked for.
+            Degree of the interpolating splines: 3 as in the paper, 5 where curvature is requested.
         unit : str, optional
 
         Raises

@@ -31,7 +31,7 @@ class HeightMap:
     interpolant : PUInterpolant
         In two dimensions, (along, across).
     choice : RobustChoice or None
-        Smoothing and weights of the robust fit, where it was asked for.
+        Smoothing and weights of the robust fit, where it was requested.
     """
 
     interpolant: PUInterpolant
@@ -125,7 +125,7 @@ class HeightMap:
         Raises
         ------
         InputError
-            If second derivatives are asked for and the kernel has none: r² log r, the paper's, has not.
+            If second derivatives are requested and the kernel has none: r² log r, the paper's, has not.
         """
         points = as_points(plane, dim=2)
         inside = np.clip(points, *self.bounds)

@@ -19,7 +19,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 BLOCK = 65536
 BLUR = 2.0
-"""Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: what the scan knows of it."""
+"""Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: the resolution of the scan."""
 MAX_FRAGMENTS = 0.01
 """Share of the shrunk outline's area that may lie in other components than the largest."""
 

@@ -43,7 +43,7 @@ class TiledField(Blended):
     .. math:: F(z) = \frac{\sum_i \sum_q w(|z - s^q - c_i|/r_i)\, F_i(z - s^q)}
                           {\sum_i \sum_q w(|z - s^q - c_i|/r_i)}.
 
-    Beyond the patch's faces that extrapolates. With a crop, asked for by an offset or found by
+    Beyond the patch's faces that extrapolates. With a crop, given by an offset or found by
     ``period="best"``, the tile is smaller than the patch and the data beyond its faces are real:
     :math:`F(z) = \sum_q ω(z - s^q) F(z - s^q)`, with windows ω that sum to one and fade in a narrow band
     about each seam (`o3dleaf.leaf.texture.crossfade`). Nothing is copied in either case.
@@ -224,7 +224,7 @@ def _as_crop(
     fade: npt.ArrayLike | None,
     placing: _Placing,
 ) -> tuple[Crop, bool]:
-    """Return the crop that was asked for, and whether its tiles are cross-faded, or raise `InputError`."""
+    """Return the crop that was requested, and whether its tiles are cross-faded, or raise `InputError`."""
     extent = (field.bounds[1] - field.bounds[0])[:2]
     wished = _as_period(period, extent)
     reach = reach_of_fade(field) if fade is None else _as_pair(fade, "fade")

@@ -16,7 +16,7 @@ from o3dleaf.io.mesh_data import MeshData
 from o3dleaf.output.export.particles import columns_through
 
 SLAB = 1 << 20
-"""Grid points asked for at once, about: whole planes."""
+"""Grid points evaluated at once, about: whole planes."""
 
 
 def export_distance(

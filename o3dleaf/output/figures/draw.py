@@ -1,4 +1,4 @@
-"""All figures of a leaf into one folder, each in every format asked for, with a page of captions."""
+"""All figures of a leaf into one folder, each in every requested format, with a page of captions."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -151,11 +151,11 @@ def draw_figures(
 
 
 def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[list[str], list[str]]:
-    """Return the formats and figures asked for, or raise `InputError` for one that there is not, or for none."""
+    """Return the requested formats and figures, or raise `InputError` for one that there is not, or for none."""
     suffixes = [require_choice(name, FORMATS, "formats") for name in formats]
     wanted = list(FIGURES) if only is None else [require_choice(name, FIGURES, "only") for name in only]
     if not (suffixes and wanted):
-        raise InputError("formats, only: are empty; name a format and a figure, or leave them out")
+        raise InputError("formats, only: must not be empty; name a format and a figure, or leave them out")
     return suffixes, wanted
 
 

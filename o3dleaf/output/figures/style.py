@@ -50,7 +50,7 @@ RULES: dict[str, Any] = {
 
 
 class Sheet(NamedTuple):
-    """A figure of Matplotlib, which ``figure.savefig`` writes, and the caption that says what it shows."""
+    """A figure of Matplotlib, which ``figure.savefig`` writes, and its caption."""
 
     figure: Figure
     caption: str

@@ -1,6 +1,6 @@
 """Reports of a mesh, a file or a run, for people (a page) and for programs (JSON).
 
-`summary`       what a run says of itself: settings, units, sizes, times, versions
+`summary`       the summary of a run: settings, units, sizes, times, versions
 `words`         figures with their names, kinds and units
 `requirements`  what a mesh must be, "watertight,components=1,min-angle=10", and whether it is
 `examine`       a mesh examined: figures, verdict, JSON and page

@@ -1,4 +1,4 @@
-"""A mesh examined: its figures, whether it is what it must be, and the page and the JSON that say so."""
+"""Inspection of a mesh: its figures, its check against requirements, and the page and JSON of both."""
 
 from dataclasses import dataclass
 from functools import cached_property

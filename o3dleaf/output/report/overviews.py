@@ -73,7 +73,7 @@ def draw_sides(reduced: ReducedMesh, places: list[Place], unit: str | None) -> s
 
 
 def _frame(reduced: ReducedMesh, view: View, colors: Colors | None = None) -> Picture:
-    """Return the picture of the whole mesh, as wide as its shape asks for."""
+    """Return the picture of the whole mesh, as wide as its shape requires."""
     fitted = Camera.framing(reduced.vertices, reduced.triangles, view)
     width = WIDE if fitted.width > 1.9 * fitted.height else HALF
     height = int(np.clip(round(width * fitted.height / fitted.width), 90, MAX_HEIGHT if width == WIDE else HALF))

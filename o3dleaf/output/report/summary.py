@@ -38,7 +38,7 @@ def summarize(
     mesh : open3d.geometry.TriangleMesh
         The mesh that was written, in the blade's unit, or one to look at if that was too large to hold.
     settings : dict
-        What was asked for, as given.
+        What was requested, as given.
     leaf, surface : optional
         The multi-scale leaf and the plan of its surface, where there is a micro-structure.
     scan : (n, 3) array_like or Open3D point cloud, optional

@@ -87,7 +87,7 @@ class Camera:
     ) -> "Camera":
         """Return the camera whose panel, `aspect` times as wide as high, the mesh fills (None: its own aspect).
 
-        What it faces and where its long axis lies can be told by the mesh of `facets` instead.
+        What it faces and where its long axis lies can be determined from the mesh of `facets` instead.
         """
         right, up, toward = _turned_axes(*(facets or (vertices, triangles)), view)
         shown = vertices[np.unique(triangles)]
@@ -140,7 +140,7 @@ def _turned_axes(vertices: FloatArray, triangles: IntArray, view: View) -> tuple
     weight = np.linalg.norm(normal, axis=1)
     corners = corners - np.average(corners.mean(axis=1), axis=0, weights=weight)
     axes = np.linalg.eigh(_second_moment(corners, weight))[1]
-    # A bent blade can be deeper than it is wide: what it faces is told by its normals, not its extent.
+    # A bent blade can be deeper than it is wide: what it faces follows from its normals, not its extent.
     blade = np.linalg.eigh(normal.T @ (normal / np.maximum(weight, weight.max() * 1e-12)[:, np.newaxis]))[1]
     toward = _facing(blade[:, 2], normal.sum(axis=0), weight.sum())
     if view.direction is not None:

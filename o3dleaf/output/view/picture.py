@@ -35,7 +35,7 @@ class Inset:
     Attributes
     ----------
     mesh : mesh, point cloud, Points, or a list of them
-        In the coordinates of the main mesh, or anywhere if `at` says where it belongs.
+        In the coordinates of the main mesh, or anywhere if `at` is given.
     title : str, optional
         Written into the panel.
     at : (n, 3) array_like, optional
@@ -83,7 +83,7 @@ def render(
     ----------
     mesh : open3d.geometry.TriangleMesh, open3d.t.geometry.TriangleMesh or (vertices, triangles)
         Or a point cloud of Open3D, an (n, 3) ndarray, or `Points`; or a list of such, drawn together, of which
-        the first tells what the picture faces. Not modified.
+        the first determines what the picture faces. Not modified.
     path : path-like, optional
         A .png or .jpg file; or .pdf or .svg, with words and bars as vectors.
     size : (int, int)
@@ -116,7 +116,7 @@ def render(
     MemoryBudgetError
         If a mesh has too many triangles for a picture.
     O3DLeafError
-        If Open3D's renderer is asked for and does not work here.
+        If Open3D's renderer is requested and does not work here.
     """
     if path is not None:
         path = require_writable(path, SUFFIXES)

@@ -16,7 +16,7 @@ FINENESS = ((1_000, 3), (20_000, 1), (200_000, 0))
 """Up to so many points a sphere is an icosahedron, split so often; of more points each one is an octahedron."""
 
 NEIGHBORS = 12
-"""Points by which the plane of the cloud about each one is told."""
+"""Points by which the plane of the cloud about each one is estimated."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +69,7 @@ def make_spheres(points: FloatArray, radius: float) -> tuple[FloatArray, IntArra
 
 
 def make_facets(points: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return small triangles in the plane of the cloud about each point, facing both sides: they tell what it faces."""
+    """Return small triangles in the plane of the cloud about each point, facing both sides: they show what it faces."""
     if len(points) <= 3:
         vertices, triangles, _ = make_spheres(points, 1.0)
         return vertices, triangles

@@ -79,7 +79,7 @@ class SceneMesh:
     owner : (m,) ndarray, optional
         The point of a cloud that each triangle belongs to; None: it is no cloud.
     facets : (vertices, triangles)
-        By which the camera tells what the part faces.
+        From which the camera determines what the part faces.
     """
 
     vertices: FloatArray

@@ -40,7 +40,7 @@ def preprocess_point_cloud(
     estimate: Estimate | None = None,
     orient: Orient | None = orient_normals,
 ) -> OrientedCloud:
-    """Return a cloud without non-finite, repeated and stray points, each with its outward normal.
+    """Return a cloud without non-finite points, duplicates and outliers, each with its outward normal.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def preprocess_point_cloud(
     InputError
         If too few points are left.
     OrientationError
-        If the points do not say which side is outside.
+        If the points do not determine which side is outside.
     """
     points = _as_rows(raw_points(cloud), "cloud")
     normals = raw_normals(cloud) if normals is None else normals
@@ -94,7 +94,7 @@ def preprocess_point_cloud(
 
 
 def remove_faults(cloud: CloudLike, outliers: Detect | None = detect_outliers) -> OrientedCloud:
-    """Return the points of a cloud, in their order, without non-finite, repeated and stray ones, which are counted.
+    """Return the points of a cloud, in order, without non-finite ones, duplicates and outliers, which are counted.
 
     Parameters
     ----------

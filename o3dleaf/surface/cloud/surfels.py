@@ -20,7 +20,7 @@ LINE = 0.25
 FLATTER = 0.8
 """Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
 SAMPLE = 4000
-"""Points whose neighborhoods say at which scale a cloud is a surface."""
+"""Points whose neighborhoods show at which scale a cloud is a surface."""
 MIN_POINTS = 8 * NEIGHBORS
 """Fewest points that a thinned cloud may have."""
 

@@ -68,7 +68,7 @@ class CreasedSplines:
     points_per_ball: int | tuple[int, int] = POINTS_PER_BALL
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines | LocalCreasedSplines":
-        """Fit every ball of the cover, split into its sheets where leaving out points speaks for it."""
+        """Fit every ball of the cover, split into its sheets where cross-validation supports it."""
         dimension, normals = data.points.shape[1], data.normals
         if normals is None or dimension != 3:
             raise InputError("creases: are found from normals in three dimensions; give normals, or fit plain splines")

@@ -26,7 +26,7 @@ CornerArray: TypeAlias = npt.NDArray[np.int32]
 CodeArray: TypeAlias = npt.NDArray[np.uint8]
 
 BATCH_SIZE = 1 << 18
-"""Points at which a field is asked at once."""
+"""Points at which a field is evaluated at once."""
 
 SHARES = (1, 2, 3)
 """About how long finding the vertices, sharpening them and joining them over creases take."""
@@ -52,7 +52,7 @@ class Band:
     center : (3,) ndarray of int64
         The lattice point in the middle of what keys can name.
     expected : int
-        Points at which the field is asked until the band is closed, about: for progress.
+        Points at which the field is evaluated until the band is closed, about: for progress.
     table, keys, values, known, count
         The points: rows by place in a hash table, keys and values by row, which rows are lower corners of visited
         cells, and rows in use.
@@ -89,7 +89,7 @@ class Band:
         return (self.center - (1 << loops.BITS - 1)).astype(np.float64)
 
     def cells_of(self, points: FloatArray) -> IntArray:
-        """Return the rising keys of the cells that hold points; those too far away to be named are left out."""
+        """Return the rising keys of the cells that contain points; those too far away to be named are left out."""
         indices = np.floor(points / self.step) - self.base
         near = ((indices >= 1) & (indices < (1 << loops.BITS) - 2)).all(axis=1)
         keys = np.empty(np.count_nonzero(near), dtype=np.int64)

@@ -18,7 +18,7 @@ SEED_BLOCK = 4
 """One seed is used of those in a block of so many cells along each axis; the band grows from one to the next."""
 
 POINTS_PER_SEED = 36
-"""Points of the lattice at which a field is asked for each seed used: 31 to 37, on clouds as dense as the lattice."""
+"""Points of the lattice at which a field is evaluated for each seed: 31 to 37, on clouds as dense as the lattice."""
 
 SHARES = (1, 8, 6)
 """About how long seeds, growing and drawing take."""
@@ -30,7 +30,7 @@ TOLERANCE = 1e-3
 """Share of a cell: a seed whose last step was shorter lies on the surface."""
 
 Within = float | Callable[[FloatArray], npt.NDArray[np.bool_]]
-"""The reach of a band from its seeds, or a function of (n, 3) centers of cells that says which it may have."""
+"""The reach of a band from its seeds, or a function of (n, 3) centers of cells that returns which are allowed."""
 
 
 def continue_from_seeds(

@@ -31,7 +31,7 @@ def extract_isosurface(
     the box that it is cut from, and its vertices are where the linear interpolant along a lattice
     edge takes the isovalue: they lie within O(spacing^2) of the surface.
 
-    With `seeds`, those parts of the surface are extracted that seeds lie on (continuation): the field is asked only
+    With `seeds`, those parts of the surface are extracted that seeds lie on (continuation): the field is evaluated only
     at the corners of cells that the surface crosses and of their neighbors across crossed faces, so that time and
     memory grow with the area, not with the box. Parts of the surface that no seed leads to are not found.
 
@@ -58,10 +58,10 @@ def extract_isosurface(
         function returns False, are left out; the surface ends there, open. Left out, it is followed until it is
         closed. `distance_mask` makes such a function of a cloud.
     sharpen : bool
-        With seeds: ask the field once more at every vertex and move it along its edge to the zero of the parabola
+        With seeds: evaluate the field once more at every vertex and move it along its edge to the zero of the parabola
         through the three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).
     features : bool
-        With seeds: ask for the gradient at every vertex; where two in one cell are more than 26° apart, the cell
+        With seeds: evaluate the gradient at every vertex; where two in one cell are more than 26° apart, the cell
         gets one vertex more, where the tangent planes of its vertices meet (half a cell beside it at most), and
         neighbors of the kind are joined: creases of the field come out as edges, which marching cubes chamfers.
         Manifold all the same; triangles may cross where the field turns within a cell.

@@ -141,7 +141,7 @@ class MeshReport:
         return f"MeshReport({size}, {state}, {self.self_intersections:,} crossing, unit {self.unit})"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the figures as one flat dictionary, ready for JSON; `None` for what was not asked."""
+        """Return the figures as one flat dictionary, ready for JSON; `None` for what was not requested."""
         return asdict(self)
 
 

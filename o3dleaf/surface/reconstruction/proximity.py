@@ -26,7 +26,7 @@ Mask = Callable[[FloatArray], BoolArray]
 
 
 def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
-    """Return the function that says which places (n, 3) lie within `factor` spacings of a cloud.
+    """Return the function that tests which places (n, 3) lie within `factor` spacings of a cloud.
 
     What `extract_isosurface` takes as `within` so that the surface reaches as far as `trim_to_data` needs, and no
     farther, where points lie dense and where they lie thin.
@@ -59,7 +59,7 @@ def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
 
 
 def conservative_mask(points: FloatArray, reach: float) -> Mask:
-    """Return the function that says which places (n, 3) share a voxel of diagonal `reach` with one of `points`.
+    """Return the function that tests which places (n, 3) share a voxel of diagonal `reach` with one of `points`.
 
     Those lie within `reach` of it, which is found at a fraction of the cost of the nearest point; others may do so
     too. Places are best given in an order in which neighbors follow one another.

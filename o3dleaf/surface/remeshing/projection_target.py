@@ -19,7 +19,7 @@ Masks = npt.NDArray[np.uint8]
 
 
 class ProjectionTarget(Protocol):
-    """A surface on which points have charts, coordinates that it is easily asked in."""
+    """A surface on which points have charts, coordinates in which it is easily evaluated."""
 
     def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray

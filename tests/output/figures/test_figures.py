@@ -193,7 +193,7 @@ def test_pictures_of_a_leaf_are_as_wide_as_a_column(leaf, quick, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [({"formats": ["bmp"]}, "formats"), ({"only": ["flower"]}, "only"), ({"only": ["scan"]}, "none can be drawn"),
-     ({"formats": []}, "are empty")],
+     ({"formats": []}, "must not be empty")],
 )  # fmt: skip
 def test_what_there_is_not_is_refused(leaf, tmp_path, arguments, words):
     with pytest.raises(InputError, match=words):
