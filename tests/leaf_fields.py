@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf import AlphaShape, HeightMap, LeafFrame, MultiscaleLeaf, PUInterpolant, TiledField
 
 
 def texture(function, half=0.5, tile=2.0, n=13):

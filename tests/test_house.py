@@ -99,6 +99,14 @@ def test_no_two_classes_share_a_name():
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_no_tolerance_replaces_another():
+    """Of two that share a name the later one holds for both, which may be the looser one."""
+    nodes = ast.parse((ROOT / "tests" / "tolerances.py").read_text()).body
+    names = Counter(node.targets[0].id for node in nodes if isinstance(node, ast.Assign))
+    assert len(names) > 100
+    assert [name for name, count in names.items() if count > 1] == []
+
+
 @pytest.mark.parametrize(
     "module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"]
 )

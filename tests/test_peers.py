@@ -10,9 +10,9 @@ import open3d as o3d
 import pytest
 from scipy.spatial import KDTree
 
+import o3dleaf as o3l
 from o3dleaf import mesh_report
-from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.samples.solids import Sphere, Torus
+from o3dleaf.samples import Sphere, Torus
 from tolerances import BENCH_SAG, BENCH_SPACING, POISSON_SPHERE, SOLID_FOOT
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
@@ -205,7 +205,7 @@ def test_what_crashes_gets_another_chance_but_not_for_ever(script, monkeypatch, 
         if left[0] == 0:
             return vertices, triangles, 1.0, 1.0, 1.0
         left[0] -= 1
-        raise O3DLeafError("apss: died of SIGSEGV; it is reported as failed")
+        raise o3l.errors.O3DLeafError("apss: died of SIGSEGV; it is reported as failed")
 
     monkeypatch.setattr(bench, "reconstruct", crash)
     once = bench.judge(case, "apss", 10)

@@ -9,8 +9,8 @@ import pytest
 
 import o3dleaf as o3l
 from cloud_shapes import torus
-from o3dleaf.leaf.ct.tiff import write_volume
-from o3dleaf.samples.ct import wheat_ct
+from o3dleaf import write_volume
+from o3dleaf.samples import wheat_ct
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 TEXT = README.read_text(encoding="utf-8")

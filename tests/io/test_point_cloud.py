@@ -2,8 +2,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf.core.errors import InputError
-from o3dleaf.io.point_cloud import read_point_cloud
+import o3dleaf as o3l
+from o3dleaf import read_point_cloud
 
 
 def cloud_of(points):
@@ -21,7 +21,7 @@ def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_p
     file = tmp_path / "bomb.ply"
     head = "ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
     file.write_text(head + "property double x\nproperty double y\nproperty double z\nend_header\n" + 100 * "x")
-    with pytest.raises(InputError, match="cut off"):
+    with pytest.raises(o3l.errors.InputError, match="cut off"):
         read_point_cloud(file)
 
 
@@ -42,7 +42,7 @@ def test_a_bad_file_is_refused_with_its_cause(tmp_path, name, content, message):
     file = tmp_path / name
     if content is not None:
         file.write_text(content)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(o3l.errors.InputError, match=message):
         read_point_cloud(file)
 
 
@@ -57,5 +57,5 @@ def test_a_ply_that_was_cut_off_is_refused(tmp_path, ascii_text, colours):
     content = (tmp_path / "scan.ply").read_bytes()
     for share in (0.5, 0.9, 0.99):
         (tmp_path / "cut.ply").write_bytes(content[: int(share * len(content))])
-        with pytest.raises(InputError, match="cut off"):
+        with pytest.raises(o3l.errors.InputError, match="cut off"):
             read_point_cloud(tmp_path / "cut.ply")

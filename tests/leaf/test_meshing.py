@@ -218,10 +218,10 @@ def test_what_was_counted_is_what_is_made(leaf, tmp_path, suffix, closed):
     assert not list(tmp_path.iterdir())
     with progress.listening(lambda done, total: calls.append((done, total))):
         plan.write(path)
+        assert calls[-1][0] == calls[-1][1]
     made = plan.extract()
     assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (plan.vertices, plan.triangles)
     assert len(calls) > 1
-    assert calls[-1][0] == calls[-1][1]
     assert [done for done, _ in calls] == sorted(done for done, _ in calls)
     size = path.stat().st_size
     assert 0.6 * said < size <= said if suffix == ".obj" else size == said

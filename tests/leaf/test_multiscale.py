@@ -3,15 +3,8 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.errors import ReconstructionError, UnitError
-from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.surface.mesh.mesh_report import mesh_report
+import o3dleaf as o3l
+from o3dleaf import AlphaShape, HeightMap, LeafFrame, MultiscaleLeaf, PUInterpolant, TiledField, mesh_report
 from tolerances import ANALYTIC_VS_DIFFERENCE, SURFACE_ORDER
 
 PERIOD = 1.2
@@ -74,7 +67,7 @@ def test_the_field_between_the_vertices_falls_with_the_square_of_the_spacing(lea
     errors = []
     for spacing in spacings:
         mesh = leaf.extract_mesh(spacing, [[10, -0.6], [11.2, 0.6]])
-        vertices, triangles = mesh_arrays(mesh)
+        vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
         errors.append(np.sqrt(np.mean(leaf(vertices[triangles].mean(axis=1)) ** 2)))
     order = np.polyfit(np.log(spacings), np.log(errors), 1)[0]
     assert order == pytest.approx(2, abs=SURFACE_ORDER)
@@ -112,7 +105,7 @@ def test_the_mesh_does_not_depend_on_the_unit_of_the_texture(parts, leaf):
 
 
 def test_a_texture_without_a_unit_does_not_meet_a_frame_with_one(parts):
-    with pytest.raises(UnitError, match="name the unit"):
+    with pytest.raises(o3l.errors.UnitError, match="name the unit"):
         MultiscaleLeaf(micro(None), *parts)
 
 
@@ -122,7 +115,7 @@ def test_a_blade_that_is_not_two_sheets_is_refused(parts):
         np.random.default_rng(3).uniform([0, 0, -0.3], [PERIOD, PERIOD, 0.3], (500, 3)), np.ones(500), unit="mm"
     )
     del holes
-    with pytest.raises(ReconstructionError, match="two"):
+    with pytest.raises(o3l.errors.ReconstructionError, match="two"):
         MultiscaleLeaf(TiledField(flooded), *parts).extract_mesh(0.2)
 
 

@@ -5,14 +5,17 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.leaf.options import BladeOptions, TextureOptions
-from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf, create_texture
-from o3dleaf.samples.ct import wheat_ct
-from o3dleaf.samples.scan import wheat_scan
-from o3dleaf.surface.mesh.mesh_report import mesh_report
+import o3dleaf as o3l
+from o3dleaf import (
+    BladeOptions,
+    MultiscaleLeaf,
+    TextureOptions,
+    create_blade,
+    create_multiscale_leaf,
+    create_texture,
+    mesh_report,
+)
+from o3dleaf.samples import wheat_ct, wheat_scan
 from tolerances import ON_SURFACE, SURFACE_ORDER
 
 
@@ -91,7 +94,8 @@ def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_betw
     window = [[100, -0.5], [101, 0.5]]
     spacings, errors = np.array([0.03, 0.015, 0.0075]), []
     for spacing in spacings:
-        vertices, triangles = mesh_arrays(leaf.extract_mesh(spacing, window))
+        mesh = leaf.extract_mesh(spacing, window)
+        vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
         off, middles = (
             np.abs(leaf(each)) / np.linalg.norm(leaf.gradient(each), axis=1)
             for each in (vertices, vertices[triangles].mean(axis=1))
@@ -122,32 +126,28 @@ def test_the_synthetic_leaf_is_recovered():
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads(texture):
-    from o3dleaf.core.parallel import get_num_threads, set_num_threads
-
-    sample, before, found = wheat_scan(count=1500), get_num_threads(), []
+    sample, before, found = wheat_scan(count=1500), o3l.get_num_threads(), []
     try:
         for threads in (1, 3):
-            set_num_threads(threads)
+            o3l.set_num_threads(threads)
             leaf = create_multiscale_leaf(sample.cloud, texture, sample.midrib)
             found.append(np.asarray(leaf.extract_mesh(0.05, [[90, -1], [92, 1]]).vertices))
     finally:
-        set_num_threads(before)
+        o3l.set_num_threads(before)
     assert np.array_equal(*found)
 
 
 @pytest.mark.parametrize("unit", ["um", "m"])
 def test_a_scan_in_the_wrong_unit_is_refused(unit):
-    with pytest.raises(UnitError, match="is its unit really"):
+    with pytest.raises(o3l.errors.UnitError, match="is its unit really"):
         create_blade(wheat_scan(count=500).cloud, unit=unit)
 
 
 def test_a_volume_in_the_wrong_unit_is_refused():
-    from o3dleaf.leaf.ct.volume import Volume
-
     volume, _ = wheat_ct()
     for unit in ("mm", "nm"):
-        with pytest.raises(UnitError, match="is its unit really"):
-            create_texture(Volume(volume.data, volume.spacing, volume.origin, unit))
+        with pytest.raises(o3l.errors.UnitError, match="is its unit really"):
+            create_texture(o3l.Volume(volume.data, volume.spacing, volume.origin, unit))
 
 
 def test_options_reach_their_stage(wheat):
@@ -156,5 +156,5 @@ def test_options_reach_their_stage(wheat):
     assert blade.outline.alpha == 3.0
     assert blade.height_map.choice is None
     assert blade.frame.stations(np.array([50.0]))[3][0, 2] < 0
-    with pytest.raises(InputError, match="smoothing"):
+    with pytest.raises(o3l.errors.InputError, match="smoothing"):
         create_texture(wheat_ct()[0], options=TextureOptions(rho="best"))

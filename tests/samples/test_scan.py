@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+import o3dleaf as o3l
 from o3dleaf import Field
-from o3dleaf.core.errors import InputError
 from o3dleaf.samples import WheatBlade, wheat_scan
 from tolerances import SAMPLE_DIFFERENCE, SHEET_ARC, SHEET_DISTANCE
 
@@ -155,5 +155,5 @@ def test_a_narrow_blade_has_the_area_of_its_outline():
 
 @pytest.mark.parametrize("wrong", [{"count": 10}, {"noise": -1}, {"holes": -1}, {"outliers": 6000}])
 def test_impossible_scans_are_refused(wrong):
-    with pytest.raises(InputError, match="scan"):
+    with pytest.raises(o3l.errors.InputError, match="scan"):
         wheat_scan(**wrong)

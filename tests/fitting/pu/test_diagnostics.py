@@ -91,7 +91,7 @@ def test_a_loaded_model_says_the_same_and_a_few_balls_can_be_asked(tmp_path):
     every = field.diagnostics()
     with progress.listening(lambda *done: seen.append(done)):
         few = o3l.load(tmp_path / "model.o3l").diagnostics([5, 2])
-    assert seen[-1][0] == seen[-1][1]
+        assert seen[-1][0] == seen[-1][1]
     np.testing.assert_array_equal(few.balls, [5, 2])
     for name in ("score", "degrees_of_freedom", "condition", "leave_one_out", "rho", "points"):
         np.testing.assert_array_equal(getattr(few, name), getattr(every, name)[[5, 2]])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import tifffile
 
+import o3dleaf as o3l
 from o3dleaf import Volume, read_volume, write_volume
-from o3dleaf.core.errors import InputError, O3DLeafError
 from tolerances import ROUND_TRIP_SPACING
 
 
@@ -61,14 +61,14 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, volume, m
         raise OSError(errno.ENOSPC, "disk full")
 
     monkeypatch.setattr(tifffile, "imwrite", fail)
-    with pytest.raises(O3DLeafError, match="disk full"):
+    with pytest.raises(o3l.errors.O3DLeafError, match="disk full"):
         write_volume(volume, target)
     assert [f.name for f in tmp_path.iterdir()] == ["v.tif"]
     assert target.read_bytes() == before
 
 
 def test_a_path_given_first_is_refused_and_nothing_is_written(tmp_path, volume):
-    with pytest.raises(InputError, match=r"write_volume\(volume, path\)"):
+    with pytest.raises(o3l.errors.InputError, match=r"write_volume\(volume, path\)"):
         write_volume(tmp_path / "v.tif", volume)
     assert not list(tmp_path.iterdir())
 
@@ -106,7 +106,7 @@ def test_ome_metadata_is_honoured(tmp_path, volume):
 @pytest.mark.parametrize("compression", [None, "zlib"])
 def test_a_plain_multi_page_tiff_needs_a_spacing(tmp_path, volume, compression):
     tifffile.imwrite(tmp_path / "v.tif", pages(volume), metadata=None, compression=compression)
-    with pytest.raises(InputError, match="spacing"):
+    with pytest.raises(o3l.errors.InputError, match="spacing"):
         read_volume(tmp_path / "v.tif")
     assert_same(read_volume(tmp_path / "v.tif", spacing=24, unit="um"), volume, lattice=False)
 
@@ -119,14 +119,14 @@ def test_slices_are_stacked_by_number(tmp_path, volume):
     read = read_volume(tmp_path, spacing=3.0)
     assert np.array_equal(read.data, stack.transpose(2, 1, 0))
     tifffile.imwrite(tmp_path / "slice_3.tif", stack[3][:-1], metadata=None)
-    with pytest.raises(InputError, match=r"slice_3\.tif"):
+    with pytest.raises(o3l.errors.InputError, match=r"slice_3\.tif"):
         read_volume(tmp_path, spacing=3.0)
 
 
 def test_numpy_arrays_are_in_our_order(tmp_path, volume):
     np.save(tmp_path / "v.npy", volume.data)
     assert_same(read_volume(tmp_path / "v.npy", spacing=1.0), volume, lattice=False)
-    with pytest.raises(InputError, match="spacing"):
+    with pytest.raises(o3l.errors.InputError, match="spacing"):
         read_volume(tmp_path / "v.npy")
 
 
@@ -144,14 +144,14 @@ def test_other_formats_through_simpleitk(tmp_path, volume, name):
     assert np.allclose(read.origin, [1.0, 2.5, -3.0], rtol=1e-6)
     whole = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match=name.split(".")[0]):
+    with pytest.raises(o3l.errors.InputError, match=name.split(".")[0]):
         read_volume(tmp_path / name)
 
 
 def test_without_simpleitk_the_message_says_what_to_install(tmp_path, monkeypatch):
     (tmp_path / "v.nrrd").write_bytes(b"NRRD0004\n")
     monkeypatch.setitem(sys.modules, "SimpleITK", None)
-    with pytest.raises(InputError, match=r"pip install 'o3dleaf\[formats\]'"):
+    with pytest.raises(o3l.errors.InputError, match=r"pip install 'o3dleaf\[formats\]'"):
         read_volume(tmp_path / "v.nrrd")
 
 
@@ -167,7 +167,7 @@ def test_no_truncation_goes_unnoticed(tmp_path, volume, imagej, compression):
         cut.write_bytes(content[:size])
         try:
             read = read_volume(cut, spacing=1.0)
-        except InputError as error:
+        except o3l.errors.InputError as error:
             assert "\n" not in str(error)  # noqa: PT017 - either an error or the whole volume will do
         else:
             assert np.array_equal(read.data, volume.data)
@@ -187,12 +187,12 @@ def test_a_header_that_promises_too_much_allocates_nothing(tmp_path):
     for spot in spots:
         content[spot : spot + 4] = (2_000_000_000).to_bytes(4, sys.byteorder)
     (tmp_path / "v.tif").write_bytes(content)
-    with pytest.raises(InputError):
+    with pytest.raises(o3l.errors.InputError):
         read_volume(tmp_path / "v.tif", spacing=1.0)
     np.save(tmp_path / "v.npy", np.zeros((4, 5, 6)))
     header = (tmp_path / "v.npy").read_bytes().replace(b"(4, 5, 6)", b"(4, 5, 9000000000)")[:-400]
     (tmp_path / "v.npy").write_bytes(header)
-    with pytest.raises(InputError):
+    with pytest.raises(o3l.errors.InputError):
         read_volume(tmp_path / "v.npy", spacing=1.0)
 
 
@@ -208,7 +208,7 @@ def test_a_header_that_promises_too_much_allocates_nothing(tmp_path):
 )
 def test_what_is_no_grey_volume_is_refused(tmp_path, array, says):
     tifffile.imwrite(tmp_path / "v.tif", array, photometric="rgb" if array.ndim == 4 else "minisblack")
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(o3l.errors.InputError, match=says):
         read_volume(tmp_path / "v.tif", spacing=1.0)
 
 
@@ -218,6 +218,6 @@ def test_what_cannot_be_read_is_refused(tmp_path, name):
     (tmp_path / "folder").mkdir()
     for text in ("text.tif", "text.npy", "text.xyz"):
         (tmp_path / text).write_text("hello, this is not a volume")
-    with pytest.raises(InputError, match=name) as error:
+    with pytest.raises(o3l.errors.InputError, match=name) as error:
         read_volume(tmp_path / name, spacing=1.0)
     assert "\n" not in str(error.value)

@@ -2,10 +2,9 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.midrib import find_midrib
-from o3dleaf.samples.scan import wheat_scan
+import o3dleaf as o3l
+from o3dleaf import LeafFrame, find_midrib
+from o3dleaf.samples import wheat_scan
 
 LENGTH, WIDTH = 200.0, 14.0
 SHAPES = {
@@ -116,14 +115,14 @@ def test_the_midrib_turns_and_scales_with_the_cloud():
 def test_a_broad_cloud_is_refused():
     rng = np.random.default_rng(1)
     disc = rng.uniform(-1, 1, (2000, 3)) * [10, 8, 0.1]
-    with pytest.raises(ReconstructionError, match="not an elongated leaf"):
+    with pytest.raises(o3l.errors.ReconstructionError, match="not an elongated leaf"):
         find_midrib(disc)
 
 
 @pytest.mark.parametrize("name", ["soybean_with_normals.ply", "sugarbeet.ply"])
 def test_a_broad_leaf_is_refused(real_scan, name):
     """The sugar beet's too, which its petiole makes four times as long as wide."""
-    with pytest.raises(ReconstructionError, match="not an elongated leaf"):
+    with pytest.raises(o3l.errors.ReconstructionError, match="not an elongated leaf"):
         find_midrib(o3d.io.read_point_cloud(str(real_scan(f"leaves/{name}"))))
 
 
@@ -142,13 +141,13 @@ def stalked(aspect, petiole, outline):
     "outline", [lambda u: np.sqrt(u * (1 - u)) * 2, lambda u: 1 - u], ids=["elliptical", "triangular"]
 )
 def test_a_petiole_makes_no_leaf_long_or_broad(outline, petiole):
-    with pytest.raises(ReconstructionError, match="not an elongated leaf"):
+    with pytest.raises(o3l.errors.ReconstructionError, match="not an elongated leaf"):
         find_midrib(stalked(2.0, petiole, outline))
     assert len(find_midrib(stalked(5.0, petiole, outline))) > 5
 
 
 def test_a_handful_of_points_is_refused():
-    with pytest.raises(InputError, match="at least"):
+    with pytest.raises(o3l.errors.InputError, match="at least"):
         find_midrib(np.random.default_rng(2).uniform(0, 1, (10, 3)))
 
 
@@ -164,5 +163,5 @@ def test_a_sparse_scan_has_a_midrib_too(count):
 def test_a_line_is_refused(jitter):
     """Also one that is thin rather than straight: a midrib with a station for each of its widths would never end."""
     points = np.linspace([0, 0, 0], [100, 20, 5], 500) + np.random.default_rng(0).uniform(-jitter, jitter, (500, 3))
-    with pytest.raises(InputError, match="one line or in one place"):
+    with pytest.raises(o3l.errors.InputError, match="one line or in one place"):
         find_midrib(points)

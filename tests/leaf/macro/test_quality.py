@@ -3,10 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from o3dleaf.leaf.macro.blade import Blade
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.outline import AlphaShape
+from o3dleaf import AlphaShape, Blade, HeightMap, LeafFrame
 from tolerances import ARC_OF_CIRCLE, ROUND_TRIP
 
 RADIUS = 40.0

@@ -6,7 +6,6 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf import PUInterpolant, TiledField
-from o3dleaf.core.errors import InputError
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     FADE_TWIN,
@@ -323,10 +322,10 @@ def test_every_period_of_a_tiled_field_has_the_same_key(fitted):
     ],
 )
 def test_tilings_that_cannot_be_meant_are_refused(fitted, arguments, options, reason):
-    with pytest.raises(InputError, match=reason):
+    with pytest.raises(o3l.errors.InputError, match=reason):
         TiledField(fitted, *arguments, **options)
 
 
 def test_a_band_beyond_the_patch_is_refused(fitted):
-    with pytest.raises(InputError, match="beyond its tile"):
+    with pytest.raises(o3l.errors.InputError, match="beyond its tile"):
         TiledField(fitted).seam_energy(0.1)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+import o3dleaf as o3l
 from cloud_shapes import block, slab, sphere, torus
 from o3dleaf import OrientedCloud, offset_constraints
-from o3dleaf.core.errors import InputError
 from tolerances import NEAREST
 
 
@@ -64,5 +64,5 @@ def test_a_site_without_room_is_left_out():
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, np.nan])
 def test_a_distance_that_is_none_is_refused(distance):
-    with pytest.raises(InputError, match="distance"):
+    with pytest.raises(o3l.errors.InputError, match="distance"):
         constraints(*sphere(20), distance)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+import o3dleaf as o3l
 from cloud_shapes import sphere, torus
 from o3dleaf import OrientedCloud, point_spacing
-from o3dleaf.core.errors import InputError
 from tolerances import SPACING
 
 
@@ -37,5 +37,5 @@ def test_a_lattice_and_a_random_cloud_of_one_density_agree():
 
 
 def test_points_on_a_line_have_none():
-    with pytest.raises(InputError, match="on a line"):
+    with pytest.raises(o3l.errors.InputError, match="on a line"):
         _ = OrientedCloud.of(np.outer(np.arange(50.0), [1, 2, 3])).spacing

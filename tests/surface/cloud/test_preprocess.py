@@ -5,9 +5,9 @@ import numpy as np
 import open3d as o3d
 import pytest
 
+import o3dleaf as o3l
 from cloud_shapes import sphere, torus
 from o3dleaf import OrientedCloud, detect_outliers, estimate_normals, orient_normals, preprocess_point_cloud
-from o3dleaf.core.errors import InputError
 
 
 def test_what_does_no_good_goes_and_is_counted_and_the_rest_keeps_its_order():
@@ -52,7 +52,7 @@ def test_normals_that_are_missing_or_flipped_are_mended():
 
 @pytest.mark.parametrize(("points", "message"), [(np.full((20, 3), np.nan), "0 of 20"), (np.ones((20, 2)), "shape")])
 def test_a_cloud_without_points_is_refused(points, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(o3l.errors.InputError, match=message):
         preprocess_point_cloud(points, normals=np.ones((20, 3)))
 
 

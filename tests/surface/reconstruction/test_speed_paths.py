@@ -19,15 +19,21 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 
 
 class Reported(Journal):
-    """Keeps what the stages report of their progress."""
+    """Keeps what the stages report last of their progress: before the journal ends their bars."""
 
     def __init__(self):
         super().__init__()
-        self.last = {}
+        self.now, self.last = {}, {}
+
+    @contextmanager
+    def stage(self, name):
+        with super().stage(name) as report:
+            yield report
+            self.last.update({name: self.now[name]} if name in self.now else {})
 
     @contextmanager
     def show(self, name):
-        yield lambda done, total: self.last.__setitem__(name, (done, total))
+        yield lambda done, total: self.now.__setitem__(name, (done, total))
 
 
 def bare(cloud):

@@ -159,5 +159,5 @@ def test_progress_counts_blocks(mesh):
     calls, count = [], []
     with progress.listening(lambda done, total: calls.append(done / total)):
         edit_in_blocks(mesh, lambda own, locked: count.append(own) or own, 0.5)
-    assert calls == pytest.approx([(k + 1) / len(count) for k in range(len(count))], abs=1 / progress.WHOLE)
+        assert calls == pytest.approx([(k + 1) / len(count) for k in range(len(count))], abs=1 / progress.WHOLE)
     assert len(count) > 10
