@@ -4,7 +4,7 @@
 
 Precision is the share of the surface within two median point spacings of a scan point, recall the
 share of scan points that near the surface, F their harmonic mean. What is fitted is measured on the
-points that it was fitted to; `tests/leaf/test_height.py` measures against a known truth.
+points that it was fitted to; `tests/leaf/macro/test_height.py` measures against a known truth.
 """
 
 import argparse

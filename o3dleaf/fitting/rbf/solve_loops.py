@@ -1,7 +1,7 @@
 """The compiled solution of one local system, on the null space of the tail's transpose.
 
 Householder reflectors turn the tail P into a triangle; what they make of A + D on the rest of the
-space is positive definite, and Cholesky does the rest. Unit coordinates as in `loops.py`.
+space is positive definite, and Cholesky does the rest. Unit coordinates as in `evaluation_loops.py`.
 """
 
 import math

@@ -29,7 +29,7 @@ def show(*geometries: Any, title: str = "o3dleaf") -> None:
     """
     if not geometries:
         raise InputError("show: nothing to show; give a mesh or a point cloud")
-    require_window("show", "draw a picture with o3dleaf.render instead")
+    require_window("show", "draw a picture with o3dleaf.view.render instead")
     ready = [_with_normals(geometry) for geometry in geometries]
     o3d.visualization.draw_geometries(ready, window_name=title)
 

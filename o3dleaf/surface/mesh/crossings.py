@@ -35,7 +35,7 @@ def find_crossings(vertices: FloatArray, triangles: IntArray, *, block: int = BL
     triangle, or an edge along another's. Corners in the same place are shared, whatever their numbers. Of two
     triangles that share an edge, those count that lie on each other; of two that share a corner, those that meet
     again elsewhere; two on the same three places count. Triangles whose corners lie in a line are left out: they
-    are degenerate. Signs of determinants decide, exactly (`predicates`), so that moves and turns of the
+    are degenerate. Signs of determinants decide, exactly (`predicate_loops`), so that moves and turns of the
     mesh that are exact change nothing, nor does the order of anything.
 
     Parameters
