@@ -19,6 +19,8 @@ WRITTEN = [
     {"leaf.ply", "leaf.vti", "solid.obj", "leaf.o3l", "qa.json"},
     {"surface.ply"},
     set(),
+    set(),
+    set(),
 ]
 
 
@@ -32,6 +34,7 @@ def given():
     volume, _ = wheat_ct(size=(720, 720, 480))
     voxels, intensities = volume.to_samples(volume.threshold("valley"))
     points = rng.random((500, 3))
+    ring = 5 * torus(1500, tube=0.5)[0]
     return {
         "o3d": o3d,
         "o3l": o3l,
@@ -41,6 +44,7 @@ def given():
         "volume": volume,
         "voxels": voxels,
         "intensities": intensities,
+        "pcd": o3d.geometry.PointCloud(o3d.utility.Vector3dVector(ring)),
         "points": points,
         "values": points[:, 0],
         "any_mesh": o3d.geometry.TriangleMesh.create_sphere(1.0),
@@ -52,14 +56,14 @@ def test_every_block_is_known():
     assert len(BLOCKS) == len(WRITTEN)
 
 
-@pytest.mark.parametrize(("block", "written"), [*zip(BLOCKS, WRITTEN, strict=False)], ids=["leaf", "cloud", "engine"])
+@pytest.mark.parametrize(
+    ("block", "written"), [*zip(BLOCKS, WRITTEN, strict=False)], ids=["leaf", "cloud", "steps", "engine", "progress"]
+)
 def test_a_block_runs(given, tmp_path, monkeypatch, block, written):
     """But for the page of `write_report`: its pictures take as long as all the rest, and have tests of their own."""
     monkeypatch.chdir(tmp_path)
     o3d.io.write_point_cloud("scan.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(given["scan_points"])))
-    o3d.io.write_point_cloud(
-        "cloud.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(5 * torus(1500, tube=0.5)[0]))
-    )
+    o3d.io.write_point_cloud("cloud.ply", given["pcd"])
     write_volume(given["volume"], "ct.tif")
     before = {path.name for path in tmp_path.iterdir()}
     lines = "\n" * TEXT.count("\n", 0, block.start(1)) + block[1].replace('"qa.html"', '"qa.json"')

@@ -1,0 +1,67 @@
+"""The documents name what is there: files, functions with their arguments, commands; and their Python runs."""
+
+import ast
+import inspect
+import re
+from pathlib import Path
+from pkgutil import resolve_name
+
+import numpy as np
+import pytest
+import typer.main
+
+import o3dleaf as o3l
+from o3dleaf.commands.cli import app
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("data_samples/*.md")])
+NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
+COMMANDS = typer.main.get_command(app).commands
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_files_are_there(page):
+    text = page.read_text(encoding="utf-8")
+    links = [page.parent / link for link in re.findall(r"\]\(([^)#:]+)\)", text)]
+    named = [ROOT / path for path in re.findall(r"`((?:scripts|tests|docs|o3dleaf)/[\w./]+)[^`*]*`", text)]
+    named += [ROOT / "o3dleaf" / path for path in re.findall(r"`((?:core|fitting|surface|leaf)/[\w/]+\.py)`", text)]
+    assert [str(path) for path in links + named if not path.exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_functions_take_what_they_are_given(page):
+    """Of code within a line: `o3l.name(...)` is a call that the function would take, `o3dleaf.a.b` is there."""
+    code = re.findall(r"(?<!`)`([^`\n]+)`(?!`)", page.read_text(encoding="utf-8"))
+    for snippet in (text for text in code if re.match(r"(o3l|o3dleaf)\.\w+", text)):
+        name = re.match(r"(?:o3l|o3dleaf)((?:\.\w+)+)", snippet)[1][1:]
+        thing = resolve_name(f"o3dleaf:{name}") if snippet.startswith("o3l.") else resolve_name(f"o3dleaf.{name}")
+        if snippet.endswith(")"):
+            call = ast.parse(snippet, mode="eval").body
+            inspect.signature(thing).bind(*call.args, **{keyword.arg: keyword.value for keyword in call.keywords})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_have_the_options(page):
+    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
+    unknown = []
+    for line in re.findall(r"(?:^    |`)(o3dleaf [a-z]+ [^`\n#]*)", text, re.MULTILINE):
+        name, *words = line.split()[1:]
+        options = {flag for each in COMMANDS[name].params for flag in (*each.opts, *each.secondary_opts)} | {"--help"}
+        unknown += [(name, word) for word in words if re.match(r"--?[a-z]", word) and word not in options]
+    assert unknown == []
+
+
+def test_particles_are_read_as_the_page_says(tmp_path, monkeypatch):
+    codes = (re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL) for page in PAGES)
+    blocks = {name: "".join(code) for name, code in zip(NAMES, codes, strict=True) if code}
+    assert sorted(blocks) == ["README.md", "docs/consumers/particles.md"]  # the first has tests of its own
+    monkeypatch.chdir(tmp_path)
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), [[0, 1, 2], [0, 2, 3]]
+    particles = o3l.sample_particles(square, 0.2, labels=[0, 1], unit="mm")
+    o3l.export_particles(particles, "boundary.csv")
+    names = {}
+    exec(blocks["docs/consumers/particles.md"], names)
+    assert np.array_equal(np.stack([names[each] for each in ("x", "y", "z")], axis=1), particles.points)
+    assert np.array_equal(np.stack([names[each] for each in ("nx", "ny", "nz")], axis=1), particles.normals)
+    assert np.array_equal(names["area"], particles.sizes)
+    assert np.array_equal(names["label"], particles.labels)
