@@ -27,7 +27,6 @@ RENAMED: dict[str, str] = {
     "merge_noise": "o3dleaf:adaptive_down_sample",
     "prepare_cloud": "o3dleaf:preprocess_point_cloud",
     "read_labelled_mesh": "o3dleaf:read_mesh",
-    "remove_stray_points": "o3dleaf:preprocess_point_cloud",
 }
 """Old public name to where the same thing stands now."""
 
@@ -68,6 +67,15 @@ def simplify_labels(mesh: Any, labels: Any, **options: Any) -> tuple[Any, Any]:
     """Return mesh and labels of `simplify_mesh(LabelledMesh(mesh, labels))`."""
     simplified = _now("simplify_mesh")(_now("LabelledMesh")(mesh, labels), **options)
     return simplified.mesh, simplified.labels
+
+
+def remove_stray_points(cloud: Any, *, std_ratio: float = 10.0) -> Any:
+    """Return the cloud of `preprocess_point_cloud(cloud, orient=None)` without Open3D's statistical outliers alone."""
+    from functools import partial  # noqa: PLC0415 - asking for a name loads nothing else
+    from math import inf  # noqa: PLC0415
+
+    outliers = partial(_now("detect_outliers"), max_gap=inf, max_ratio=inf, std_ratio=std_ratio)
+    return _now("preprocess_point_cloud")(cloud, outliers=outliers, orient=None)
 
 
 def cloud_spacing(cloud: Any) -> Any:
@@ -128,6 +136,7 @@ CHANGED: dict[str, Callable[..., Any]] = {
         merge_points,
         near_data,
         off_surface_constraints,
+        remove_stray_points,
         simplify_labels,
         support,
         trim_to_support,

@@ -52,6 +52,13 @@ def test_steps_of_a_cloud_take_points_and_normals_apart():
     assert np.array_equal(constrained.values, o3l.offset_constraints(cloud).values)
 
 
+def test_stray_points_go_from_a_cloud_without_normals():
+    points = np.append(np.random.default_rng(0).uniform(0, 1, (500, 3)) * [1, 1, 0.3], [[9.0, 9, 9], [0, 0, 0]], axis=0)
+    assert np.array_equal(
+        old("remove_stray_points")(np.append(points, points[:3], axis=0)).points, points[[*range(500), 501]]
+    )
+
+
 def test_steps_of_a_surface_take_points_and_normals_apart():
     ball, points = sphere(), np.random.default_rng(0).normal(size=(2000, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
