@@ -12,6 +12,7 @@ stand in the order of the story in the stub beside this file, `__init__.pyi`.
 `samples`     synthetic leaves and solids with known truth
 `output`      files for the next program, pictures, reports, figures
 `commands`    the command line
+`errors`      every error and warning
 `deprecated`  names of version 0.1
 
 Examples

@@ -63,7 +63,7 @@ from .output.report.requirements import check_report as check_report
 from .output.report.examine import write_report as write_report
 from .output.figures.draw import draw_figures as draw_figures
 from .output import view as view
-from .core import errors as errors
+from . import errors as errors
 from . import samples as samples
 from .core.field import Field as Field
 from .commands.terminal import show_progress as show_progress

@@ -6,7 +6,7 @@ from os import PathLike
 from pkgutil import resolve_name
 from typing import Any
 
-from o3dleaf.core import errors
+from o3dleaf import errors
 
 RENAMED: dict[str, str] = {
     **{name: f"o3dleaf:errors.{name}" for name in errors.__all__},

@@ -16,8 +16,3 @@
 `atomic_files`   files written whole or not at all
 `child_process`  a call in a process of its own
 """
-
-import lazy_loader
-
-# The namespace o3l.errors.
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["errors"])

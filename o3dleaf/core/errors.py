@@ -1,16 +1,5 @@
 """Errors and warnings; every message says the cause and then the cure."""
 
-__all__ = [
-    "CloudWarning",
-    "IllPosedError",
-    "InputError",
-    "MemoryBudgetError",
-    "O3DLeafError",
-    "OrientationError",
-    "ReconstructionError",
-    "UnitError",
-]
-
 
 class O3DLeafError(Exception):
     """Base of every error that o3dleaf raises on purpose; the command line prints it in one line."""

@@ -62,7 +62,7 @@ def test_what_no_data_support_can_be_kept(run, tmp_path):
         (("--unit", "furlong"), "furlong"),
         (("--model", "field.txt"), "suffix"),
         (("-o", "mesh.gltf"), "suffix"),
-        (("-o", "scan.ply"), "read"),
+        (("-o", "scan.ply"), "is an input and is not overwritten"),
     ],
 )
 def test_bad_options_are_one_line_before_any_file(run, scan, tmp_path, monkeypatch, options, why):

@@ -258,7 +258,7 @@ def test_sheets_that_face_the_same_way_are_not_joined_without_a_word():
     assert (z[amid] > 0.1).any()
 
 
-@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.CloudWarning")
+@pytest.mark.filterwarnings("ignore::o3dleaf.errors.CloudWarning")
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_a_step_that_is_wrapped_is_the_bare_one(noise):
     """Bit for bit, of sheets with a flap that only normals tell from them, and of a torus whose noise is averaged."""
@@ -276,7 +276,7 @@ def test_a_step_that_is_wrapped_is_the_bare_one(noise):
     assert np.array_equal(field(cloud.points), same(cloud.points))
 
 
-@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.CloudWarning")
+@pytest.mark.filterwarnings("ignore::o3dleaf.errors.CloudWarning")
 def test_a_flap_is_kept_where_the_data_have_no_normals_to_tell_it_by():
     """What makes the test above one: a trim that loses the normals gives another mesh."""
 

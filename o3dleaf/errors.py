@@ -1,0 +1,23 @@
+"""The namespace o3l.errors: every error and warning of the package, see `o3dleaf.core.errors`."""
+
+from o3dleaf.core.errors import (
+    CloudWarning,
+    IllPosedError,
+    InputError,
+    MemoryBudgetError,
+    O3DLeafError,
+    OrientationError,
+    ReconstructionError,
+    UnitError,
+)
+
+__all__ = [
+    "CloudWarning",
+    "IllPosedError",
+    "InputError",
+    "MemoryBudgetError",
+    "O3DLeafError",
+    "OrientationError",
+    "ReconstructionError",
+    "UnitError",
+]
