@@ -1,4 +1,7 @@
-"""Names of version 0.1, kept for one version: each does what it did, and says how it is called now."""
+"""Names of version 0.1, kept for one version: each leads to what is called otherwise now, and says so.
+
+Positional arguments are taken as they were; keywords that changed stand in CHANGELOG.md.
+"""
 
 import warnings
 from collections.abc import Callable
