@@ -50,6 +50,9 @@ class OffsetConstraints(NamedTuple):
     values: FloatArray
     base: IndexArray
 
+    def __repr__(self) -> str:
+        return f"OffsetConstraints({len(self.sites):,} sites)"
+
 
 def offset_constraints(
     cloud: CloudLike,

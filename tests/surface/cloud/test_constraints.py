@@ -66,3 +66,8 @@ def test_a_site_without_room_is_left_out():
 def test_a_distance_that_is_none_is_refused(distance):
     with pytest.raises(o3l.errors.InputError, match="distance"):
         constraints(*sphere(20), distance)
+
+
+def test_constraints_are_shown_in_a_line():
+    points, normals = sphere(500)
+    assert repr(constraints(points, normals, 0.05)) == "OffsetConstraints(1,000 sites)"
