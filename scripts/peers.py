@@ -111,7 +111,7 @@ def reconstruct(points, normals, method, spacing, is_open, seconds):
     Raises O3DLeafError if it crashes, fails, or does not end within `seconds`, the start of the process included.
     """
     options = {"method": method, "spacing": spacing, "is_open": is_open}
-    vertices, triangles, used = run_in_subprocess(
+    outcome = run_in_subprocess(
         serve,
         (points, normals),
         options,
@@ -119,6 +119,7 @@ def reconstruct(points, normals, method, spacing, is_open, seconds):
         cure="it is reported as failed",
         seconds=seconds,
     )
+    vertices, triangles, used = outcome.arrays
     return vertices, triangles, *used.tolist()
 
 

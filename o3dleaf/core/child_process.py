@@ -13,9 +13,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,16 +32,30 @@ TAIL = 300
 """Characters of the child's last line that an error repeats."""
 
 
+class Outcome(NamedTuple):
+    """What a function returned in a child process, and what was printed there."""
+
+    arrays: Arrays
+    output: str
+
+
 def run_in_subprocess(
-    function: Callable[..., Arrays], arrays: Arrays, options: dict[str, Any], *, name: str, cure: str, seconds: float
-) -> Arrays:
-    """Return ``function(*arrays, **options)``, computed in a child process.
+    function: Callable[..., Arrays],
+    arrays: Iterable[npt.NDArray[Any]],
+    options: dict[str, Any],
+    *,
+    name: str,
+    cure: str,
+    seconds: float,
+) -> Outcome:
+    """Return ``function(*arrays, **options)``, computed in a child process, and what that printed.
 
     Parameters
     ----------
     function : callable
         A function of a module, by whose name the child finds it; returns a tuple of arrays.
-    arrays : tuple of ndarrays
+    arrays : iterable of ndarrays
+        Each is written before the next one is asked for.
     options : dict
         What JSON can hold.
     name, cure : str
@@ -63,10 +77,10 @@ def run_in_subprocess(
         if (home / "error.json").exists():
             kind, message = json.loads((home / "error.json").read_text(encoding="utf-8"))
             raise getattr(errors, kind)(message)
+        output = (home / "output.txt").read_text(encoding="utf-8", errors="replace")
         if code:
-            output = (home / "output.txt").read_text(encoding="utf-8", errors="replace")
             raise O3DLeafError(f"{name}: {_reason(code)}{_last_line(output)}; {cure}")
-        return _read(home, "result")
+        return Outcome(_read(home, "result"), output)
 
 
 def _wait(home: Path, name: str, cure: str, seconds: float) -> int:
@@ -106,7 +120,7 @@ def _last_line(output: str) -> str:
     return f" ({lines[-1].strip()[:TAIL]})" if lines else ""
 
 
-def _write(home: Path, stem: str, arrays: Arrays) -> None:
+def _write(home: Path, stem: str, arrays: Iterable[npt.NDArray[Any]]) -> None:
     """Write arrays as numbered files."""
     for n, array in enumerate(arrays):
         np.save(home / f"{stem}{n}.npy", array)

@@ -20,6 +20,7 @@ import numpy as np
 from o3dleaf.core.errors import InputError
 
 def double(array, other, times):
+    print("doubled")
     return times * array, other
 
 def crash(array):
@@ -57,9 +58,10 @@ def call(function, *arrays, seconds=30.0, **options):
     return run_in_subprocess(function, given, options, name="the filter", cure="try another", seconds=seconds)
 
 
-def test_arrays_go_over_and_come_back(misdeeds):
+def test_arrays_go_over_and_come_back_with_what_was_printed(misdeeds):
     array, other = np.arange(6.0).reshape(2, 3), np.array([[1, 2]], dtype=np.uint8)
-    twice, same = call(misdeeds.double, array, other, times=2)
+    (twice, same), output = call(misdeeds.double, array, other, times=2)
+    assert output == "doubled\n"
     assert np.array_equal(twice, 2 * array)
     assert (same.dtype, same.tolist()) == (other.dtype, other.tolist())
 

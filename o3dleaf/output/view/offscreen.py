@@ -6,17 +6,14 @@ those of `o3dleaf.output.view.shade` at each corner of each triangle, so that bo
 cast shadows and ambient occlusion.
 """
 
-import subprocess
-import sys
-import tempfile
 from functools import cache
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.child_process import Arrays, Outcome, run_in_subprocess
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.output.view.camera import EYE, Camera, View
@@ -35,6 +32,9 @@ MAX_PIXELS = 8192
 BATCH_SIZE = 1 << 19
 """Triangles colored at once."""
 
+Panel = dict[str, Any]
+"""The size and the camera of one picture, as JSON holds them; see `_describe`."""
+
 
 @cache
 def find_renderer() -> Literal["hardware", "software"] | None:
@@ -47,12 +47,12 @@ def find_renderer() -> Literal["hardware", "software"] | None:
     camera = Camera.framing(vertices, triangle, view, 1.0)
     shot = Shot(vertices, triangle, lambda number, _weights, _facing: np.ones((len(number), 3)), camera, (64, 64), view)
     try:
-        (picture,), log = _draw_in_child([shot], PROBE_SECONDS)
+        drawn = _draw_in_child([shot], PROBE_SECONDS)
     except O3DLeafError:
         return None
-    if not picture[..., 3].any():
+    if not drawn.arrays[0][..., 3].any():
         return None
-    return "software" if b"software device" in log else "hardware"
+    return "software" if "software device" in drawn.output else "hardware"
 
 
 def rasterize(shots: list[Shot]) -> list[FloatArray]:
@@ -63,45 +63,37 @@ def rasterize(shots: list[Shot]) -> list[FloatArray]:
     O3DLeafError
         If the renderer does not work here, or does not end in time.
     """
-    return _draw_in_child(shots, SECONDS)[0]
+    drawn = _draw_in_child(shots, SECONDS).arrays
+    return [_average(picture, _finer(shot)) for picture, shot in zip(drawn, shots, strict=True)]
 
 
-def _draw_in_child(shots: list[Shot], seconds: float) -> tuple[list[FloatArray], bytes]:
-    """Return the pictures and what the renderer printed."""
-    with tempfile.TemporaryDirectory(prefix="o3dleaf-") as name:
-        folder = Path(name)
-        finer = [_hand_over(folder / f"{number}.npz", shot) for number, shot in enumerate(shots)]
-        command = [sys.executable, "-m", "o3dleaf.output.view.offscreen", str(folder), str(len(shots))]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)  # noqa: S603 - ourselves
-        except subprocess.TimeoutExpired as cause:
-            raise O3DLeafError(
-                f"engine: Open3D's renderer has not ended after {seconds:.0f} s; use engine='cpu'"
-            ) from cause
-        if done.returncode:
-            raise O3DLeafError(
-                f"engine: Open3D's renderer does not work here (exit code {done.returncode}); "
-                "install a Vulkan driver (Debian: mesa-vulkan-drivers), or use engine='cpu'"
-            )
-        pictures = [_take_back(folder / f"{number}.npy", each) for number, each in enumerate(finer)]
-    return pictures, done.stdout + done.stderr
-
-
-def _hand_over(path: Path, shot: Shot) -> int:
-    """Write what the child needs for one picture, and return the pixels drawn along each side of one."""
-    finer = max(1, min(shot.view.supersampling, MAX_PIXELS // max(shot.size)))
-    camera = shot.camera
-    corners, colors = _light_corners(shot)
-    np.savez(
-        path,
-        corners=corners,
-        colors=colors,
-        size=np.array(shot.size) * finer,
-        axes=np.stack([camera.right, camera.up, camera.toward]),
-        extent=np.array([camera.width, camera.height]),
-        perspective=camera.perspective,
+def _draw_in_child(shots: list[Shot], seconds: float) -> Outcome:
+    """Return the pictures of `draw_all`, and what the renderer printed."""
+    return run_in_subprocess(
+        draw_all,
+        (array for shot in shots for array in _light_corners(shot)),
+        {"panels": [_describe(shot) for shot in shots]},
+        name="Open3D's renderer",
+        cure="install a Vulkan driver (Debian: mesa-vulkan-drivers), or use engine='cpu'",
+        seconds=seconds,
     )
-    return finer
+
+
+def _finer(shot: Shot) -> int:
+    """Return the pixels drawn along each side of one of the picture."""
+    return max(1, min(shot.view.supersampling, MAX_PIXELS // max(shot.size)))
+
+
+def _describe(shot: Shot) -> Panel:
+    """Return a shot's size and camera as the child needs them."""
+    camera = shot.camera
+    return {
+        "size": (_finer(shot) * np.array(shot.size)).tolist(),
+        "up": camera.up.tolist(),
+        "toward": camera.toward.tolist(),
+        "extent": [float(camera.width), float(camera.height)],
+        "perspective": bool(camera.perspective),
+    }
 
 
 def _light_corners(shot: Shot) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
@@ -136,59 +128,57 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
     return colors
 
 
-def _take_back(path: Path, finer: int) -> FloatArray:
+def _average(drawn: npt.NDArray[np.uint8], finer: int) -> FloatArray:
     """Return the (h, w, 4) picture of the child's, averaged over the finer pixels."""
-    drawn = np.load(path)
     covered = drawn[..., 3:] > 0
     fine = np.concatenate([np.where(covered, linear(drawn[..., :3] / 255), 0.0), covered], axis=2)
     height, width = np.array(fine.shape[:2]) // finer
     return np.asarray(fine.reshape(height, finer, width, finer, 4).mean(axis=(1, 3)))
 
 
-def draw(given: Path, output: Path) -> None:
-    """Draw one picture: corners and colors in, (h, w, 4) uint8 out, sRGB and whether there is anything."""
+def draw_all(*lit: npt.NDArray[np.float32], panels: list[Panel]) -> Arrays:
+    """Return a picture of each panel, in the child: (h, w, 4) uint8, sRGB and whether there is anything.
+
+    Parameters
+    ----------
+    *lit : (3m, 3) ndarrays
+        Of each panel the corners of its triangles, and their colors.
+    panels : list of dicts
+        See `_describe`.
+    """
+    return tuple(_draw(*each) for each in zip(lit[::2], lit[1::2], panels, strict=True))
+
+
+def _draw(corners: npt.NDArray[np.float32], colors: npt.NDArray[np.float32], panel: Panel) -> npt.NDArray[np.uint8]:
+    """Return the picture of one panel."""
     import open3d as o3d  # noqa: PLC0415 - in the child alone
     from open3d.visualization import rendering  # noqa: PLC0415
 
-    shot = np.load(given)
-    corners = shot["corners"]
     triangles = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     mesh = o3d.t.geometry.TriangleMesh(o3d.core.Tensor.from_numpy(corners), o3d.core.Tensor.from_numpy(triangles))
-    mesh.vertex.colors = o3d.core.Tensor.from_numpy(shot["colors"])
-    width, height = shot["size"].tolist()
-    renderer = rendering.OffscreenRenderer(width, height)
+    mesh.vertex.colors = o3d.core.Tensor.from_numpy(colors)
+    renderer = rendering.OffscreenRenderer(*panel["size"])
     material = rendering.MaterialRecord()
     material.shader = "defaultUnlit"
     renderer.scene.add_geometry("mesh", mesh, material)
     # Colors pass through unchanged, and depth tells what is covered.
     for switch_off in (renderer.scene.view.set_post_processing, renderer.scene.view.set_antialiasing):
         switch_off(False)
-    _aim(renderer.scene.camera, shot, rendering.Camera)
-    colors = np.asarray(renderer.render_to_image())
+    _aim(renderer.scene.camera, corners, panel, rendering.Camera)
+    image = np.asarray(renderer.render_to_image())
     covered = np.asarray(renderer.render_to_depth_image()) < 1
-    np.save(output, np.dstack([colors, 255 * covered.astype(np.uint8)]))
+    return np.dstack([image, 255 * covered.astype(np.uint8)])
 
 
-def _aim(camera: Any, shot: Any, kinds: Any) -> None:
+def _aim(camera: Any, corners: npt.NDArray[np.float32], panel: Panel, kinds: Any) -> None:
     """Set Open3D's camera as ours is: the target in the origin, the eye `EYE` widths before it."""
-    (width, height), (_, up, toward) = shot["extent"].tolist(), shot["axes"]
+    (width, height), up, toward = panel["extent"], np.array(panel["up"]), np.array(panel["toward"])
     eye = EYE * width
-    depth = eye - shot["corners"] @ toward
+    depth = eye - corners @ toward
     near, far = 0.9 * max(float(depth.min()), 1e-2 * eye), 1.1 * float(depth.max())
-    if shot["perspective"]:
+    if panel["perspective"]:
         angle = 2 * np.degrees(np.arctan(0.5 / EYE))
         camera.set_projection(angle, width / height, near, far, kinds.FovType.Horizontal)
     else:
         camera.set_projection(kinds.Projection.Ortho, -width / 2, width / 2, -height / 2, height / 2, near, far)
     camera.look_at(np.zeros(3), eye * toward, up)
-
-
-def main() -> None:
-    """Draw the pictures of a folder: ``python -m o3dleaf.output.view.offscreen FOLDER COUNT``."""
-    folder, count = Path(sys.argv[1]), int(sys.argv[2])
-    for number in range(count):
-        draw(folder / f"{number}.npz", folder / f"{number}.npy")
-
-
-if __name__ == "__main__":
-    main()

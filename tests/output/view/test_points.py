@@ -1,14 +1,12 @@
 """Clouds are drawn where their points are, things of a scene keep their own colors, and both engines draw the same."""
 
-import subprocess
-import sys
-
 import numpy as np
 import open3d as o3d
 import pytest
 
 from mesh_fields import sphere
 from o3dleaf import extract_isosurface
+from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, MemoryBudgetError, O3DLeafError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.output.view import Points, offscreen, render, scene
@@ -194,27 +192,25 @@ def test_the_engines_draw_the_same_picture(ball):
 
 
 def test_without_a_driver_auto_is_the_cpu_and_open3d_an_error_with_a_cure(ball, monkeypatch):
-    expected = render(ball, size=SIZE)
-    offscreen.find_renderer.cache_clear()
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(name, "/nowhere")
     calls = []
 
-    def aborts(command, **_options):
-        calls.append(command)
-        return subprocess.CompletedProcess(command, -6, b"", b"")
+    def counted(*arguments, **options):
+        calls.append(arguments)
+        return run_in_subprocess(*arguments, **options)
 
-    monkeypatch.setattr(offscreen.subprocess, "run", aborts)
+    monkeypatch.setattr(offscreen, "run_in_subprocess", counted)
+    expected = render(ball, size=SIZE)
+    offscreen.find_renderer.cache_clear()
     for _ in range(2):
         assert np.array_equal(render(ball, size=SIZE, engine="auto"), expected)
     assert len(calls) == 1
-    assert calls[0][0] == sys.executable
-    with pytest.raises(O3DLeafError, match="engine='cpu'"):
+    with pytest.raises(O3DLeafError, match=r"renderer: (failed|died) .*Vulkan driver .*engine='cpu'$") as caught:
         render(ball, size=SIZE, engine="open3d")
-
-    def hangs(command, **options):
-        raise subprocess.TimeoutExpired(command, options["timeout"])
-
-    monkeypatch.setattr(offscreen.subprocess, "run", hangs)
-    with pytest.raises(O3DLeafError, match="not ended after 600 s"):
+    assert "\n" not in str(caught.value)
+    monkeypatch.setattr(offscreen, "SECONDS", 0.01)
+    with pytest.raises(O3DLeafError, match=r"did not end within 0\.01 s .*engine='cpu'$"):
         render(ball, size=SIZE, engine="open3d")
     with pytest.raises(InputError, match="engine"):
         render(ball, size=SIZE, engine="gpu")
