@@ -67,7 +67,7 @@ def compare_balls(start, stop, numbers, values, balls, sheets, system, better):
         better[k] = is_better_split(numbers[k], values, balls, sheets, system)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, inline="always")  # compiled once, in its one caller
 def is_better_split(ball, values, balls, sheets, system):
     """Return whether the sheets of a ball predict every fourth of its points better than its one spline does.
 
