@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from o3dleaf.commands.patch import MODEL
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import LongJob, UnitOption, argument, corners_of, option, output, table
 from o3dleaf.core.journal import stage
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
     from o3dleaf.io.labelled_mesh import LabelledMesh
 
-MODEL = ".o3l"
 WHAT = {
     "mesh": "o3dleaf.output.export.consumers:SUFFIXES",
     "surface-particles": "o3dleaf.output.export.particles:SUFFIXES",
@@ -91,7 +91,7 @@ class ExportJob(UnitOption, LongJob):
     @property
     def is_model(self) -> bool:
         """True for a model, which is meshed first."""
-        return self.source.suffix.lower() == MODEL
+        return self.source.suffix.lower() in table(MODEL)
 
     def check(self) -> None:
         """Refuse a file that is none for the next program, and what does not go together."""

@@ -93,7 +93,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonize:METHODS"
     )
     picture: bool = option(True, "Draw the picture.")
-    model: Path | None = option(None, "Also write the leaf as a model file (.o3l).", writes=(MODEL,))
+    model: Path | None = option(None, "Also write the leaf as a model file (.o3l).", writes=MODEL)
 
     def outputs(self) -> list[tuple[Path, Names]]:
         """Return the files that are written, those beside the mesh too."""

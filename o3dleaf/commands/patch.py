@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, argument, option, output
+from o3dleaf.core.job import LongJob, argument, option, output, table
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import TextureOptions
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
 
-MODEL = ".o3l"
-"""Suffix of the files that hold what was fitted."""
+MODEL = "o3dleaf.io.model_file:SUFFIX"
+"""Suffix of model files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,7 @@ class CtOptions(TextureOptions):
         """Return the volume of a file, or the texture of a model file."""
         from o3dleaf.leaf.models import load_texture
 
-        return load_texture(path) if path.suffix.lower() == MODEL else self.read_volume(path)
+        return load_texture(path) if path.suffix.lower() in table(MODEL) else self.read_volume(path)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class PatchJob(CtOptions, BlockOption, LongJob):
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
 
     volume: Path = argument("Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...", reads=True)
-    output: Path = output((MODEL,))
+    output: Path = output(MODEL)
     spacing: float | None = option(None, "Mesh spacing of the block of --tile-solid", unit="ct-unit")
 
     def check(self) -> None:

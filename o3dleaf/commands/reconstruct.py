@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from o3dleaf.commands.patch import MODEL
 from o3dleaf.core.job import LongJob, UnitOption, argument, number_or_word, option, output
 from o3dleaf.core.journal import stage
 
@@ -36,7 +37,7 @@ class ReconstructJob(UnitOption, LongJob):
         "Color of the mesh: distance to the data, weight (sampling density) or residual.",
         choices="o3dleaf.surface.reconstruction.vertex_support:MEASURES",
     )
-    model: Path | None = option(None, "Also write the field as a model (.o3l).", writes=(".o3l",))
+    model: Path | None = option(None, "Also write the field as a model (.o3l).", writes=MODEL)
     picture: Path | None = option(
         None, "Also write a picture of the colored mesh.", writes="o3dleaf.output.view.picture:SUFFIXES"
     )
