@@ -35,6 +35,9 @@ GRID_RATIO = np.sqrt(10)
 MAX_STRETCH = 1 / 40
 """Longest stretch left out, of the leaf's length: more of them judge better than wider ones."""
 
+MAX_BANDWIDTH = 0.25
+"""Largest bandwidth of the smoothing, of a ball's radius: beyond it the balls would shape the surface, so they grow."""
+
 TOLERANCE = 0.02
 MAX_ITERATIONS = 30
 
@@ -151,6 +154,20 @@ def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
         progress.report(done, len(trials))
     assert best is not None  # noqa: S101 - there is at least one trial
     return RobustChoice(best[2], best[1], noise, best[3])
+
+
+def choose_with_balls(
+    leaf_points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float
+) -> tuple[tuple[int, int], RobustChoice]:
+    """Return the robust choice, and the size of balls that are wide enough for its bandwidth."""
+    plane = np.ascontiguousarray(leaf_points[:, :2])
+    bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
+    while True:
+        cover = Cover.fit(plane, bounds, size, overlap)
+        choice = choose_robustly(cover, leaf_points, kernel)
+        if choice.bandwidth <= MAX_BANDWIDTH * np.median(cover.radii) or size[1] >= len(leaf_points):
+            return size, choice
+        size = (2 * size[0], 2 * size[1])
 
 
 def _trial_smoothings(

@@ -1,0 +1,66 @@
+"""From the points of one leaf to its blade as a parametrised surface, step by step."""
+
+import numpy as np
+
+from o3dleaf.core import journal
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.leaf.chart.chart import Chart, chart_sheet
+from o3dleaf.leaf.chart.margin import Margin
+from o3dleaf.leaf.chart.parametric_blade import ParametricBlade
+from o3dleaf.leaf.chart.sheet import Sheet, find_sheet
+from o3dleaf.leaf.chart.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.options import BladeOptions
+
+MAX_RESIDUAL = 10.0
+"""Noise deviations beyond which a point says nothing of where the leaf ends."""
+
+
+def build_parametric_blade(
+    points: FloatArray, midrib: FloatArray | None, unit: str | None, options: BladeOptions
+) -> ParametricBlade:
+    """Return the blade of the points of one leaf.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    midrib : (k, 3) ndarray, optional
+        Control points from base to tip; found on the sheet if not given.
+    unit : str, optional
+    options : BladeOptions
+
+    Raises
+    ------
+    ReconstructionError
+        If the points are no single sheet, or one that cannot be laid flat; it says where.
+    """
+    # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
+    with journal.stage("find sheet"):
+        sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
+    # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0, without the petiole.
+    with journal.stage("lay flat"):
+        chart = chart_sheet(
+            sheet.vertices,
+            sheet.triangles,
+            midrib=midrib,
+            up=options.up,
+            base=options.base,
+            keep_petiole=options.keep_petiole,
+        )
+    # A smoothed partition of unity S(u, v) through the points at their feet.
+    with journal.stage("fit surface"):
+        rows = _rows_of_blade(points, sheet, chart)
+        mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
+        fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
+    # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
+    with journal.stage("find margin"):
+        margin = Margin.fit(fit.feet[_near(fit)], fill_holes=options.fill_holes, unit=unit)
+    notes = (*sheet.notes, *chart.notes, *margin.notes)
+    for note in notes:
+        journal.note(note)
+    return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
+
+
+def _near(fit: SurfaceFit) -> npt.NDArray[np.bool_]:
+    """Return which points are near enough to the surface to say where it ends."""
+    noise = 1.4826 * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
+    return np.abs(fit.heights) <= MAX_RESIDUAL * noise

@@ -1,0 +1,188 @@
+"""The blade's surface fitted to a scan: Huber's loss, smoothing judged on held-out stretches, parameters that are feet.
+
+A point's parameters (u, v) are those of its foot on the surface; as the surface is fitted to the points at their
+parameters, both are corrected in turn. The sheet of the first chart only says where the search begins.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
+from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
+from o3dleaf.leaf.chart.flatten import relax_chart
+from o3dleaf.leaf.chart.surface import ChartSurface
+from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
+
+KERNEL = "cubic"
+"""r³: twice differentiable at its data, as the curvature of the blade needs."""
+FIRST_BANDWIDTH = 0.125
+"""Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
+ROUNDS = 3
+"""Fits of the surface, each at feet on the one before: the third moves them by a hundredth of the noise or less."""
+MAX_POINTS = 40_000
+"""Points that the surface is fitted to; of more, the means of cells of the chart, which keep what they know together."""
+COLLAR = 4.0
+"""How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChartMesh:
+    """A triangulated sheet and its chart.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray
+        In the world.
+    triangles : (m, 3) ndarray of int64
+    chart : (n, 2) ndarray
+        (u, v) of the vertices.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    chart: FloatArray
+
+    @property
+    def area(self) -> float:
+        """Area of the sheet, in the square of the world's unit."""
+        return float(triangle_areas(self.vertices, self.triangles).sum())
+
+    def parameters(self, points: FloatArray) -> FloatArray:
+        """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
+        import igl
+
+        _, rows, nearest = igl.point_mesh_squared_distance(points, self.vertices, self.triangles)
+        corners = self.triangles[rows]
+        shares = igl.barycentric_coordinates(nearest, *(self.vertices[corners[:, k]] for k in range(3)))
+        return np.ascontiguousarray(np.einsum("nk,nkd->nd", shares, self.chart[corners]))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFit:
+    """A surface fitted to a scan.
+
+    Attributes
+    ----------
+    surface : ChartSurface
+    mesh : ChartMesh
+        The sheet laid onto the surface, its chart as little stretched as it can be.
+    feet : (n, 2) ndarray
+        (u, v) of the foot of every point of the scan.
+    heights : (n,) ndarray
+        Signed distances of the points from the surface, along its normal.
+    choice : RobustChoice or None
+        Smoothing, bandwidth, noise and weights, where they were judged on held-out stretches.
+    """
+
+    surface: ChartSurface
+    mesh: ChartMesh
+    feet: FloatArray
+    heights: FloatArray
+    choice: RobustChoice | None
+
+
+def fit_chart_surface(
+    points: FloatArray, mesh: ChartMesh, *, smoothing: SmoothingValue | str | None = "robust", unit: str | None = None
+) -> SurfaceFit:
+    r"""Return the surface S of least :math:`\sum_k \mathrm{huber}_δ(|x_k - S(u_k, v_k)|) + s\,θ J(S)`, at feet (u_k, v_k).
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        The points of the scan that belong to the blade.
+    mesh : ChartMesh
+        A sheet near the points, its u along the midrib.
+    smoothing : "robust", float or "gcv"
+        As in `HeightMap.fit`: of the distances from a smooth surface through the points.
+    unit : str, optional
+    """
+    first, choosing, fitting = progress.split(1, 20, 6)
+    start = mesh.parameters(points)
+    near, sites = _thin(start, points, mesh.area)
+    problem = _Problem(sites, mesh.area, unit)
+    with first:
+        base = problem.fit(near, problem.first_smoothing(mesh))
+        near, heights, _ = base.feet(sites, near)
+    with choosing:
+        problem = problem.choose(np.column_stack([near, heights]), smoothing)
+    with fitting:
+        surface = problem.fit(near)
+        mesh, near = _flatten_again(surface, mesh, near)
+        for round_ in range(1, ROUNDS):
+            surface = problem.fit(near)
+            near, _, _ = surface.feet(sites, near)
+            progress.report(round_, ROUNDS - 1)
+    mesh = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
+    feet, heights, _ = surface.feet(points, mesh.parameters(points))
+    return SurfaceFit(surface, mesh, feet, heights, problem.choice)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What is fitted: sites (n, 3), and the smoothing, weights and size of balls that were chosen for them."""
+
+    sites: FloatArray
+    area: float
+    unit: str | None
+    smoothing: float = 0.0
+    balls: tuple[int, int] = POINTS_PER_BALL
+    choice: RobustChoice | None = None
+
+    @property
+    def kernel(self) -> Polyharmonic:
+        return as_kernel(KERNEL, 2)
+
+    @property
+    def spacing(self) -> float:
+        return float(np.sqrt(self.area / len(self.sites)))
+
+    def first_smoothing(self, mesh: ChartMesh) -> float:
+        """Return the smoothing of a surface that follows the blade's curls, but no pass of the scan."""
+        width = self.area / float(np.ptp(mesh.chart, axis=0).max())
+        return self.kernel.smoothing_for(FIRST_BANDWIDTH * width, 1 / self.spacing**2)
+
+    def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
+        """Return the surface through the sites at their parameters (n, 2)."""
+        collar = COLLAR * self.spacing
+        return ChartSurface.fit(
+            near,
+            self.sites,
+            smoothing=self.smoothing if smoothing is None else smoothing,
+            weights=None if self.choice is None else self.choice.weights,
+            points_per_ball=self.balls,
+            bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
+            unit=self.unit,
+        )
+
+    def choose(self, flat: FloatArray, smoothing: SmoothingValue | str | None) -> "_Problem":
+        """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
+        if smoothing in {None, "robust"}:
+            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP)
+            return replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
+        plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
+        spline = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing).local
+        return replace(self, smoothing=float(spline.smoothing.value))
+
+
+def _thin(near: FloatArray, points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
+    """Return parameters and points, or the means of both in square cells of the chart where there are too many."""
+    if len(points) <= MAX_POINTS:
+        return near, points
+    cells = np.floor((near - near.min(axis=0)) / np.sqrt(area / MAX_POINTS)).astype(np.int64)
+    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    both = np.column_stack([near, points])
+    means = np.column_stack([np.bincount(cell, column) for column in both.T]) / count[:, np.newaxis]
+    return np.ascontiguousarray(means[:, :2]), np.ascontiguousarray(means[:, 2:])
+
+
+def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
+    """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
+    laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
+    relaxed = replace(laid, chart=relax_chart(laid.vertices, laid.triangles, laid.chart))
+    return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
