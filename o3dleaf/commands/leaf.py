@@ -14,7 +14,7 @@ from o3dleaf.leaf.options import BladeOptions
 if TYPE_CHECKING:
     import open3d as o3d
 
-    from o3dleaf.leaf.macro.blade import Blade
+    from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
@@ -127,7 +127,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
-        from o3dleaf.output.report.summary import summarize
+        from o3dleaf.output.report.summary import summarize, warnings_of
         from o3dleaf.output.view.leaf_picture import render_leaf
         from o3dleaf.output.view.maps import render_distortion
 
@@ -137,7 +137,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             patch = None if self.ct is None else self.read_patch(self.ct)
         leaf = surface = None
         if patch is None:
-            blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
+            blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
             mesh = self.write_sheet(blade)
         else:
             leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
@@ -156,7 +156,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         with journal.stage("check mesh"):
             summary = summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan)
         write_json(summary, self.beside(".json"))
-        for warning in summary["frame"]["warnings"]:
+        for warning in warnings_of(summary):
             journal.note(f"warning: {warning}")
         return summary
 

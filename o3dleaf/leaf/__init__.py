@@ -4,7 +4,8 @@ A point of the world becomes (along, across, up); the blade is a height over (al
 micro-structure repeats over that plane. Composed, they are one implicit function of the whole leaf.
 
 `ct`              micro-CT volumes
-`macro`           the blade: midrib, frame, height map, outline
+`blade`           what all rooms know of a blade
+`macro`           the paper's blade: midrib, frame, height map, outline
 `texture`         the micro-structure, repeated over the plane
 `instancing`      one tile polygonized, set down everywhere
 `textured_blade`  the implicit function: a texture on a blade

@@ -13,8 +13,9 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
-from o3dleaf.io.model_file import read_model
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.io.model_file import read_model, stored_class
+from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
@@ -25,13 +26,13 @@ from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, type[Any]] = {
-    each.__name__: each
+    stored_class(each): each
     for each in (
         AlphaShape,
         BallIndex,
-        Blade,
         Cover,
         HeightMap,
+        HeightMapBlade,
         LeafFrame,
         LocalCreasedSplines,
         LocalPolynomials,

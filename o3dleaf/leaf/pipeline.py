@@ -12,7 +12,7 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.midrib import find_midrib
@@ -39,7 +39,7 @@ def create_blade(
     *,
     unit: str = "mm",
     options: BladeOptions | None = None,
-) -> Blade:
+) -> HeightMapBlade:
     """Build the macro-scale blade from a laser scan (paper, section 2.4 and appendix A).
 
     Parameters
@@ -74,7 +74,7 @@ def create_blade(
     # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
     with stage("fit height map"):
         height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit)
-    return Blade(frame, height_map, outline, options.offset)
+    return HeightMapBlade(frame, height_map, outline, options.offset)
 
 
 def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> TiledField:
@@ -137,7 +137,7 @@ def create_multiscale_leaf(
     """
     macro = create_blade(scan, midrib, unit=unit, options=blade)
     micro = create_texture(volume, options=texture) if isinstance(volume, Volume) else volume
-    return MultiscaleLeaf(micro, macro.frame, macro.height_map, macro.outline, offset=macro.offset)
+    return MultiscaleLeaf(micro, blade=macro)
 
 
 def _require_size(length: float, unit: str | None, limits: tuple[float, float], name: str, what: str) -> None:

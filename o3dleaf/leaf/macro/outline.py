@@ -13,11 +13,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
-from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.outline_area import in_polygon
 
-BLOCK = 65536
 BLUR = 2.0
 """Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: the resolution of the scan."""
 MAX_FRAGMENTS = 0.01
@@ -109,17 +108,6 @@ class AlphaShape:
         return in_polygon(self.polygon, as_points(points, dim=2))
 
 
-def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.bool_]:
-    """Return for each of the (n, 2) points whether it lies in a polygon or on it."""
-    inside = np.empty(len(points), dtype=bool)
-
-    def task(start: int, stop: int) -> None:
-        inside[start:stop] = shapely.intersects_xy(polygon, points[start:stop, 0], points[start:stop, 1])
-
-    run_blocks(task, len(points), BLOCK)
-    return inside
-
-
 def triangle_areas(points: FloatArray, triangles: npt.NDArray[np.integer]) -> FloatArray:
     """Return the (m,) areas of planar triangles."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
@@ -192,18 +180,3 @@ def _first(start: int, last: int, is_true: Callable[[int], bool]) -> int:
         middle = (low + high) // 2
         low, high = (low, middle) if is_true(middle) else (middle, high)
     return high
-
-
-def sides_of(area: shapely.Geometry) -> FloatArray:
-    """Return the sides (s, 4) of all rings of an area.
-
-    Raises
-    ------
-    ReconstructionError
-        If it has none.
-    """
-    parts = [part for part in shapely.get_parts(area) if part.area > 0]
-    if not parts:
-        raise ReconstructionError("the region lies outside the outline; choose another region")
-    rings = [ring.coords for part in parts for ring in (part.exterior, *part.interiors)]
-    return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

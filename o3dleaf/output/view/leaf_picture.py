@@ -5,7 +5,7 @@ from os import PathLike
 import open3d as o3d
 
 from o3dleaf.core.units import unit_scale
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.view.picture import Inset, render
 
