@@ -235,6 +235,8 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
 
 def in_a_line(summary: dict[str, Any]) -> str:
     """Return what was built, in one line for a terminal."""
+    from o3dleaf.core.units import measure_in_words
+
     report = summary["mesh"]
-    written = summary["settings"]["output"]
-    return f"{written}: {report['triangles']:,} triangles, {report['area']:,.0f} {summary['unit']}²"
+    area = measure_in_words(report["area"], summary["unit"], power=2)
+    return f"{summary['settings']['output']}: {report['triangles']:,} triangles, {area}"

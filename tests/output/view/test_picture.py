@@ -9,9 +9,10 @@ from mesh_fields import sphere, wavy_sheets
 from o3dleaf import extract_isosurface
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.units import name_length
 from o3dleaf.output.view import render, show
 from o3dleaf.output.view.camera import Camera, View
-from o3dleaf.output.view.panel import lay_out, name_length, round_length
+from o3dleaf.output.view.panel import lay_out, round_length
 from o3dleaf.output.view.picture import PAPER, Inset, Scalars
 from tolerances import BACKGROUND, SILHOUETTE
 
