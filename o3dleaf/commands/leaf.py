@@ -158,7 +158,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
                 write_model(leaf or blade, self.model)
         if self.picture:
             with journal.stage("draw picture"):
-                render_leaf(leaf or blade, mesh, self.beside(".png"))
+                render_leaf(leaf or blade, mesh, self.beside(".png"), self.region_of(blade))
         if self.distortion is not None:
             with journal.stage("draw distortion"):
                 render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
