@@ -550,3 +550,8 @@ CREASED_SLOPE = 1e-5
 LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
+
+# --- steps of meshes ---
+
+SPACING_OF_A_LATTICE = 0.1
+"""A square lattice comes out 6 % too wide (`OrientedCloud.spacing`), and two digits round by 5 % at most."""

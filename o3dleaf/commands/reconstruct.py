@@ -91,7 +91,8 @@ class ReconstructJob(UnitOption, LongJob):
 
     def line(self, summary: "MeshReport") -> str:
         """Return what the surface is."""
-        square = f" {summary.unit}²" if summary.unit else ""
+        from o3dleaf.core.units import measure_in_words
+
         crossings = summary.self_intersections
         parts = (
             f"{summary.triangles:,} triangles",
@@ -100,7 +101,7 @@ class ReconstructJob(UnitOption, LongJob):
             "genus unknown" if summary.genus is None else f"genus {summary.genus}",
             "manifold" if summary.manifold else "not manifold",
             f"crosses itself {_counted(crossings, 'time')}" if crossings else "no crossings",
-            f"area {summary.area:,.5g}{square}",
+            f"area {measure_in_words(summary.area, summary.unit, power=2)}",
         )
         return f"{self.output}: {', '.join(parts)}"
 

@@ -16,6 +16,7 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `fine_windows`    a mesh with finer windows
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
+`mesh_step`       the step of a mesh where none was asked for
 `pipeline`        scan and volume to a leaf
 `models`          saved models read again
 """

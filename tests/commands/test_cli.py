@@ -206,10 +206,15 @@ def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
 
 
 def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
-    result = process("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
+    result = process("leaf", files / "scan.ply", "--no-picture", "-o", tmp_path / "blade.stl")
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
-    assert json.loads((tmp_path / "blade.json").read_text())["mesh"]["components"] == 1
+    summary = json.loads((tmp_path / "blade.json").read_text())
+    assert summary["mesh"]["components"] == 1
+    step = summary["mesh_step"]
+    assert summary["settings"]["spacing"] is None
+    assert summary["mesh"]["median_edge"] == pytest.approx(step["length"], rel=0.3)
+    assert f"mesh spacing {step['length']} mm: {step['reason']}" in " ".join(result.stderr.split())
 
 
 def test_info_says_what_a_file_holds(run, files, tmp_path):
