@@ -208,4 +208,3 @@ def _places(points: FloatArray, chosen: BoolArray, joined: float) -> tuple[Place
         nearest = members[np.argmin(np.linalg.norm(members - members.mean(axis=0), axis=1))]
         places.append(Place(tuple(nearest.tolist()), len(members) / len(points)))
     return tuple(places)
-

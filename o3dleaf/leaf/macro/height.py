@@ -132,4 +132,3 @@ class HeightMap:
         if order == 2:
             columns += [np.where(free[:, a] & free[:, b], parts[2][:, a, b], 0.0) for a, b in ((0, 0), (0, 1), (1, 1))]
         return np.stack(columns, axis=1)
-
