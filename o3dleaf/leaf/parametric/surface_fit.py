@@ -16,7 +16,7 @@ from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.chart.flatten import relax_chart
-from o3dleaf.leaf.chart.surface import ChartSurface
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
 
 KERNEL = "cubic"

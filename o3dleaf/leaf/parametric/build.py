@@ -5,10 +5,10 @@ import numpy as np
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.leaf.chart.chart import Chart, chart_sheet
-from o3dleaf.leaf.chart.margin import Margin
-from o3dleaf.leaf.chart.parametric_blade import ParametricBlade
-from o3dleaf.leaf.chart.sheet import Sheet, find_sheet
-from o3dleaf.leaf.chart.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
+from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
 from o3dleaf.leaf.options import BladeOptions
 
 MAX_RESIDUAL = 10.0
