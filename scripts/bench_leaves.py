@@ -14,6 +14,7 @@ import argparse
 import importlib
 import json
 import platform
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -251,7 +252,12 @@ def main(arguments=None):
             written["closed"] += run_closed(make, clean, name, console)
             continue
         warm_up(make)
-        records = [run_case(make, case, name) for case in some]
+        records = []
+        for case in some:
+            records.append(run_case(make, case, name))
+            held, number = holding(records[-1])
+            said = f"{len(records)} of {len(some)}: {name} {case.name}, {case.condition}: {held} of {number}"
+            print(said, file=sys.stderr, flush=True)
         show(records, console)
         console.print("\n".join([f"{name}:", *summary(records)]), highlight=False)
         written["leaves"] += records

@@ -60,7 +60,7 @@ class LeafScan(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanOptions:
+class Scanning:
     """How a leaf is scanned; lengths but `spacing` are in spacings.
 
     Attributes
@@ -105,7 +105,7 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     ----------
     leaf : LeafShape
     **options
-        Those of `ScanOptions`: spacing, pattern, noise, gaps, passes, offset, seed.
+        Those of `Scanning`: spacing, pattern, noise, gaps, passes, offset, seed.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     InputError
         If an option is not one of those that there are, or the leaf is too small for two points.
     """
-    how = ScanOptions(**options)
+    how = Scanning(**options)
     place_rng, gap_rng, noise_rng, extra_rng = (
         np.random.default_rng(s) for s in np.random.SeedSequence(how.seed).spawn(4)
     )
