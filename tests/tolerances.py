@@ -191,6 +191,30 @@ SHEET_DISTANCE = 1e-6
 KEPT_DECIMALS = 0.5 + 1e-2
 """Units of the last decimal that the sample files keep: half of one, and single precision."""
 
+LIFTED_DIFFERENCE = 1e-6
+"""Central differences over 1e-3 mm of leaves of known shape: curvatures of 0.2 per mm leave 1e-8, found 4e-8 with the
+axis's cubics; a rate of turning left out makes 1e-3."""
+
+LIFTED_METRIC = 1e-9
+"""Products of exact derivatives and turns by Magnus's series, whose error at a step of a third of a millimeter is below
+1e-10."""
+
+LIFTED_DISTANCE = 1e-6
+"""Millimeters: cubics of the axis through nodes a third of a millimeter apart are off by 1e-8; Newton's steps end at
+1e-10."""
+
+LIFTED_QUADRATURE = 1e-12
+"""A polynomial that a rule of degree 4 integrates to rounding; with one weight off in its last three digits 1e-12."""
+
+PLANE_COVERED = 1e-8
+"""Share of an outline's area that exact triangles of it may lack, and of an isometric surface's."""
+
+AREA_ORDER = 0.35
+"""Order observed over one halving of irregular triangles; 2 in the limit, 1 for a margin that is not followed."""
+
+SCAN_SIGMAS = 4.0
+"""Deviations of a count or mean of independent points; one in 16,000 seeds would fail, and the seed is fixed."""
+
 # --- mesh ---
 
 ISOSURFACE_ORDER = 0.2
