@@ -15,9 +15,10 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-from o3dleaf.leaf.chart.flatten import relax_chart
+from o3dleaf.leaf.chart.flatten import carry, relax_chart
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
+from o3dleaf.surface.cloud.downsample import thin
 
 KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
@@ -25,8 +26,8 @@ FIRST_BANDWIDTH = 0.125
 """Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
 ROUNDS = 3
 """Fits of the surface, each at feet on the one before: the third moves them by a hundredth of the noise or less."""
-MAX_POINTS = 40_000
-"""Points that the surface is fitted to; of more, the means of cells of the chart, which keep what they know together."""
+MAX_POINTS = 20_000
+"""Points that the surface is fitted to; of more, means in voxels: see `leaf.macro.build`."""
 COLLAR = 4.0
 """How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
 
@@ -55,12 +56,7 @@ class ChartMesh:
 
     def parameters(self, points: FloatArray) -> FloatArray:
         """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
-        import igl
-
-        _, rows, nearest = igl.point_mesh_squared_distance(points, self.vertices, self.triangles)
-        corners = self.triangles[rows]
-        shares = igl.barycentric_coordinates(nearest, *(self.vertices[corners[:, k]] for k in range(3)))
-        return np.ascontiguousarray(np.einsum("nk,nkd->nd", shares, self.chart[corners]))
+        return carry(self.vertices, self.triangles, self.chart, points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +99,8 @@ def fit_chart_surface(
     unit : str, optional
     """
     first, choosing, fitting = progress.split(1, 20, 6)
-    start = mesh.parameters(points)
-    near, sites = _thin(start, points, mesh.area)
+    sites = thin(points, MAX_POINTS).points
+    near = mesh.parameters(sites)
     problem = _Problem(sites, mesh.area, unit)
     with first:
         base = problem.fit(near, problem.first_smoothing(mesh))
@@ -168,17 +164,6 @@ class _Problem:
         plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
         spline = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing).local
         return replace(self, smoothing=float(spline.smoothing.value))
-
-
-def _thin(near: FloatArray, points: FloatArray, area: float) -> tuple[FloatArray, FloatArray]:
-    """Return parameters and points, or the means of both in square cells of the chart where there are too many."""
-    if len(points) <= MAX_POINTS:
-        return near, points
-    cells = np.floor((near - near.min(axis=0)) / np.sqrt(area / MAX_POINTS)).astype(np.int64)
-    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    both = np.column_stack([near, points])
-    means = np.column_stack([np.bincount(cell, column) for column in both.T]) / count[:, np.newaxis]
-    return np.ascontiguousarray(means[:, :2]), np.ascontiguousarray(means[:, 2:])
 
 
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
