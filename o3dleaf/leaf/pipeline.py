@@ -12,7 +12,7 @@ from o3dleaf.core.journal import stage
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
-from o3dleaf.leaf.chart.build import build_parametric_blade
+from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
-from o3dleaf.leaf.chart.average import average_across, thin
-from o3dleaf.leaf.chart.gluing import glue_sheets
-from o3dleaf.leaf.chart.stars import triangulate
+from o3dleaf.leaf.sheet.average import average_across, thin
+from o3dleaf.leaf.sheet.gluing import glue_sheets
+from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles

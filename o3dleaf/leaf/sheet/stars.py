@@ -5,7 +5,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.leaf.chart.star_loops import MAX_STAR, choose_triangles, find_stars
+from o3dleaf.leaf.sheet.star_loops import MAX_STAR, choose_triangles, find_stars
 from o3dleaf.surface.cloud.cells import Cells
 
 SLOPE = np.sin(np.radians(45.0))

@@ -1,4 +1,4 @@
-"""A leaf of any shape laid out in the plane: one open sheet through its scan, and what is made of it.
+"""From any scan of a leaf to one open sheet: a mesh with a rim and no handle, through its points.
 
 `average_loops`  the compiled loops of averaging and thinning
 `average`        points averaged across their surface, and thinned

@@ -4,7 +4,7 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.chart.gluing_loops import glue, orient_triangles
+from o3dleaf.leaf.sheet.gluing_loops import glue, orient_triangles
 from o3dleaf.surface.cloud.parity_loops import flatten
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
 

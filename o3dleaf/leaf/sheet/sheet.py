@@ -10,10 +10,10 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.chart.holes import cut_off_flaps, fill_small_holes
-from o3dleaf.leaf.chart.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
-from o3dleaf.leaf.chart.open_sheet import OpenSheets, nearest_layers
-from o3dleaf.leaf.chart.widths import (
+from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
+from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.open_sheet import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.widths import (
     OFF,
     STEEP,
     WIDEST,
