@@ -15,17 +15,20 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-from o3dleaf.leaf.chart.flatten import carry, relax_chart
+from o3dleaf.leaf.chart.embedding import relax_rigidly
+from o3dleaf.leaf.chart.flatten import carry
+from o3dleaf.leaf.chart.stretch import chart_areas
+from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
+from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
 from o3dleaf.surface.cloud.downsample import thin
 
 KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
 FIRST_BANDWIDTH = 0.125
 """Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
-ROUNDS = 3
-"""Fits of the surface, each at feet on the one before: the third moves them by a hundredth of the noise or less."""
+ROUNDS = 4
+"""Fits of the surface, each at feet on the one before: the last ones move them by a small part of the noise."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.macro.build`."""
 COLLAR = 4.0
@@ -72,21 +75,23 @@ class SurfaceFit:
         (u, v) of the foot of every point of the scan.
     heights : (n,) ndarray
         Signed distances of the points from the surface, along its normal.
-    choice : RobustChoice or None
-        Smoothing, bandwidth, noise and weights, where they were judged on held-out stretches.
+    choice : LocalChoice or None
+        Smoothing, bandwidth, noise and weights of the sites, where they were judged on held-out stretches.
     """
 
     surface: ChartSurface
     mesh: ChartMesh
     feet: FloatArray
     heights: FloatArray
-    choice: RobustChoice | None
+    choice: LocalChoice | None
 
 
 def fit_chart_surface(
     points: FloatArray, mesh: ChartMesh, *, smoothing: SmoothingValue | str | None = "robust", unit: str | None = None
 ) -> SurfaceFit:
-    r"""Return the surface S of least :math:`\sum_k \mathrm{huber}_δ(|x_k - S(u_k, v_k)|) + s\,θ J(S)`, at feet (u_k, v_k).
+    r"""Return the smooth surface through points: the least of Huber's loss and of its bending, the points at their feet.
+
+    .. math:: \min_S \sum_k c_k\,\mathrm{huber}_δ(|x_k - S(u_k, v_k)|) + s\,θ J(S)
 
     Parameters
     ----------
@@ -110,10 +115,11 @@ def fit_chart_surface(
     with fitting:
         surface = problem.fit(near)
         mesh, near = _flatten_again(surface, mesh, near)
-        for round_ in range(1, ROUNDS):
+        for round_ in range(1, ROUNDS + 1):
             surface = problem.fit(near)
-            near, _, _ = surface.feet(sites, near)
-            progress.report(round_, ROUNDS - 1)
+            near, heights, _ = surface.feet(sites, near)
+            problem = problem.reweighted(heights)
+            progress.report(round_, ROUNDS)
     mesh = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
     feet, heights, _ = surface.feet(points, mesh.parameters(points))
     return SurfaceFit(surface, mesh, feet, heights, problem.choice)
@@ -128,7 +134,8 @@ class _Problem:
     unit: str | None
     smoothing: float = 0.0
     balls: tuple[int, int] = POINTS_PER_BALL
-    choice: RobustChoice | None = None
+    choice: LocalChoice | None = None
+    weights: FloatArray | None = None
 
     @property
     def kernel(self) -> Polyharmonic:
@@ -150,7 +157,7 @@ class _Problem:
             near,
             self.sites,
             smoothing=self.smoothing if smoothing is None else smoothing,
-            weights=None if self.choice is None else self.choice.weights,
+            weights=self.weights,
             points_per_ball=self.balls,
             bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
             unit=self.unit,
@@ -159,15 +166,36 @@ class _Problem:
     def choose(self, flat: FloatArray, smoothing: SmoothingValue | str | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
         if smoothing in {None, "robust"}:
-            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP)
-            return replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
+            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose_by_place)
+            chosen = replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
+            return replace(chosen, weights=choice.factors * choice.weights)
         plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
         spline = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing).local
         return replace(self, smoothing=float(spline.smoothing.value))
+
+    def reweighted(self, heights: FloatArray) -> "_Problem":
+        """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
+        if self.choice is None:
+            return self
+        corner = HUBER * self.choice.noise
+        return replace(
+            self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
+        )
 
 
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
     laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
-    relaxed = replace(laid, chart=relax_chart(laid.vertices, laid.triangles, laid.chart))
+    relaxed = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
+    if (chart_areas(relaxed, laid.triangles) <= 0).any():
+        return laid, near
+    relaxed = replace(laid, chart=_turned_onto(relaxed, laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
+
+
+def _turned_onto(chart: FloatArray, other: FloatArray) -> FloatArray:
+    """Return a chart turned and shifted onto another one, which it then is nearest to (Kabsch 1976)."""
+    middle, aim = chart.mean(axis=0), other.mean(axis=0)
+    left, _, right = np.linalg.svd((chart - middle).T @ (other - aim))
+    turn = left @ np.diag([1.0, np.linalg.det(left @ right)]) @ right
+    return np.ascontiguousarray((chart - middle) @ turn + aim)
