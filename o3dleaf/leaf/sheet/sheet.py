@@ -4,15 +4,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
-from o3dleaf.leaf.sheet.open_sheet import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.widths import (
     OFF,
     STEEP,
@@ -40,6 +41,8 @@ FULL = 0.6
 """Flatness above which points fill a volume, as when normals are oriented."""
 THICK = 25.0
 """Spacings up to which the two sides of a closed surface are taken for those of a thin leaf."""
+SAMPLE = 400
+"""Vertices at which the thickness of a closed surface is measured."""
 MEETING = 3.0
 """Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 LINK = 3.0
@@ -106,12 +109,12 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         used = usable_rows(scan)
         some = used[thinned(len(used), -(-len(used) // MOST))]
     with finding:
-        found = _sheet_of(scan, some, one_sheet)
+        found = _sheet_of(scan, some, one_sheet=one_sheet)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing)
         if piece is None or piece == 1:
             return _told(found, leftovers.tell())
         rows = leftovers.piece(piece)
-        return _told(_sheet_of(scan, rows[thinned(len(rows), -(-len(rows) // MOST))], one_sheet), ())
+        return _told(_sheet_of(scan, rows[thinned(len(rows), -(-len(rows) // MOST))], one_sheet=one_sheet), ())
 
 
 class _Solved(NamedTuple):
@@ -127,9 +130,9 @@ def _told(sheet: Sheet, notes: tuple[str, ...]) -> Sheet:
     return Sheet(sheet.vertices, sheet.triangles, sheet.rows, sheet.spacing, sheet.scale, sheet.notes + notes)
 
 
-def _sheet_of(scan: FloatArray, some: IntArray, one_sheet: bool) -> Sheet:
+def _sheet_of(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> Sheet:
     """Return the sheet through the points `some` (k,) of a scan (n, 3)."""
-    solved = _solve(scan, some, one_sheet)
+    solved = _solve(scan, some, one_sheet=one_sheet)
     sheets, spacing = solved.sheets, solved.sheets.spacing
     vertices, triangles = sheets.sheet()
     normals = vertex_normals(vertices, triangles)
@@ -149,19 +152,17 @@ def _sheet_of(scan: FloatArray, some: IntArray, one_sheet: bool) -> Sheet:
         )
     rows = _spread(scan, solved.rows, held)
     wide = solved.width > solved.base
-    notes = tell_averaging(scan[solved.rows], solved.width, solved.base) + tell_cuts(sheets.cut, flaps, spacing)
+    notes = tell_averaging(scan[solved.rows], solved.width, solved.base) + tell_cuts(sheets.cut, flaps)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     return Sheet(vertices, triangles, rows, whole, float(solved.width.max()) if wide.any() else 0.0, notes)
 
 
-def _spread(scan: FloatArray, some: IntArray, held: "np.ndarray[tuple[int], np.dtype[np.bool_]]") -> IntArray:
+def _spread(scan: FloatArray, some: IntArray, held: BoolArray) -> IntArray:
     """Return the rows of a scan whose nearest point of `some` (k,) is `held` (k,)."""
-    from scipy.spatial import cKDTree  # noqa: PLC0415
-
     return np.flatnonzero(held[cKDTree(scan[some]).query(scan, workers=-1)[1]])
 
 
-def _solve(scan: FloatArray, some: IntArray, one_sheet: bool) -> _Solved:
+def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     """Return the sheets of points of a scan, averaged by noise and where layers lie."""
     cloud = OrientedCloud.of(scan[some])
     if cloud.surfels.flatness > FULL:
@@ -179,7 +180,7 @@ def _solve(scan: FloatArray, some: IntArray, one_sheet: bool) -> _Solved:
         return _Solved(sheets, width, base, some)
     fewer = _thin_sides(sheets)
     if fewer > 1 and len(some) // fewer >= FEWEST:
-        return _solve(scan, some[thinned(len(some), fewer)], one_sheet)
+        return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
     for round_ in range(ROUNDS):
         after = layers.after(*find_layers(sheets), LINK * spacing)
         if after.like(layers):
@@ -197,7 +198,8 @@ def _thin_sides(sheets: OpenSheets) -> int:
     if find_holes(vertices, triangles).is_rim.any():
         return 1
     normals = vertex_normals(vertices, triangles)
-    overlaps = nearest_layers(vertices, normals, THICK * sheets.spacing, STEEP)
+    some = thinned(len(vertices), -(-len(vertices) // SAMPLE))
+    overlaps = nearest_layers(vertices, normals, THICK * sheets.spacing, STEEP, some)
     apart = np.where(overlaps.facing < 0, overlaps.distance, np.inf).min(axis=1)
     thick = float(np.median(apart))
     return int(np.ceil((thick / (MEETING * sheets.spacing)) ** 2)) if np.isfinite(thick) else 1

@@ -38,7 +38,9 @@ def triangulate(points: FloatArray, normals: FloatArray, reach: FloatArray) -> t
     n = np.int64(len(points))
     key, first, votes = np.unique((made[:, 0] * n + made[:, 1]) * n + made[:, 2], return_index=True, return_counts=True)
     circumradius = np.zeros(len(key))
-    np.maximum.at(circumradius, np.searchsorted(key, (made[:, 0] * n + made[:, 1]) * n + made[:, 2]), radius[center, slot])
+    np.maximum.at(
+        circumradius, np.searchsorted(key, (made[:, 0] * n + made[:, 1]) * n + made[:, 2]), radius[center, slot]
+    )
     triangles = made[first]
     order = np.lexsort((circumradius, -votes))
     triangles, votes, circumradius = triangles[order], votes[order], circumradius[order]

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.leaf.sheet.open_sheet import OpenSheets, Overlaps, nearest_layers
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, Overlaps, nearest_layers
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 

@@ -128,36 +128,35 @@ def _rank(vertices: FloatArray, triangles: IntArray) -> tuple[IntArray, FloatArr
     order = np.argsort(-areas, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return rank[label], areas[order]
+    return rank[label].astype(np.int64), np.asarray(areas[order], np.float64)
 
 
 class Overlaps(NamedTuple):
-    """What lies above and below the vertices of a sheet: distances (v, 2), cosines of normals (v, 2), rows (v, 2)."""
+    """What lies above and below vertices of a sheet: distances (v, 2), cosines of normals (v, 2), vertices (v, 2)."""
 
     distance: FloatArray
     facing: FloatArray
     row: IntArray
 
 
-def nearest_layers(vertices: FloatArray, normals: FloatArray, reach: float, steep: float) -> Overlaps:
-    """Return the nearest vertex above and below each, with its distance and the cosine of both normals.
+def nearest_layers(
+    vertices: FloatArray, normals: FloatArray, reach: float, steep: float, rows: IntArray | None = None
+) -> Overlaps:
+    """Return the nearest vertex above and below each, or each of `rows`, with its distance and both normals' cosine.
 
     Above and below is what lies within acos(`steep`) of the normal; where there is nothing in `reach` the distance is
     infinite and the row -1.
     """
-    pairs = cKDTree(vertices).query_pairs(reach, output_type="ndarray")
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    arm = vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
-    length = np.linalg.norm(arm, axis=1)
-    height = np.einsum("ij,ij->i", arm, normals[pairs[:, 0]])
-    over = np.abs(height) >= steep * length
-    over &= length > 0
-    pairs, length, side = pairs[over], length[over], (height[over] < 0).astype(np.int64)
-    distance, facing = np.full((len(vertices), 2), np.inf), np.zeros((len(vertices), 2))
-    row = np.full((len(vertices), 2), -1)
-    order = np.lexsort((pairs[:, 1], -length))
-    pairs, length, side = pairs[order], length[order], side[order]
-    distance[pairs[:, 0], side] = length  # the nearest is written last
-    facing[pairs[:, 0], side] = np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]])
-    row[pairs[:, 0], side] = pairs[:, 1]
+    tree, rows = cKDTree(vertices), np.arange(len(vertices)) if rows is None else rows
+    pairs = cKDTree(vertices[rows]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+    one, other, length = np.asarray(pairs["i"]), np.asarray(pairs["j"]), np.asarray(pairs["v"])
+    height = np.einsum("ij,ij->i", vertices[other] - vertices[rows[one]], normals[rows[one]])
+    over = np.flatnonzero((np.abs(height) >= steep * length) & (length > 0))
+    over = over[np.lexsort((other[over], -length[over]))]
+    one, other, side = one[over], other[over], (height[over] < 0).astype(np.int64)
+    distance, facing = np.full((len(rows), 2), np.inf), np.zeros((len(rows), 2))
+    row = np.full((len(rows), 2), -1)
+    distance[one, side] = length[over]  # the nearest is written last
+    facing[one, side] = np.einsum("ij,ij->i", normals[rows[one]], normals[other])
+    row[one, side] = other
     return Overlaps(distance, facing, row)
