@@ -5,6 +5,7 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 
 `ct`              micro-CT volumes
 `macro`           the blade: midrib, frame, height map, outline
+`chart`           the sheet of a scan laid flat, its midrib, its ends, its petiole
 `texture`         the micro-structure, repeated over the plane
 `instancing`      one tile polygonized, set down everywhere
 `textured_blade`  the implicit function: a texture on a blade
