@@ -16,7 +16,7 @@ from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.build import build_height_map_blade
+from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.texture.patches import PatchBlend
