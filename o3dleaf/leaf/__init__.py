@@ -6,6 +6,7 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `ct`              micro-CT volumes
 `blade`           what all rooms know of a blade
 `macro`           the paper's blade: midrib, frame, height map, outline
+`chart`           the blade as a surface of its own, over a chart
 `texture`         the micro-structure, repeated over the plane
 `instancing`      one tile polygonized, set down everywhere
 `textured_blade`  the implicit function: a texture on a blade
