@@ -15,6 +15,9 @@ from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.io.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.splines import VectorSplines
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
@@ -30,6 +33,7 @@ CLASSES: dict[str, type[Any]] = {
     for each in (
         AlphaShape,
         BallIndex,
+        ChartSurface,
         Cover,
         HeightMap,
         HeightMapBlade,
@@ -39,6 +43,7 @@ CLASSES: dict[str, type[Any]] = {
         LocalPotentials,
         LocalSplines,
         MultiscaleLeaf,
+        ParametricBlade,
         PatchBlend,
         PUInterpolant,
         Polyharmonic,
@@ -46,6 +51,7 @@ CLASSES: dict[str, type[Any]] = {
         RobustChoice,
         Smoothing,
         TiledField,
+        VectorSplines,
     )
 } | {"CreasedSplines": LocalCreasedSplines}
 """Of files, by name; the last name is that of version 0.1."""

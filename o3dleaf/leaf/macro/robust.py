@@ -118,7 +118,7 @@ class RobustHeight:
         return weights
 
     def held_out_losses(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> FloatArray:
-        """Return the Huber losses (n,) of heights predicted without the stretch that they lie in; NaN where none was."""
+        """Return the Huber losses (n,) of heights predicted without their stretch; NaN where none was."""
         data = ScatteredData(self.plane, self.heights, weights, stretches)
         errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
         return huber_loss(errors, self.corner)
@@ -157,7 +157,9 @@ class Trials(NamedTuple):
         )
 
 
-def try_smoothings(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) -> Trials:
+def try_smoothings(
+    cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, half_width: float | None = None
+) -> Trials:
     """Fit heights robustly with every trial smoothing, and predict each stretch of the leaf from the others.
 
     Parameters
@@ -168,11 +170,14 @@ def try_smoothings(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) 
         (along, across, up).
     kernel : Polyharmonic
         In two dimensions.
+    half_width : float, optional
+        Of the leaf; by default what most points lie within of across = 0, or nearly.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = plane_noise(leaf_points)
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
-    half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
+    if half_width is None:
+        half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
     stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)
     stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
     weights, rows = np.ones(len(plane)), []

@@ -45,7 +45,6 @@ def build_parametric_blade(
         chart = chart_sheet(
             sheet.vertices,
             sheet.triangles,
-            midrib=midrib,
             up=options.up,
             base=options.base,
             keep_petiole=options.keep_petiole,

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.leaf.macro.robust import RobustChoice, Trials, try_smoothings
@@ -17,8 +18,8 @@ from o3dleaf.leaf.macro.robust import RobustChoice, Trials, try_smoothings
 WINDOW = 600
 """Points around a ball by which its smoothing is judged: of a narrow leaf five stretches or more, of a broad one a
 tenth of it."""
-SIGNIFICANT = 2.0
-"""Standard errors of the mean difference of losses, over stretches, from which a place has a smoothing of its own."""
+PRIOR = 200
+"""Points' worth of the whole leaf's mean losses that are added to a window's: a few points decide nothing."""
 BLENDED = 3
 """Balls whose smoothing a point's is the mean of, in the logarithm, each by its nearness."""
 
@@ -36,20 +37,21 @@ class LocalChoice(RobustChoice):
     factors: FloatArray
 
 
-def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) -> LocalChoice:
+def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, half_width: float) -> LocalChoice:
     """Return the smoothing of least Huber loss on held-out stretches, for the leaf and for each place.
 
     Parameters
     ----------
-    cover, leaf_points, kernel
+    cover, leaf_points, kernel, half_width
         As in `try_smoothings`.
     """
-    trials = try_smoothings(cover, leaf_points, kernel)
+    trials = try_smoothings(cover, leaf_points, kernel, half_width)
     best = trials.best
     plane = leaf_points[:, :2]
     size = min(WINDOW, len(plane))
     _, windows = cKDTree(plane).query(cover.centers, k=[*range(1, size + 1)], workers=-1)
-    local = np.array([_best_of(trials, rows, best) for rows in windows])
+    prior = np.nanmean(trials.losses, axis=1)
+    local = np.array([_best_of(trials, rows, prior) for rows in windows])
     ratio = np.log(trials.smoothings[best] / trials.smoothings[local])
     count = min(BLENDED, len(cover.centers))
     distance, balls = cKDTree(cover.centers).query(plane, k=[*range(1, count + 1)], workers=-1)
@@ -61,17 +63,7 @@ def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
     return LocalChoice(float(trials.smoothings[best]), widest, trials.noise, weights, factors)
 
 
-def _best_of(trials: Trials, rows: np.ndarray, best: int) -> int:
-    """Return the trial that predicts the points `rows` significantly better than the `best` for all, or that one."""
-    stretch, count = np.unique(trials.stretches[rows], return_inverse=True)[1], 0
-    losses = np.nan_to_num(trials.losses[:, rows])
-    count = np.bincount(stretch)
-    if len(count) < 3:
-        return best
-    sums = np.array([np.bincount(stretch, row) for row in losses])
-    share = count / count.sum()
-    gain = (sums[best] - sums) / count
-    mean = gain @ share
-    error = np.sqrt(((gain - mean[:, np.newaxis]) ** 2 @ share) / (len(count) - 1))
-    trial = int(np.argmax(mean))
-    return trial if mean[trial] > SIGNIFICANT * error[trial] else best
+def _best_of(trials: Trials, rows: IntArray, prior: FloatArray) -> int:
+    """Return the trial that predicts the points `rows` best, among those no smoother than the best for all."""
+    sums = np.nansum(trials.losses[:, rows], axis=1) + PRIOR * prior
+    return trials.best + int(np.argmin(sums[trials.best :]))

@@ -5,6 +5,7 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -57,6 +58,11 @@ class ChartMesh:
         """Area of the sheet, in the square of the world's unit."""
         return float(triangle_areas(self.vertices, self.triangles).sum())
 
+    @property
+    def width(self) -> float:
+        """Mean width: the area over the longer extent of the chart."""
+        return self.area / float(np.ptp(self.chart, axis=0).max())
+
     def parameters(self, points: FloatArray) -> FloatArray:
         """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
         return carry(self.vertices, self.triangles, self.chart, points)
@@ -106,9 +112,9 @@ def fit_chart_surface(
     first, choosing, fitting = progress.split(1, 20, 6)
     sites = thin(points, MAX_POINTS).points
     near = mesh.parameters(sites)
-    problem = _Problem(sites, mesh.area, unit)
+    problem = _Problem(sites, mesh.area, mesh.width, unit)
     with first:
-        base = problem.fit(near, problem.first_smoothing(mesh))
+        base = problem.fit(near, problem.first_smoothing)
         near, heights, _ = base.feet(sites, near)
     with choosing:
         problem = problem.choose(np.column_stack([near, heights]), smoothing)
@@ -131,6 +137,7 @@ class _Problem:
 
     sites: FloatArray
     area: float
+    width: float
     unit: str | None
     smoothing: float = 0.0
     balls: tuple[int, int] = POINTS_PER_BALL
@@ -145,10 +152,10 @@ class _Problem:
     def spacing(self) -> float:
         return float(np.sqrt(self.area / len(self.sites)))
 
-    def first_smoothing(self, mesh: ChartMesh) -> float:
-        """Return the smoothing of a surface that follows the blade's curls, but no pass of the scan."""
-        width = self.area / float(np.ptp(mesh.chart, axis=0).max())
-        return self.kernel.smoothing_for(FIRST_BANDWIDTH * width, 1 / self.spacing**2)
+    @property
+    def first_smoothing(self) -> float:
+        """The smoothing of a surface that follows the blade's curls, but no pass of the scan."""
+        return self.kernel.smoothing_for(FIRST_BANDWIDTH * self.width, 1 / self.spacing**2)
 
     def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
         """Return the surface through the sites at their parameters (n, 2)."""
@@ -166,7 +173,8 @@ class _Problem:
     def choose(self, flat: FloatArray, smoothing: SmoothingValue | str | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
         if smoothing in {None, "robust"}:
-            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose_by_place)
+            choose = partial(choose_by_place, half_width=self.width / 2)
+            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose)
             chosen = replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
             return replace(chosen, weights=choice.factors * choice.weights)
         plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
