@@ -12,7 +12,17 @@ from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.margin.margin_curve import CREASE_WIDTH, STEP, Spacing, grown, largest, margin_ring, polygon_of, resample, smooth
+from o3dleaf.leaf.margin.margin_curve import (
+    CREASE_WIDTH,
+    STEP,
+    Spacing,
+    grown,
+    largest,
+    margin_ring,
+    polygon_of,
+    resample,
+    smooth,
+)
 from o3dleaf.leaf.margin.margin_tips import with_tips
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
 
@@ -190,9 +200,7 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
     curves = []
     for number, ring in enumerate(rings):
         own = cut[owner == number]
-        curve, growth = margin_ring(
-            shapely.get_coordinates(ring)[:-1], region.points[own], region.missing[own], local
-        )
+        curve, growth = margin_ring(shapely.get_coordinates(ring)[:-1], region.points[own], region.missing[own], local)
         inside, band = polygon_of(curve), grown(curve, growth)
         area = largest(inside.difference(band) if number else inside.union(band))
         if area.is_empty:
@@ -243,5 +251,7 @@ def _notes(region: SampleRegion) -> tuple[str, ...]:
     if len(region.left_out) > TOLD * len(region.points):
         u, v = np.median(region.points[region.left_out], axis=0)
         share = len(region.left_out) / len(region.points)
-        notes.append(f"{len(region.left_out):,} points ({share:.1%}) about u {u:.4g}, v {v:.4g} lie apart and are left out")
+        notes.append(
+            f"{len(region.left_out):,} points ({share:.1%}) about u {u:.4g}, v {v:.4g} lie apart and are left out"
+        )
     return tuple(notes)

@@ -103,7 +103,9 @@ def _triangulate(points: FloatArray) -> _Triangulation:
     shape = local_shape(points, triangles)[triangles].mean(axis=1)
     reach = np.zeros(len(triangles))
     for side in (b - a, c - b, a - c):
-        square = shape[:, 0] * side[:, 0] ** 2 + 2 * shape[:, 1] * side[:, 0] * side[:, 1] + shape[:, 2] * side[:, 1] ** 2
+        square = (
+            shape[:, 0] * side[:, 0] ** 2 + 2 * shape[:, 1] * side[:, 0] * side[:, 1] + shape[:, 2] * side[:, 1] ** 2
+        )
         reach = np.maximum(reach, np.sqrt(square))
     clockwise = (twice < 0)[:, None]
     triangles = np.where(clockwise, triangles[:, [0, 2, 1]], triangles)
