@@ -575,6 +575,7 @@ LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
+<<<<<<< ours
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -597,3 +598,35 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
+=======
+# --- the chart's surface ---
+
+CHART_ROUNDING = 1e-10
+"""Of the largest value: the sums over a ball's sites are the same in another order, and second derivatives lose three
+digits."""
+
+CHART_FIT = 1e-8
+"""Systems of 300 sites solved for a plane: 1e-12 found in values, 1e-10 in second derivatives."""
+
+CHART_FOOT = 1e-9
+"""In mm, of a strip of 40: found 2e-11, where the last step of Newton's method is rounding."""
+
+CHART_SLOPE = 0.01
+"""Slopes of an interpolant of a cylinder of radius 3.1 through points 0.28 apart: found 0.0054; curvatures 0.003."""
+
+DIFFERENCED_SLOPES = 1e-6
+"""Central differences over 1e-5 of coordinates up to 80, of a continuation up to 40 long, which multiplies third
+derivatives of S: found 2e-7."""
+
+DIFFERENCED_BENDS = 1e-4
+"""The same of slopes; between two data sites third derivatives of r³ jump, which costs 1e-5."""
+
+DIFFERENCED_JACOBIAN = 1e-4
+"""Central differences over 1e-5 of S + w n: second derivatives of r³ have kinks at the data, which cost 1e-5."""
+
+DIFFERENCED_GRADIENT = 1e-3
+"""Central differences over 1e-5 of a field of slope 5 whose points are found to 1e-11: 1e-5 found."""
+
+SIGNED_VS_FOOT = 5e-3
+"""In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
+>>>>>>> theirs
