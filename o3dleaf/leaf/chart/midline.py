@@ -27,9 +27,11 @@ from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 STATIONS_PER_WIDTH = 8
 STATIONS = (40, 600)
 """Of the curve, least and most; eight a width show every bend that a blade's margins can have."""
-STIFFNESS = 16.0
+STIFFNESS = {2: 16.0, 3: 64.0}
 """Of the curve, against the middles of sections an eighth of a width apart: it follows what is longer than a width or
-two, and neither teeth nor lobes."""
+two, and neither teeth nor lobes. By the order of the differences that are kept small."""
+BENDS = 5.0
+"""Square of the length over the area from which a blade's own bend is known well enough to go on at its ends."""
 ROUNDS = 16
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
@@ -163,34 +165,28 @@ def _stations(outline: Any, curve: FloatArray) -> int:
 
 
 def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
-    """Return the curve through the middles of its sections, smoothed, and straight on to the outline at its ends.
+    """Return the curve through the middles of its sections, smoothed, and on to the outline at its ends.
 
-    Sections nearer to an end than half their length show that end's own outline, not the margins.
+    Sections nearer to an end than their length show that end's own outline, not the margins; there the curve goes
+    on as it bends before.
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
     at = reached(curve)
     left = np.minimum(at, at[-1] - at)
     held = (left >= widths) & (widths > 0)
-    if held.sum() < 4:
+    if held.sum() < 8:
         held = (left >= 0.25 * at[-1]) & (widths > 0)
-    if held.sum() < 2:
+    if held.sum() < 3:
         return curve
-    first, last = np.flatnonzero(held)[[0, -1]]
-    inner = slice(first, last + 1)
-    targets, weights = middles[inner], (held * _trust(outline, widths, at[-1]))[inner]
+    weights = held * _trust(outline, widths, at[-1])
     if fixed:
-        targets, weights = np.concatenate([curve[:first], middles[inner]]), np.pad(weights, (first, 0))
-        targets[0], weights[0] = curve[0], 1e3
-    if len(targets) < 3:
-        return curve
-    smooth = smooth_curve(targets, weights, _stiffness(outline, at[-1], len(curve)))
-    reach = max(2, min(len(smooth) - 1, STATIONS_PER_WIDTH // 2))
-    end = leave_along(outline, smooth[-1], smooth[-1] - smooth[-1 - reach])
-    if fixed:
-        smooth[0] = curve[0]
-        return np.concatenate([smooth, end[np.newaxis]])
-    start = leave_along(outline, smooth[0], smooth[0] - smooth[reach])
-    return np.concatenate([start[np.newaxis], smooth, end[np.newaxis]])
+        middles[0], weights[0] = curve[0], 1e3
+    # What is kept beyond the ends' own outline: the direction and, of a long blade, the bend.
+    order = 3 if at[-1] ** 2 >= BENDS * outline.area else 2
+    smooth = smooth_curve(middles, weights, _stiffness(outline, at[-1], len(curve), order), order)
+    end = leave_along(outline, smooth[-2], smooth[-1] - smooth[-2])
+    start = curve[0] if fixed else leave_along(outline, smooth[1], smooth[0] - smooth[1])
+    return within(outline, np.concatenate([start[np.newaxis], smooth[1:-1], end[np.newaxis]]))
 
 
 def _trust(outline: Any, widths: FloatArray, length: float) -> FloatArray:
@@ -201,10 +197,10 @@ def _trust(outline: Any, widths: FloatArray, length: float) -> FloatArray:
     return np.asarray(np.maximum((widths / np.maximum(usual, np.finfo(float).tiny)) ** TRUST, 1e-4))
 
 
-def _stiffness(outline: Any, length: float, count: int) -> float:
+def _stiffness(outline: Any, length: float, count: int, order: int) -> float:
     """Return the stiffness for stations whose step is not an eighth of the mean width."""
     per_width = outline.area / length / (length / (count - 1))
-    return float(STIFFNESS * (per_width / STATIONS_PER_WIDTH) ** 4)
+    return float(STIFFNESS[order] * (per_width / STATIONS_PER_WIDTH) ** (2 * order))
 
 
 def _from_base(

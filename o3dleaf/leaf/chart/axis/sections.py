@@ -88,8 +88,8 @@ def normals_of(curve: FloatArray) -> FloatArray:
     return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
 
 
-def smooth_curve(points: FloatArray, weights: FloatArray, stiffness: float) -> FloatArray:
-    """Return (W + μ DᵀD)⁻¹ W p, D the second differences: points (k, 2) that bend less (Whittaker 1923)."""
-    second = np.diff(np.eye(len(points)), 2, axis=0)
+def smooth_curve(points: FloatArray, weights: FloatArray, stiffness: float, order: int) -> FloatArray:
+    """Return (W + μ DᵀD)⁻¹ W p, D the differences of an order: points (k, 2) on a smoother curve (Whittaker 1923)."""
+    rough = np.diff(np.eye(len(points)), order, axis=0)
     weight = np.diag(weights)
-    return np.asarray(np.linalg.solve(weight + stiffness * second.T @ second, weight @ points))
+    return np.asarray(np.linalg.solve(weight + stiffness * rough.T @ rough, weight @ points))
