@@ -550,3 +550,13 @@ CREASED_SLOPE = 1e-5
 LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
+
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
