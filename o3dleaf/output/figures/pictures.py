@@ -14,7 +14,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.leaf.macro.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, CaptionedFigure, words
+from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import Page, em_of
 from o3dleaf.output.view.picture import Inset, Scalars, draw_page
@@ -50,7 +50,7 @@ class Window(NamedTuple):
     tile: FloatArray
 
 
-def scan_picture(blade: Blade, scan: CloudLike) -> CaptionedFigure:
+def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
     """Return the scan colored by the way along the midrib, with the midrib and its control points.
 
     Parameters
@@ -76,38 +76,38 @@ def scan_picture(blade: Blade, scan: CloudLike) -> CaptionedFigure:
     along = Scalars(frame.to_leaf(points)[:, 0], name, ALONG, limits)
     page = _print(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
     page.key(VERMILION, "o", "control points and midrib")
-    return CaptionedFigure(
+    return Sheet(
         page.figure,
         f"The laser scan, {len(points):,} points colored by their first leaf coordinate, and the midrib with its "
         f"{len(control)} control points.",
     )
 
 
-def one_tile(leaf: MultiscaleLeaf) -> CaptionedFigure:
+def one_tile(leaf: MultiscaleLeaf) -> Sheet:
     """Return one copy of the micro-structure on the leaf, cut out as a block."""
     window = whole_tiles(leaf, (1, 1))
     page = _picture(leaf, window, TILE_STEPS)
-    return CaptionedFigure(
+    return Sheet(
         page.figure,
         f"One copy of the micro-structure on the leaf, {_extent(leaf, window)}, as a block; cut faces are pale.",
     )
 
 
-def four_tiles(leaf: MultiscaleLeaf) -> CaptionedFigure:
+def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
     """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
     window = whole_tiles(leaf, (2, 2))
     page = _picture(leaf, window, TILE_STEPS * 2 // 3, seams=True)
     page.key(VERMILION, "-", "seams of the tiles")
     energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
     match = "" if energy is None else f" (seam energy {energy:.3g})"
-    return CaptionedFigure(
+    return Sheet(
         page.figure,
         f"Four copies of the micro-structure, {_extent(leaf, window)} together, blended at their edges{match}; "
         "the lines are the seams.",
     )
 
 
-def cross_section(leaf: MultiscaleLeaf) -> CaptionedFigure:
+def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     """Return a slab across the whole width of the leaf, seen along the midrib, with an inset of its micro-structure."""
     window = whole_tiles(leaf, (1, 1))
     low, high = leaf.blade.outline.bounds[:, 1]
@@ -120,14 +120,14 @@ def cross_section(leaf: MultiscaleLeaf) -> CaptionedFigure:
     inset = Inset(block(leaf, step, close), view=view)
     page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
     unit = leaf.unit or ""
-    return CaptionedFigure(
+    return Sheet(
         page.figure,
         f"A cross-section of the leaf, {middle:.0f} {unit} along the midrib and {high - low:.3g} {unit} wide, the "
         "adaxial side up; cut faces are pale. Inset: a close-up.",
     )
 
 
-def whole_leaf(leaf: MultiscaleLeaf) -> CaptionedFigure:
+def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
     """Return the whole leaf with an inset of the micro-structure on it."""
     window = whole_tiles(leaf, (1, 1))
     step = float(window.tile.max()) / LEAF_STEPS
@@ -136,7 +136,7 @@ def whole_leaf(leaf: MultiscaleLeaf) -> CaptionedFigure:
     solid = block(leaf, fine, window.region)
     inset = Inset(solid, view=_oblique(leaf.blade, solid))
     page = _print(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset])
-    return CaptionedFigure(
+    return Sheet(
         page.figure,
         f"The whole multi-scale surface, {len(mesh.triangles):,} triangles; inset: {_extent(leaf, window)} of it.",
     )
