@@ -576,6 +576,7 @@ LARGEST_STEP_OF_A_BAR = 0.2
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
 <<<<<<< ours
+<<<<<<< ours
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -629,4 +630,15 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
+>>>>>>> theirs
+=======
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
 >>>>>>> theirs
