@@ -6,17 +6,14 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.offset import NormalOffsets, surface_tangents
 
 STRAIGHT = 1e-12
-"""Turning of the frame per length of the leaf below which it is none: its focal surface is infinitely far."""
+"""Curvature, times the length of the leaf, below which it is none: its focal surface is infinitely far."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    r"""The Jacobian of `Blade.lift` at height 0, J = (S₁, S₂, D), D = V along up and N along the normal, at n places.
+    r"""The Jacobian of `Blade.lift` at height 0, J = (S₁, S₂, D), with D the direction of heights, at n places.
 
     A copy of the texture without any distortion has 1 everywhere, and no shear.
 
@@ -29,7 +26,8 @@ class Distortion:
     shear : (n,) ndarray
         What the angle between S₁ and S₂ lacks of a right one, in radians.
     thickness : (n,) ndarray
-        D · N: the thickness in the world of a unit thickness. Along up the cosine of the blade's slope.
+        D · N, N the unit normal: the thickness in the world of a unit thickness. Along up the cosine of the blade's
+        slope.
     area : (n,) ndarray
         |S₁ × S₂|.
     singular_values : (n, 3) ndarray
@@ -66,45 +64,34 @@ class Distortion:
         return table | {"focal": nearest if np.isfinite(nearest) else None}
 
     @classmethod
-    def of(cls, frame: LeafFrame, height_map: HeightMap, plane: FloatArray, offset: str) -> "Distortion":
-        """Measure the map of a frame and a height map, with heights along "up" or "normal", at (n, 2) places."""
-        height, *gradient = height_map.jet(plane, 1).T
-        leaf = np.column_stack([plane, height])
-        jacobian = frame.jacobian(leaf)
-        first, second = surface_tangents(jacobian, np.stack(gradient, axis=1))
+    def of(cls, plane: FloatArray, columns: FloatArray, focal: FloatArray) -> "Distortion":
+        """Measure a map at (n, 2) places by its Jacobian at height 0.
+
+        Parameters
+        ----------
+        plane : (n, 2) ndarray
+        columns : (n, 3, 3) ndarray
+            ``columns[:, k]`` is ∂X/∂z_k, as in `Lifted`.
+        focal : (n,) ndarray
+            Heights at which the map folds.
+        """
+        first, second, direction = columns[:, 0], columns[:, 1], columns[:, 2]
         cross = np.cross(first, second)
         area = np.linalg.norm(cross, axis=1)
         along, across = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
-        normal = cross / area[:, np.newaxis]
-        direction = normal if offset == "normal" else jacobian[:, :, 2]
         return cls(
             plane=plane,
             along=along,
             across=across,
             shear=np.arcsin(np.clip(np.einsum("ni,ni->n", first, second) / (along * across), -1, 1)),
-            thickness=np.einsum("ni,ni->n", direction, normal),
+            thickness=np.einsum("ni,ni->n", direction, cross / area[:, np.newaxis]),
             area=area,
-            singular_values=np.linalg.svd(np.stack([first, second, direction], axis=2), compute_uv=False),
-            focal=_focal(frame, height_map, plane) if offset == "normal" else _focal_up(frame, leaf, jacobian),
+            singular_values=np.asarray(np.linalg.svd(columns, compute_uv=False)),
+            focal=focal,
         )
 
 
-def _focal(frame: LeafFrame, height_map: HeightMap, plane: FloatArray) -> FloatArray:
-    """Return the least radius of curvature of the blade (n,)."""
-    flat = np.column_stack([plane, np.zeros(len(plane))])
-    curvature = np.abs(NormalOffsets.at(frame, height_map, flat).curvatures).max(axis=1, initial=0.0)
-    return _reciprocal(curvature, frame.length)
-
-
-def _focal_up(frame: LeafFrame, leaf: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Return the height at which det ∂x/∂y, linear in y₃, vanishes."""
-    determinant = np.linalg.det(jacobian)
-    higher = np.linalg.det(frame.jacobian(leaf + np.array([0.0, 0.0, frame.length])))
-    fall = np.abs(higher - determinant) / frame.length
-    return np.asarray(np.abs(determinant) * _reciprocal(fall, frame.length))
-
-
-def _reciprocal(curvature: FloatArray, length: float) -> FloatArray:
-    """Return the radii of curvature, ∞ where there is none."""
+def radii_of(curvature: FloatArray, length: float) -> FloatArray:
+    """Return the radii of curvature (n,) on a leaf of a given length, ∞ where there is no curvature."""
     curved = curvature > STRAIGHT / length
     return np.where(curved, 1 / np.where(curved, curvature, 1.0), np.inf)
