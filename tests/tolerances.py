@@ -575,8 +575,6 @@ LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
-<<<<<<< ours
-<<<<<<< ours
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -599,7 +597,6 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
-=======
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -630,8 +627,6 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
->>>>>>> theirs
-=======
 # --- sheets ---
 
 OPEN_SHEET_NEAR = 1.0
@@ -641,4 +636,24 @@ on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex w
 OPEN_SHEET_AREA = 0.02
 """Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
 of the leaf, or noise as it is, makes 5 % and more."""
->>>>>>> theirs
+
+# --- the margin ---
+
+TAPER_ROUNDING = 1e-7
+"""A root of a depth that is rounded by 1e-16 of a leaf's 20 is off by 1e-8; a side too few leaves 1e-2."""
+
+TAPER_SLOPE = 1e-3
+"""In 1/length: a central difference of τ at a step of 1e-6 where the second derivative is of size 100."""
+
+CHORD_AREA = 1e-9
+"""Share of an area that is summed over facets and over cells; a vertex of the cut off its chord leaves 1e-5."""
+
+MARGIN_AREA = 1e-3
+"""Issue 15 has 1 %: share of a sheet of 40 with a tip of 20 degrees, a notch and a hole, at steps of 0.1 to 0.4; found
+5e-4. Whole cells lose 6 to 25 %."""
+
+ON_MARGIN = 0.02
+"""Of the step: a chord of a step lies this near a margin of radius 1 at steps up to 0.15 (step²/8 r)."""
+
+RIM_DISTANCE = 0.1
+"""Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""

@@ -120,7 +120,10 @@ class ParametricBlade(Blade):
 
     def _tapers(self, flat: FloatArray) -> FloatArray:
         """Return τ, τ_u, τ_v (n, 3), or no rows where τ is 1 everywhere."""
-        return NO_TAPER if self.taper is None else self.taper.jet(flat[:, :2])
+        if self.taper is None:
+            return NO_TAPER
+        values, slopes = self.taper.jets(flat[:, :2])
+        return np.column_stack([values, slopes])
 
     def focal_heights(self, plane: FloatArray) -> FloatArray:
         """Return the heights (n,) above or below the (n, 2) places at which the lift folds; ∞ where it never does."""
