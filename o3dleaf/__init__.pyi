@@ -25,7 +25,8 @@ from .leaf.macro.midrib import find_midrib as find_midrib
 from .leaf.macro.frame import LeafFrame as LeafFrame
 from .leaf.macro.height import HeightMap as HeightMap
 from .leaf.macro.outline import AlphaShape as AlphaShape
-from .leaf.macro.blade import Blade as Blade
+from .leaf.macro.blade import HeightMapBlade as HeightMapBlade
+from .leaf.blade.blade import Blade as Blade
 from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf

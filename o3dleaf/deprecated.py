@@ -15,7 +15,7 @@ RENAMED: dict[str, str] = {
     **{name: f"o3dleaf:errors.{name}" for name in errors.__all__},
     **{name: f"o3dleaf:view.{name}" for name in ("Points", "pick_midrib", "render", "render_distortion", "show")},
     "Defects": "o3dleaf.surface.mesh.defects:Defects",
-    "Distortion": "o3dleaf.leaf.macro.distortion:Distortion",
+    "Distortion": "o3dleaf.leaf.blade.distortion:Distortion",
     "FrameQuality": "o3dleaf.leaf.macro.frame_quality:FrameQuality",
     "Inspection": "o3dleaf.surface.mesh.inspection:Inspection",
     "Orientation": "o3dleaf.surface.cloud.orientation:Orientation",

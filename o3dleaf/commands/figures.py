@@ -12,7 +12,7 @@ from o3dleaf.core.job import LongJob, argument, option, words_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
-    from o3dleaf.leaf.macro.blade import Blade
+    from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.output.figures.draw import Drawn
 

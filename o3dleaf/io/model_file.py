@@ -35,8 +35,9 @@ ALIGNMENT = 64
 def write_model(model: object, path: str | PathLike[str]) -> None:
     """Write an object as one file, whole or not at all.
 
-    An object is a dataclass, saved field by field, or has ``state() -> dict`` to return its parts. A field that was
-    renamed after files had been written keeps its name there: ``field(metadata={"stored": "name in the file"})``.
+    An object is a dataclass, saved field by field, or has ``state() -> dict`` to return its parts. What was renamed
+    after files had been written keeps its name there: a field by ``field(metadata={"stored": "name in the file"})``, a
+    class by an attribute ``stored_class = "name in the file"`` of its own.
     """
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
@@ -134,7 +135,7 @@ def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
         state = {name: getattr(value, field) for name, field in _stored_names(type(value)).items()}
     else:
         raise InputError(f"save: a {type(value).__name__} has no state to save")
-    return {"class": type(value).__name__, "state": {name: _pack(part, arrays) for name, part in state.items()}}
+    return {"class": stored_class(type(value)), "state": {name: _pack(part, arrays) for name, part in state.items()}}
 
 
 def _unpack(
@@ -153,6 +154,11 @@ def _unpack(
     names = _stored_names(kind) if is_dataclass(kind) and not hasattr(kind, "state") else {}
     state = {names.get(name, name): _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}
     return kind(**state)
+
+
+def stored_class(kind: type[Any]) -> str:
+    """Return the name that files have for a class; a subclass does not inherit it."""
+    return str(vars(kind).get("stored_class", kind.__name__))
 
 
 def _stored_names(kind: type[Any]) -> dict[str, str]:

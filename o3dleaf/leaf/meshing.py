@@ -18,12 +18,12 @@ from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import unit_comment
 from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import Tile, extract_tile
-from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import leaf_lattice, tile_lattice

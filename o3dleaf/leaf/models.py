@@ -13,31 +13,37 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
-from o3dleaf.io.model_file import read_model
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.io.model_file import read_model, stored_class
+from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.splines import VectorSplines
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, type[Any]] = {
-    each.__name__: each
+    stored_class(each): each
     for each in (
         AlphaShape,
         BallIndex,
-        Blade,
+        ChartSurface,
         Cover,
         HeightMap,
+        HeightMapBlade,
         LeafFrame,
         LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,
         LocalSplines,
         MultiscaleLeaf,
+        ParametricBlade,
         PatchBlend,
         PUInterpolant,
         Polyharmonic,
@@ -45,6 +51,7 @@ CLASSES: dict[str, type[Any]] = {
         RobustChoice,
         Smoothing,
         TiledField,
+        VectorSplines,
     )
 } | {"CreasedSplines": LocalCreasedSplines}
 """Of files, by name; the last name is that of version 0.1."""

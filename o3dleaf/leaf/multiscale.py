@@ -9,12 +9,14 @@ import open3d as o3d
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_writable
+from o3dleaf.core.errors import InputError
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.model_file import write_model
 from o3dleaf.io.triangle_mesh import SUFFIXES, write_mesh
+from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.distance.measured_leaf import MeasuredLeaf
 from o3dleaf.leaf.fine_windows import extract_windows
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
@@ -28,28 +30,44 @@ class MultiscaleLeaf(MeasuredLeaf):
     .. math:: G(x) = F(T^*(x)), \qquad T^*(x) = (y_1,\, y_2,\, y_3 - H(y_1, y_2)), \quad y = T(x)
 
     with F the tiled micro-structure (the sums over balls and copies of the paper's section 2.6) and T
-    the leaf frame's coordinates. The leaf works in the scan's unit; the texture keeps its own.
+    the leaf frame's coordinates; on another blade T* is its `flatten`. The leaf works in the scan's unit; the texture
+    keeps its own.
 
     Attributes
     ----------
     texture : TiledField or PatchBlend
     blade : Blade
-        The frame, the height_map, the outline and the offset that it was given.
+        A `HeightMapBlade` of the frame, the height_map, the outline and the offset, or the blade that it was given.
     scale : float
         Factor from the scan's unit to the texture's.
     """
 
     def __init__(
-        self, texture: Texture, frame: LeafFrame, height_map: HeightMap, outline: AlphaShape, *, offset: str = "up"
+        self,
+        texture: Texture,
+        frame: LeafFrame | None = None,
+        height_map: HeightMap | None = None,
+        outline: AlphaShape | None = None,
+        *,
+        offset: str = "up",
+        blade: Blade | None = None,
     ) -> None:
-        """Put the texture on the blade, its thickness along `offset`: "up", as the paper, or "normal"; see `Blade`.
+        """Put the texture on a blade, or on the paper's, its thickness along `offset`; see `HeightMapBlade`.
 
         Raises
         ------
+        InputError
+            If neither a blade nor all parts of one are given, or both.
         UnitError
             If only one of texture and frame has a unit.
         """
-        super().__init__(texture, Blade(frame, height_map, outline, offset))
+        if blade is None:
+            if frame is None or height_map is None or outline is None:
+                raise InputError("blade: is missing; give one, or a frame, a height_map and an outline")
+            blade = HeightMapBlade(frame, height_map, outline, offset)
+        elif frame is not None or height_map is not None or outline is not None:
+            raise InputError("blade: is given beside parts of one; give the blade or its frame, height_map and outline")
+        super().__init__(texture, blade)
 
     def __repr__(self) -> str:
         return f"MultiscaleLeaf({self.texture!r} on {self.blade!r})"
@@ -57,6 +75,8 @@ class MultiscaleLeaf(MeasuredLeaf):
     def state(self) -> dict[str, Any]:
         """Return what the leaf is made of, for `o3dleaf.io.model_file`."""
         blade = self.blade
+        if not isinstance(blade, HeightMapBlade):
+            return {"texture": self.texture, "blade": blade}
         parts = {"frame": blade.frame, "height_map": blade.height_map, "outline": blade.outline}
         return {"texture": self.texture, "offset": blade.offset} | parts
 

@@ -9,9 +9,9 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import MIN_SQUARE, Advance, Metric, project_to_level
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.io.labelled_mesh import RIM
+from o3dleaf.leaf.blade.outline_area import in_polygon, sides_of
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.leaf.macro.outline import in_polygon, sides_of
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.remeshing.blocks import Charted
 from o3dleaf.surface.remeshing.projection_target import FieldTarget, Masks

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 
@@ -31,7 +31,6 @@ class TexturedBlade:
     ----------
     texture : TiledField or PatchBlend
     blade : Blade
-        The frame, the height_map, the outline and the offset that it was given.
     scale : float
         Factor from the blade's unit to the texture's.
     """

@@ -15,7 +15,7 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.io.triangle_mesh import write_mesh
-from o3dleaf.leaf.macro.outline import sides_of
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.textured_blade import TexturedBlade

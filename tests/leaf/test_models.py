@@ -223,3 +223,25 @@ def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
     monkeypatch.undo()
     assert file.read_bytes() == before
     assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_the_paper_s_blade_keeps_its_name_in_files(tmp_path):
+    sample = wheat_scan(count=800)
+    blade = o3l.create_blade(sample.cloud, sample.midrib)
+    write_model(blade, tmp_path / "blade.o3l")
+    header, _ = _read_header(tmp_path / "blade.o3l")
+    assert header["model"]["class"] == "Blade"
+    found = load(tmp_path / "blade.o3l")
+    assert isinstance(found, o3l.HeightMapBlade)
+    points = np.asarray(sample.cloud.points)
+    assert np.array_equal(found.flatten(points), blade.flatten(points))
+
+
+def test_a_leaf_takes_a_blade_or_all_parts_of_one(interpolant):
+    sample = wheat_scan(count=800)
+    blade, texture = o3l.create_blade(sample.cloud, sample.midrib), o3l.TiledField(interpolant)
+    assert o3l.MultiscaleLeaf(texture, blade=blade).blade is blade
+    with pytest.raises(InputError, match="blade: is missing"):
+        o3l.MultiscaleLeaf(texture, blade.frame)
+    with pytest.raises(InputError, match="beside parts"):
+        o3l.MultiscaleLeaf(texture, blade.frame, blade=blade)

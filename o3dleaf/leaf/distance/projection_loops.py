@@ -1,6 +1,6 @@
 """Compiled: mean curvatures, and Newton's steps in z towards the closest point in the world.
 
-Names as in `o3dleaf.leaf.macro.lift_loops`.
+Names as in `o3dleaf.leaf.blade.lifted_loops`.
 """
 
 import math
@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.leaf.macro.frame_loops import cross3, dot3
-from o3dleaf.leaf.macro.lift_loops import pull, reciprocal
+from o3dleaf.leaf.blade.lifted_loops import pull, reciprocal
+from o3dleaf.leaf.blade.vector_loops import cross3, dot3
 
 MIN_EIGENVALUE = 0.1
 """Least eigenvalue of the second variation of the distance: 0 at a focus, where Newton's step has no end."""

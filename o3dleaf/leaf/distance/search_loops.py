@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from o3dleaf.leaf.macro.frame_loops import dot3
+from o3dleaf.leaf.blade.vector_loops import dot3
 
 GROUP = 4
 """Items in a leaf of the tree."""

@@ -11,10 +11,10 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.distance.search_loops import look_up
 from o3dleaf.leaf.instancing.runs import find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.leaf.macro.outline import in_polygon
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 Bools = npt.NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""The blade: the macro-scale leaf of the scan.
+"""The paper's blade: a height map over a midrib's plane, inside an α-shape.
 
 `midrib`          detection of the midrib
 `midrib_normals`  normals along it
@@ -9,9 +9,9 @@
 `outline`         the outline: an α-shape
 `lift`            from flat coordinates to the world, with the Jacobian
 `offset`          heights along the blade's normal
-`distortion`      stretch and shear of what lies on the blade
+`focal`           heights at which its map folds
 `blade`           all of it together
 `frame_loops`     stations of the frame, closest points on the axis
-`lift_loops`      the lift's Jacobian, steps of Newton's method
+`lift_loops`      the lift and its Jacobian
 `offset_loops`    the blade's normal and curvature
 """

@@ -1,6 +1,7 @@
-"""The blade: frame, height map and outline together, the macro-scale leaf of the paper's section 2.4."""
+"""The paper's blade: frame, height map and outline together, its section 2.4."""
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,11 +11,13 @@ from o3dleaf.core.checks import FloatArray, as_bounds, as_points, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh
-from o3dleaf.leaf.macro.distortion import Distortion
+from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
+from o3dleaf.leaf.blade.lifted import Lifted
+from o3dleaf.leaf.macro.focal import focal_along_normal, focal_up
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.frame_quality import FrameQuality
 from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.lift import Lifted, lift_up
+from o3dleaf.leaf.macro.lift import lift_up
 from o3dleaf.leaf.macro.offset import (
     MIN_ROOM,
     OFFSETS,
@@ -27,14 +30,9 @@ from o3dleaf.leaf.macro.outline import MAX_FRAGMENTS, AlphaShape
 from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.surface.mesh.components import largest_components
 
-SAMPLE_COUNT = 20_000
-"""Places of the blade at which frame and distortion are measured, beside those of the scan."""
-DIFFERENCE_STEP = 1e-4
-"""Step of the differences of the lift's Jacobian, of the blade's width: blades bend over their width."""
-
 
 @dataclass(frozen=True, eq=False)
-class Blade:
+class HeightMapBlade(Blade):
     r"""The blade as a surface over its flattened plane: S = m(y₁) + y₂ A(y₁) + H(y₁, y₂) V(y₁) inside an outline.
 
     Both directions of the paper's T* are here: `flatten` takes the world to flat coordinates
@@ -58,6 +56,8 @@ class Blade:
     outline: AlphaShape
     offset: str = "up"
 
+    stored_class: ClassVar[str] = "Blade"
+
     def __post_init__(self) -> None:
         """Refuse parts in different units, which were fitted to one scan, and a normal without derivatives."""
         if self.frame.unit != self.height_map.unit:
@@ -75,7 +75,7 @@ class Blade:
 
     def __repr__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
-        return f"Blade({self.frame.length:.4g}{unit} long, heights along {self.offset})"
+        return f"HeightMapBlade({self.frame.length:.4g}{unit} long, heights along {self.offset})"
 
     @property
     def unit(self) -> str | None:
@@ -107,17 +107,6 @@ class Blade:
         offsets = NormalOffsets.at(self.frame, self.height_map, flat)
         return Lifted(offsets.points, np.ascontiguousarray(offsets.jacobian.transpose(0, 2, 1)))
 
-    def lift_hessians(self, flat: FloatArray) -> FloatArray:
-        """Return ∂²X/∂z_a∂z_b, (n, 3, 3, 3), from central differences of the analytic Jacobian; X is linear in z₃."""
-        hessians = np.zeros((len(flat), 3, 3, 3))
-        step = DIFFERENCE_STEP * float(np.ptp(self.outline.bounds[:, 1]))
-        for axis in range(2):
-            shift = step * np.eye(3)[axis]
-            ahead, behind = (self.lift_with_jacobian(flat + sign * shift).columns for sign in (1.0, -1.0))
-            hessians[:, axis] = (ahead - behind) / (2 * step)
-        hessians[:, 2, :2] = hessians[:, :2, 2]
-        return (hessians + hessians.transpose(0, 2, 1, 3)) / 2
-
     def pull_back(self, flat: FloatArray, gradient: FloatArray, x: FloatArray | None = None) -> FloatArray:
         r"""Return the world gradients of g(T*(x)) from the gradients of g, both (n, 3), at flat coordinates.
 
@@ -143,38 +132,24 @@ class Blade:
         pulled[beyond] = upright.pull_back(gradient[beyond])
         return pulled
 
-    def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
-        """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.
+    def focal_heights(self, plane: FloatArray) -> FloatArray:
+        """Return the heights (n,) above or below the (n, 2) places at which the lift folds; ∞ where it never does."""
+        focal = focal_along_normal if self.offset == "normal" else focal_up
+        return focal(self.frame, self.height_map, plane)
 
-        Parameters
-        ----------
-        x : (3,) array_like
-            A point of the world near the leaf, in the scan's unit.
-        size : float
-
-        Raises
-        ------
-        InputError
-            If the point does not lie over the blade.
-        """
-        middle = self.flatten(as_points(x, "x", dim=3)[:1])[0, :2]
-        if not self.outline.contains(middle)[0]:
-            raise InputError(
-                f"x: lies at along {middle[0]:.4g}, across {middle[1]:.4g}, beside the blade; give a point over it"
-            )
-        half = require_positive(size, "size") / 2
-        return np.array([middle - half, middle + half])
-
-    def distortion(self, plane: npt.ArrayLike | None = None) -> Distortion:
-        """Return the distortion by the map from flat coordinates to the world of what lies on the blade.
-
-        Parameters
-        ----------
-        plane : (n, 2) array_like, optional
-            Places (along, across), in `unit`; `SAMPLE_COUNT` ones inside the outline by default.
-        """
-        places = self._places(SAMPLE_COUNT) if plane is None else as_points(plane, "plane", dim=2)
-        return Distortion.of(self.frame, self.height_map, places, self.offset)
+    def describe(self) -> dict[str, Any]:
+        """Return what a summary says of the scan and the outline; of the fit see `frame_quality`."""
+        frame, outline = self.frame, self.outline
+        past = (outline.points[:, 0] < 0) | (outline.points[:, 0] > frame.length)
+        return {
+            "scan": {
+                "points": len(outline.points),
+                "axis_length": frame.length,
+                "notes": list(frame.notes),
+                "points_past_the_ends": int(np.sum(past)),
+            },
+            "outline": {"alpha": outline.alpha, "alpha_chosen": outline.automatic, "area_in_the_plane": outline.area},
+        }
 
     def frame_quality(self, points: CloudLike) -> FrameQuality:
         """Return the quality of the frame for the scan and for this blade, at `SAMPLE_COUNT` places inside the outline.
@@ -190,11 +165,7 @@ class Blade:
 
     def _places(self, count: int) -> FloatArray:
         """Return about `count` (along, across) on a square grid inside the outline, and the scan's own."""
-        low, high = self.outline.bounds
-        step = float(np.sqrt(self.outline.area / count))
-        along, across = (np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))
-        grid = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
-        return np.concatenate([grid[self.outline.contains(grid)], self.outline.points])
+        return np.concatenate([super()._places(count), self.outline.points])
 
     def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.

@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from o3dleaf.leaf.blade.vector_loops import cross3, dot3
+
 GROUP = 16
 """Samples of the axis in a row that are ruled out together."""
 MAX_STEPS = 80
@@ -92,20 +94,6 @@ def axis_at(t, splines, derivatives):
         for k in range(3):
             derivatives[0, k] += beyond * derivatives[1, k]
             derivatives[2, k] = 0.0
-
-
-@njit(nogil=True, cache=True)
-def dot3(a, b):
-    """Return a · b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(nogil=True, cache=True)
-def cross3(a, b, out):
-    """Write a × b."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @njit(nogil=True, cache=True)

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from o3dleaf.leaf.macro.frame_loops import axis_at, cross3, dot3, segment, spline
+from o3dleaf.leaf.blade.vector_loops import cross3, dot3
+from o3dleaf.leaf.macro.frame_loops import axis_at, segment, spline
 
 
 @njit(nogil=True, cache=True)

@@ -10,8 +10,9 @@ from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.figures import pictures, plots
 from o3dleaf.output.figures.style import Sheet
@@ -25,11 +26,15 @@ CAPTIONS = "captions.md"
 class Subject:
     """The data that figures show; figures whose data are missing are left out."""
 
-    blade: Blade
+    blade: HeightMapBlade | None
     leaf: MultiscaleLeaf | None
     scan: CloudLike | None
     volume: Volume | None
     level: float | str
+
+    def lacks(self, needs: str) -> str:
+        """Return what keeps a figure that `needs` it from being drawn: of the scan, the paper's blade too."""
+        return "blade" if needs == "scan" and self.blade is None else needs
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,7 @@ FIGURES = {
 
 MISSING = {
     "scan": "the scan is not in a saved leaf; give its file",
+    "blade": "the blade has no leaf frame and height map; build it with frame='paper'",
     "volume": "the CT volume is not in a saved leaf; give its file",
     "leaf": "the blade has no micro-structure; give a CT volume or a model with one",
 }
@@ -124,7 +130,7 @@ def draw_figures(
     suffixes, wanted = check_request(formats, only)
     target = make_folder(folder)
     blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)
-    subject = Subject(blade, whole, scan, volume, level)
+    subject = Subject(blade if isinstance(blade, HeightMapBlade) else None, whole, scan, volume, level)
     captions: list[str] = []
     drawn = Drawn([], {})
     for number, (name, entry) in enumerate(FIGURES.items(), 1):
@@ -133,7 +139,7 @@ def draw_figures(
         arguments = entry.arguments(subject)
         try:
             if arguments is None:
-                raise InputError(MISSING[entry.needs])
+                raise InputError(MISSING[subject.lacks(entry.needs)])
             with journal.stage(f"figure {number}, {name}"):
                 sheet = entry.draw(*arguments)
                 files = [target / f"{number}-{name}.{suffix}" for suffix in suffixes]

@@ -12,7 +12,9 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.core.units import measure_in_words
+from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
 from o3dleaf.output.view.camera import Camera, View
@@ -50,12 +52,12 @@ class Window(NamedTuple):
     tile: FloatArray
 
 
-def scan_picture(blade: Blade, scan: CloudLike) -> Sheet:
+def scan_picture(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
     """Return the scan colored by the way along the midrib, with the midrib and its control points.
 
     Parameters
     ----------
-    blade : Blade
+    blade : HeightMapBlade
     scan : (n, 3) array_like or Open3D point cloud
         In the blade's unit.
     """
@@ -119,11 +121,11 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     step = float(window.tile.max()) / TILE_STEPS
     inset = Inset(block(leaf, step, close), view=view)
     page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
-    unit = leaf.unit or ""
+    place, width = (measure_in_words(each, leaf.unit, digits=3) for each in (middle, high - low))
     return Sheet(
         page.figure,
-        f"A cross-section of the leaf, {middle:.0f} {unit} along the midrib and {high - low:.3g} {unit} wide, the "
-        "adaxial side up; cut faces are pale. Inset: a close-up.",
+        f"A cross-section of the leaf, {place} along the midrib and {width} wide, the adaxial side "
+        "up; cut faces are pale. Inset: a close-up.",
     )
 
 
@@ -223,7 +225,7 @@ def _oblique(blade: Blade, solid: list[o3d.geometry.TriangleMesh]) -> View:
     """Return a view of a block with its adaxial side up, in which the midrib runs down to the right."""
     vertices, triangles = mesh_arrays(solid[0])
     place = blade.flatten(vertices.mean(axis=0))[0, 0]
-    _, along, _, up = (row[0] for row in blade.frame.stations(place))
+    along, _, up = _axes(blade, place)
     x, y, z = up.tolist()
     camera = Camera.framing(vertices, triangles, View(direction=(x, y, z), tilt=0.0))
     now = float(np.degrees(np.arctan2(along @ camera.up, along @ camera.right)))
@@ -232,15 +234,28 @@ def _oblique(blade: Blade, solid: list[o3d.geometry.TriangleMesh]) -> View:
 
 def _of_leaf(blade: Blade) -> View:
     """Return the view in which all figures show the whole leaf."""
-    plane = blade.outline.points
-    surface = blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
-    x, y, z = Camera.framing(surface, blade.outline.triangles, View(tilt=0.0)).toward.tolist()
+    if isinstance(blade, HeightMapBlade):
+        plane, triangles = blade.outline.points, blade.outline.triangles
+        surface = blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
+    else:
+        surface, triangles = mesh_arrays(blade.extract_mesh(float(np.sqrt(blade.outline.area / SAMPLE_COUNT))))
+    x, y, z = Camera.framing(surface, triangles, View(tilt=0.0)).toward.tolist()
     return View(direction=(x, y, z))
+
+
+def _axes(blade: Blade, along: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the directions (3,) along, across and up at a place of the midrib, each of length 1."""
+    if isinstance(blade, HeightMapBlade):
+        _, tangent, across, up = (row[0] for row in blade.frame.stations(np.array([along])))
+    else:
+        columns = blade.lift_with_jacobian(np.array([[along, 0.0, 0.0]])).columns[0]
+        tangent, across, up = columns / np.linalg.norm(columns, axis=1)[:, np.newaxis]
+    return tangent, across, up
 
 
 def _against_midrib(blade: Blade, along: float) -> tuple[float, float, float]:
     """Return the way along the midrib from which the adaxial side is up, whichever way across is to the right."""
-    _, tangent, across, _ = (row[0] for row in blade.frame.stations(along))
+    tangent, across, _ = _axes(blade, along)
     x, y, z = (tangent * np.sign(across[np.abs(across).argmax()])).tolist()
     return x, y, z
 

@@ -11,7 +11,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.leaf.ct.threshold import thin
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, Sheet, plot, styled, words
 from o3dleaf.output.view.panel import FAINT, INK
 
@@ -20,12 +20,12 @@ SAMPLES = (600, 150)
 """Bins of the histogram, and samples of the height map along and across the leaf."""
 
 
-def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
+def flattened_scan(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
     """Return the scan in leaf coordinates, from above and from the side, colored by the way along the midrib.
 
     Parameters
     ----------
-    blade : Blade
+    blade : HeightMapBlade
     scan : (n, 3) array_like or Open3D point cloud
         In the blade's unit.
     """
@@ -47,7 +47,7 @@ def flattened_scan(blade: Blade, scan: CloudLike) -> Sheet:
     )
 
 
-def height_map(blade: Blade) -> Sheet:
+def height_map(blade: HeightMapBlade) -> Sheet:
     """Return the smoothed height map H inside the outline of the blade, with contours."""
     low, high = blade.outline.bounds
     along, across = (np.linspace(low[axis], high[axis], count) for axis, count in enumerate(SAMPLES))

@@ -12,7 +12,8 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.fitting.local.splines import LocalSplines
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -46,25 +47,20 @@ def summarize(
     """
     journal = open_journal()
     seconds = {} if journal is None else journal.seconds
-    frame, outline, height = blade.frame, blade.outline, blade.height_map
     summary: dict[str, Any] = {
         "settings": settings,
         "unit": blade.unit,
-        "scan": {
-            "points": len(outline.points),
-            "axis_length": frame.length,
-            "notes": list(frame.notes),
-            "points_past_the_ends": int(np.sum((outline.points[:, 0] < 0) | (outline.points[:, 0] > frame.length))),
-        },
-        "outline": {"alpha": outline.alpha, "alpha_chosen": outline.automatic, "area_in_the_plane": outline.area},
-        "height_map": _fit_summary(height.interpolant.local) | _choice_summary(height.choice),
+        **blade.describe(),
+        **_height_summary(blade),
         "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
         "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
         "seconds": {name: round(each, 3) for name, each in seconds.items()},
         "threads": get_num_threads(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
-    if scan is not None:
+    if not isinstance(blade, HeightMapBlade):
+        summary["warnings"] = blade.warnings
+    elif scan is not None:
         summary["frame"] = blade.frame_quality(scan).to_dict()
     if leaf is not None:
         texture = leaf.texture
@@ -89,6 +85,19 @@ def summarize(
         elif surface.triangles != summary["mesh"]["triangles"]:
             summary["mesh"]["note"] = "of a coarser mesh; the one that was written is too large to hold"
     return summary
+
+
+def warnings_of(summary: dict[str, Any]) -> list[str]:
+    """Return the warnings about the blade in a summary: of the paper's they stand under its frame."""
+    return list(summary.get("frame", summary).get("warnings", []))
+
+
+def _height_summary(blade: Blade) -> dict[str, Any]:
+    """Return what is worth knowing of a height map, where the blade has one."""
+    if not isinstance(blade, HeightMapBlade):
+        return {}
+    height = blade.height_map
+    return {"height_map": _fit_summary(height.interpolant.local) | _choice_summary(height.choice)}
 
 
 def _fit_summary(local: object) -> dict[str, Any]:

@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.macro.blade import SAMPLE_COUNT, Blade
-from o3dleaf.leaf.macro.distortion import Distortion
+from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
+from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import Scalars, render
 

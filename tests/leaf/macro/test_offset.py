@@ -5,7 +5,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.macro.blade import Blade
+from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.offset import NormalOffsets
@@ -42,7 +42,7 @@ def parts():
 
 @pytest.fixture(scope="module")
 def blade(parts):
-    return Blade(*parts, "normal")
+    return HeightMapBlade(*parts, "normal")
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_flatten_is_the_inverse_of_lift_far_from_the_origin(parts, flat):
     frame, height_map, outline = parts
     moved = frame.axis.copy()
     moved[:, 0] += 1e6
-    blade = Blade(LeafFrame(frame.breaks, moved, frame.normal, "mm"), height_map, outline, "normal")
+    blade = HeightMapBlade(LeafFrame(frame.breaks, moved, frame.normal, "mm"), height_map, outline, "normal")
     assert np.abs(blade.flatten(blade.lift(flat)) - flat).max() <= FAR_ROUND_TRIP
 
 
@@ -90,7 +90,7 @@ def test_the_slope_of_lift_equals_central_differences(blade, flat):
 
 @pytest.mark.parametrize("offset", ["up", "normal"])
 def test_pull_back_is_the_gradient_of_what_is_put_on_the_blade(parts, flat, offset):
-    blade = Blade(*parts, offset)
+    blade = HeightMapBlade(*parts, offset)
     inner = flat[np.all(np.abs(flat[:, :2] - [15, 0]) < [14.5, 2.5], axis=1)][:500]
     wave = np.array([1.3, 0.7, 2.1])
     world, step = blade.lift(inner), 1e-5
@@ -116,7 +116,7 @@ def test_on_a_slope_the_normal_keeps_the_thickness_and_up_takes_its_cosine():
     middle = np.array([[15.0, 1.0, 0.0]])
     roof_normal = np.array([0, -0.6, 0.8])
     for offset, thickness in (("up", 0.8), ("normal", 1.0)):
-        blade = Blade(frame, height_map, outline, offset)
+        blade = HeightMapBlade(frame, height_map, outline, offset)
         above, below = blade.lift(middle + [0, 0, 0.5]), blade.lift(middle - [0, 0, 0.5])
         assert (above - below) @ roof_normal == pytest.approx([thickness], abs=STRAIGHT_SLOPE)
         found = blade.distortion(middle[:, :2])
@@ -129,7 +129,7 @@ def test_on_a_slope_the_normal_keeps_the_thickness_and_up_takes_its_cosine():
 
 @pytest.mark.parametrize("offset", ["up", "normal"])
 def test_distortion_is_the_slope_of_lift_at_the_blade(parts, flat, offset):
-    blade = Blade(*parts, offset)
+    blade = HeightMapBlade(*parts, offset)
     plane, step = flat[:400, :2], 1e-5
     plane = plane[np.abs(plane[:, :1] - blade.frame.breaks).min(axis=1) > step]
     base = np.column_stack([plane, np.zeros(len(plane))])
@@ -157,7 +157,7 @@ def cylinder():
         return np.stack([along, 8 * np.sin(across / 8), 8 * np.cos(across / 8)], axis=1)
 
     parts = strip(np.random.default_rng(4), arch, smoothing=0.0)
-    return Blade(*parts, "normal"), Blade(*parts)
+    return HeightMapBlade(*parts, "normal"), HeightMapBlade(*parts)
 
 
 def test_a_cylinder_folds_at_its_own_radius(cylinder):
@@ -202,11 +202,11 @@ def test_a_kernel_without_second_derivatives_is_refused(parts):
     frame, _, outline = parts
     leaf = np.column_stack([outline.points, np.zeros(len(outline.points))])[:500]
     rough = HeightMap.fit(leaf, kernel="thin_plate_spline", smoothing=1.0, unit="mm")
-    assert np.isfinite(Blade(frame, rough, outline).lift([[10.0, 0, 0.1]])).all()
+    assert np.isfinite(HeightMapBlade(frame, rough, outline).lift([[10.0, 0, 0.1]])).all()
     with pytest.raises(InputError, match="cubic"):
-        Blade(frame, rough, outline, "normal")
+        HeightMapBlade(frame, rough, outline, "normal")
     with pytest.raises(InputError, match="offset"):
-        Blade(*parts, "sideways")
+        HeightMapBlade(*parts, "sideways")
 
 
 def test_the_option_is_saved_with_the_leaf(parts, blade, tmp_path):

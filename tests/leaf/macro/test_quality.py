@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from o3dleaf import AlphaShape, Blade, HeightMap, LeafFrame
+from o3dleaf import AlphaShape, HeightMap, HeightMapBlade, LeafFrame
 from tolerances import ARC_OF_CIRCLE, ROUND_TRIP
 
 RADIUS = 40.0
@@ -25,7 +25,9 @@ def ring(half_width, radius=RADIUS, turn=1.5, seed=0):
 
 
 def flat_blade(frame, plane):
-    return Blade(frame, HeightMap.fit(np.column_stack([plane, np.zeros(len(plane))]), smoothing=1.0), AlphaShape(plane))
+    return HeightMapBlade(
+        frame, HeightMap.fit(np.column_stack([plane, np.zeros(len(plane))]), smoothing=1.0), AlphaShape(plane)
+    )
 
 
 def test_on_an_arc_the_least_determinant_is_one_less_half_the_width_over_the_radius():

@@ -37,7 +37,7 @@ def test_a_flat_blade_folds_nowhere_and_is_still_json():
     scan = np.column_stack([rng.uniform(0, 60, 800), rng.uniform(-4, 4, 800), np.zeros(800)])
     frame = o3l.LeafFrame.fit(scan, [[0, 0, 0], [30, 0, 0], [60, 0, 0]])
     leaf = frame.to_leaf(scan)
-    blade = o3l.Blade(frame, o3l.HeightMap.fit(leaf, smoothing=1.0), o3l.AlphaShape(leaf[:, :2]))
+    blade = o3l.HeightMapBlade(frame, o3l.HeightMap.fit(leaf, smoothing=1.0), o3l.AlphaShape(leaf[:, :2]))
     summary = summarize(blade, blade.extract_mesh(1.0), {})
     assert json.loads(json.dumps(summary, allow_nan=False))["distortion"]["focal"] is None
     assert "frame" not in summary

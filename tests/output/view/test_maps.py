@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from o3dleaf import AlphaShape, Blade, HeightMap, LeafFrame
+from o3dleaf import AlphaShape, HeightMap, HeightMapBlade, LeafFrame
 from o3dleaf.core.errors import InputError
 from o3dleaf.output.view import render_distortion
 from o3dleaf.output.view.maps import MEASURES
@@ -23,7 +23,7 @@ def arc():
     turn = np.linspace(0, 1, 9)
     frame = LeafFrame.fit(scan, np.column_stack([20 * np.sin(turn), 20 - 20 * np.cos(turn), np.zeros(9)]), unit="mm")
     leaf = frame.to_leaf(scan)
-    return Blade(frame, HeightMap.fit(leaf, smoothing=1.0, unit="mm"), AlphaShape(leaf[:, :2]))
+    return HeightMapBlade(frame, HeightMap.fit(leaf, smoothing=1.0, unit="mm"), AlphaShape(leaf[:, :2]))
 
 
 def test_the_outer_edge_is_red_and_the_inner_one_blue(arc):

@@ -1,0 +1,97 @@
+"""Distortion of the micro-structure by the map from flat coordinates to the world: stretch, shear, thickness."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+
+STRAIGHT = 1e-12
+"""Curvature, times the length of the leaf, below which it is none: its focal surface is infinitely far."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distortion:
+    r"""The Jacobian of `Blade.lift` at height 0, J = (S₁, S₂, D), with D the direction of heights, at n places.
+
+    A copy of the texture without any distortion has 1 everywhere, and no shear.
+
+    Attributes
+    ----------
+    plane : (n, 2) ndarray
+        (along, across).
+    along, across : (n,) ndarrays
+        |S₁| and |S₂|: lengths in the world of a unit length in the plane.
+    shear : (n,) ndarray
+        What the angle between S₁ and S₂ lacks of a right one, in radians.
+    thickness : (n,) ndarray
+        D · N, N the unit normal: the thickness in the world of a unit thickness. Along up the cosine of the blade's
+        slope.
+    area : (n,) ndarray
+        |S₁ × S₂|.
+    singular_values : (n, 3) ndarray
+        Of J, largest first: the axes of the ellipsoid that a small unit ball becomes.
+    focal : (n,) ndarray
+        Height above or below the blade, in its unit, at which the map folds; ∞ where it never does. Micro-structure
+        that is taller cannot be put there.
+    """
+
+    plane: FloatArray
+    along: FloatArray
+    across: FloatArray
+    shear: FloatArray
+    thickness: FloatArray
+    area: FloatArray
+    singular_values: FloatArray
+    focal: FloatArray
+
+    def __repr__(self) -> str:
+        ranges = [(name, getattr(self, name)) for name in ("along", "across", "thickness")]
+        text = ", ".join(f"{name} {values.min():.3g} to {values.max():.3g}" for name, values in ranges)
+        return f"Distortion({len(self.plane):,} places: {text})"
+
+    @property
+    def volume(self) -> FloatArray:
+        """Det J (n,), area × thickness: the volume in the world of a unit volume."""
+        return self.area * self.thickness
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return least, median and greatest of each as plain values, for a summary; of `focal` the least, None if ∞."""
+        names = ("along", "across", "shear", "thickness", "area", "volume")
+        table = {name: np.quantile(getattr(self, name), (0, 0.5, 1)).tolist() for name in names}
+        nearest = float(self.focal.min())
+        return table | {"focal": nearest if np.isfinite(nearest) else None}
+
+    @classmethod
+    def of(cls, plane: FloatArray, columns: FloatArray, focal: FloatArray) -> "Distortion":
+        """Measure a map at (n, 2) places by its Jacobian at height 0.
+
+        Parameters
+        ----------
+        plane : (n, 2) ndarray
+        columns : (n, 3, 3) ndarray
+            ``columns[:, k]`` is ∂X/∂z_k, as in `Lifted`.
+        focal : (n,) ndarray
+            Heights at which the map folds.
+        """
+        first, second, direction = columns[:, 0], columns[:, 1], columns[:, 2]
+        cross = np.cross(first, second)
+        area = np.linalg.norm(cross, axis=1)
+        along, across = np.linalg.norm(first, axis=1), np.linalg.norm(second, axis=1)
+        return cls(
+            plane=plane,
+            along=along,
+            across=across,
+            shear=np.arcsin(np.clip(np.einsum("ni,ni->n", first, second) / (along * across), -1, 1)),
+            thickness=np.einsum("ni,ni->n", direction, cross / area[:, np.newaxis]),
+            area=area,
+            singular_values=np.asarray(np.linalg.svd(columns, compute_uv=False)),
+            focal=focal,
+        )
+
+
+def radii_of(curvature: FloatArray, length: float) -> FloatArray:
+    """Return the radii of curvature (n,) on a leaf of a given length, ∞ where there is no curvature."""
+    curved = curvature > STRAIGHT / length
+    return np.where(curved, 1 / np.where(curved, curvature, 1.0), np.inf)

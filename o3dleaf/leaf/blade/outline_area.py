@@ -1,0 +1,67 @@
+"""The area in the plane (along, across) that a blade covers: its outline as polygons, and which points lie in it."""
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.parallel import run_blocks
+
+BLOCK = 65536
+
+
+class Outline(Protocol):
+    """The edge of a blade in the (along, across) plane, such as an `AlphaShape`."""
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 2) bounding box of the outline."""
+        ...
+
+    @property
+    def polygon(self) -> shapely.Polygon:
+        """The area that the blade covers."""
+        ...
+
+    @property
+    def rounded(self) -> shapely.Polygon:
+        """The area that a closed leaf covers: its edge is smooth where the rim needs that."""
+        ...
+
+    @property
+    def area(self) -> float:
+        """Area of `polygon` in the plane."""
+        ...
+
+    def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return for each of the (n, 2) points whether it lies in the outline or on it."""
+        ...
+
+
+def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return for each of the (n, 2) points whether it lies in a polygon or on it."""
+    inside = np.empty(len(points), dtype=bool)
+
+    def task(start: int, stop: int) -> None:
+        inside[start:stop] = shapely.intersects_xy(polygon, points[start:stop, 0], points[start:stop, 1])
+
+    run_blocks(task, len(points), BLOCK)
+    return inside
+
+
+def sides_of(area: shapely.Geometry) -> FloatArray:
+    """Return the sides (s, 4) of all rings of an area.
+
+    Raises
+    ------
+    ReconstructionError
+        If it has none.
+    """
+    parts = [part for part in shapely.get_parts(area) if part.area > 0]
+    if not parts:
+        raise ReconstructionError("the region lies outside the outline; choose another region")
+    rings = [ring.coords for part in parts for ring in (part.exterior, *part.interiors)]
+    return np.concatenate([np.hstack([np.array(ring)[:-1, :2], np.array(ring)[1:, :2]]) for ring in rings])

@@ -1,0 +1,25 @@
+"""The heights above or below the blade at which the paper's map from flat coordinates to the world folds."""
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.leaf.blade.distortion import radii_of
+from o3dleaf.leaf.macro.frame import LeafFrame
+from o3dleaf.leaf.macro.height import HeightMap
+from o3dleaf.leaf.macro.offset import NormalOffsets
+
+
+def focal_along_normal(frame: LeafFrame, height_map: HeightMap, plane: FloatArray) -> FloatArray:
+    """Return the least radius of curvature of the blade (n,) at (n, 2) places."""
+    flat = np.column_stack([plane, np.zeros(len(plane))])
+    curvature = np.abs(NormalOffsets.at(frame, height_map, flat).curvatures).max(axis=1, initial=0.0)
+    return radii_of(curvature, frame.length)
+
+
+def focal_up(frame: LeafFrame, height_map: HeightMap, plane: FloatArray) -> FloatArray:
+    """Return the height (n,) at (n, 2) places at which det ∂x/∂y, linear in y₃, vanishes."""
+    leaf = np.column_stack([plane, height_map(plane)])
+    determinant = np.linalg.det(frame.jacobian(leaf))
+    higher = np.linalg.det(frame.jacobian(leaf + np.array([0.0, 0.0, frame.length])))
+    fall = np.abs(higher - determinant) / frame.length
+    return np.asarray(np.abs(determinant) * radii_of(fall, frame.length))

@@ -1,0 +1,239 @@
+"""From any scan of a leaf to one open sheet: a mesh without handles, averaged where the scan is no sheet."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
+from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.widths import (
+    OFF,
+    STEEP,
+    WIDEST,
+    Layers,
+    find_layers,
+    find_passes,
+    noise_width,
+    same_facing,
+    widen,
+)
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.cloud.preprocess import usable_rows
+from o3dleaf.surface.cloud.surfels import thinned
+from o3dleaf.surface.mesh.deviation import distance_to_mesh
+from o3dleaf.surface.mesh.topology import find_holes
+from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
+
+MOST = 20_000
+"""Points that a sheet is made of at most; a chart needs no more, and the surface is fitted to all of them later."""
+FEWEST = 24
+"""Points of a sheet at least, as `detect_outliers` has it."""
+ROUNDS = 6
+"""Times that a cloud is averaged anew at most, each time where the sheet before it lay double."""
+FULL = 0.6
+"""Flatness above which points fill a volume, as when normals are oriented."""
+THICK = 25.0
+"""Spacings up to which the two sides of a closed surface are taken for those of a thin leaf."""
+SAMPLE = 400
+"""Vertices at which the thickness of a closed surface is measured."""
+MEETING = 3.0
+"""Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
+FEWEST_CONTACTS = 8
+"""Places where a rim touches another part at least, for sheets to branch there."""
+LINK = 3.0
+"""Spacings within which places of layers are one layer."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenSheet:
+    """An open sheet through a scan, from which a chart is made; smoother than the scan, and never far from it.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray
+        In the unit of the scan.
+    triangles : (m, 3) ndarray of int64
+        Connected, oriented, manifold, of genus 0, with a rim; holes where the scan has some.
+    rows : (k,) ndarray of int64
+        The points of the scan that belong to it, in rising order.
+    spacing : float
+        1/√(points per unit area) of the scan on this sheet, the median.
+    scale : float
+        Largest width over which points were averaged to make it one sheet, beyond their noise; 0: as scanned.
+    notes : tuple of str
+        What was left out, averaged or cut: one line each, with how much and where.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    rows: IntArray
+    spacing: float
+    scale: float
+    notes: tuple[str, ...]
+
+
+def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
+    """Return the open sheet through a scan, whatever its curls, folds, gaps and holes.
+
+    Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
+    spacings and face one way: passes of a scanner that disagree, or the two sides of a thin leaf. Triangles are the
+    Delaunay stars of the tangent planes, glued along their edges so that no handle comes about. Layers that averaging
+    does not join are other sheets, and left out.
+
+    Parameters
+    ----------
+    points : (n, 3) array_like or Open3D point cloud
+        Of a leaf, and whatever else was scanned.
+    piece : int, optional
+        Which of the pieces and layers, 1 for the one with most points; left out, the largest.
+    one_sheet : bool
+        Whether layers that lie close together are one surface. If not, a scan with such layers is refused.
+
+    Raises
+    ------
+    InputError
+        If the points are too few or not finite, or `piece` is below 1.
+    ReconstructionError
+        If there is no open sheet: what was found instead, and where.
+    """
+    if piece is not None and piece < 1:
+        raise InputError(f"piece: is {piece}; count pieces from 1, the largest")
+    cleaning, finding = progress.split(1, 6)
+    with cleaning:
+        scan = OrientedCloud.of(points).points
+        used = usable_rows(scan)
+    with finding:
+        found = _sheet_of(scan, used, one_sheet=one_sheet)
+        found = _with_strays(found, scan, used)
+        leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing)
+        if piece is None or piece == 1:
+            return replace(found, notes=found.notes + leftovers.tell())
+        return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
+
+
+class _Solved(NamedTuple):
+    """Sheets at widths (n,), which exceed `base` where layers were averaged, and the points' spacing."""
+
+    sheets: OpenSheets
+    width: FloatArray
+    base: float
+    rows: IntArray
+
+
+def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
+    """Return a sheet with those points that were not `used` (k,), as outliers or repeated, but lie on it."""
+    rest = np.setdiff1d(np.flatnonzero(np.isfinite(scan).all(axis=1)), used)
+    if len(rest):
+        rest = rest[distance_to_mesh(sheet.vertices, sheet.triangles, scan[rest]) <= OFF * sheet.spacing]
+    return replace(sheet, rows=np.sort(np.concatenate([sheet.rows, rest])))
+
+
+def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet:
+    """Return the sheet through the points `pool` (k,) of a scan (n, 3)."""
+    some = pool[thinned(len(pool), -(-len(pool) // MOST))]
+    solved = _solve(scan, some, one_sheet=one_sheet)
+    sheets, spacing = solved.sheets, solved.sheets.spacing
+    vertices, triangles = sheets.sheet()
+    normals = vertex_normals(vertices, triangles)
+    overlaps = nearest_layers(vertices, normals, WIDEST * spacing, STEEP)
+    vertices, triangles, flaps = cut_off_flaps(vertices, triangles, same_facing(overlaps))
+    vertices, triangles = fill_small_holes(vertices, triangles, 2 * np.pi * sheets.gap)
+    if not find_holes(vertices, triangles).is_rim.any():
+        raise ReconstructionError(
+            f"scan: its points close around a volume at {place_of(vertices)}, {np.ptp(vertices, axis=0).max():.3g} "
+            "across, and no sheet is open there; give one side of the leaf"
+        )
+    held = distance_to_mesh(vertices, triangles, sheets.points) <= OFF * spacing
+    if held.sum() < FEWEST:
+        raise ReconstructionError(
+            f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {place_of(vertices)}; "
+            "give the points of a leaf, closer together"
+        )
+    rows = pool[held[cKDTree(scan[solved.rows]).query(scan[pool], workers=-1)[1]]]
+    passes, apart = find_passes(scan[solved.rows], sheets)
+    joined = len(passes) > 0 or bool((solved.width > solved.base).any())
+    notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes, apart) + tell_cuts(sheets.cut, flaps)
+    whole = spacing * float(np.sqrt(held.sum() / len(rows)))
+    return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
+
+
+def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
+    """Return the sheets of points of a scan, averaged by noise and where layers lie."""
+    cloud = OrientedCloud.of(scan[some])
+    if cloud.surfels.flatness > FULL:
+        raise ReconstructionError(
+            f"scan: its {len(cloud):,} points at {place_of(cloud.points)} show no surface: they fill a volume or lie "
+            "along lines; give the points of a leaf, with less noise"
+        )
+    spacing = cloud.spacing
+    base = noise_width(cloud.noise, spacing)
+    width = np.full(len(cloud), base)
+    layers = Layers.none()
+    sheets = OpenSheets.of(cloud.points, width, spacing)
+    if not one_sheet:
+        _refuse_layers(cloud.points, sheets)
+        return _Solved(sheets, width, base, some)
+    fewer = _thin_sides(sheets)
+    if fewer > 1 and len(some) // fewer >= FEWEST:
+        return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
+    for round_ in range(ROUNDS):
+        after = layers.after(*find_layers(sheets), LINK * spacing)
+        if after.like(layers):
+            break
+        layers = after
+        width = widen(cloud.points, np.full(len(cloud), base), layers)
+        sheets = OpenSheets.of(cloud.points, width, spacing)
+        progress.report(round_ + 1, ROUNDS)
+    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some)
+
+
+def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) -> OpenSheets:
+    """Return the sheets without vertices near lines where they branch, if one comes off the inside of the largest.
+
+    Beside such a line the planes through the points lie askew; triangles from both sides of it find together.
+    """
+    contacts = sheets.contacts()
+    if len(contacts) < FEWEST_CONTACTS:
+        return sheets
+    parted = OpenSheets.of(points, width, sheets.spacing, contacts)
+    gained = parted.areas[1:].max(initial=0.0) - sheets.areas[1:].max(initial=0.0)
+    inside = cKDTree(parted.rim()).query(contacts, workers=-1)[0] > parted.gap
+    return parted if gained >= FEWEST * sheets.spacing**2 and 2 * inside.sum() > len(inside) else sheets
+
+
+def _thin_sides(sheets: OpenSheets) -> int:
+    """Return how many times to thin a closed surface for its sides to lie within three spacings of each other."""
+    vertices, triangles = sheets.sheet()
+    if find_holes(vertices, triangles).is_rim.any():
+        return 1
+    normals = vertex_normals(vertices, triangles)
+    some = thinned(len(vertices), -(-len(vertices) // SAMPLE))
+    overlaps = nearest_layers(vertices, normals, THICK * sheets.spacing, STEEP, some)
+    apart = np.where(overlaps.facing < 0, overlaps.distance, np.inf).min(axis=1)
+    thick = float(np.median(apart))
+    return int(np.ceil((thick / (MEETING * sheets.spacing)) ** 2)) if np.isfinite(thick) else 1
+
+
+def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
+    """Raise `ReconstructionError` where layers lie over the largest sheet."""
+    layers = Layers.none().after(*find_layers(sheets), LINK * sheets.spacing)
+    passes, apart = find_passes(points, sheets)
+    places = np.concatenate([layers.places, passes])
+    if len(places):
+        raise ReconstructionError(
+            f"scan: is no single sheet: at {len(places)} places, most around {place_of(places)}, another layer lies up "
+            f"to {max(apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out"
+        )
+    if len(sheets.cut):
+        raise ReconstructionError(
+            f"scan: is no single sheet: parts far apart along it touch at {place_of(sheets.cut)}; allow points to be "
+            "averaged into one sheet, or cut them apart there"
+        )
