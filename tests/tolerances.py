@@ -360,6 +360,7 @@ RIDGE_PITCH = 1e-3
 
 ONE_LEAF_OF_RIDGES = 0.07
 """Ridges of a scanned patch wander and differ in height: found 0.026, and 0.063 at most on ten larger patches."""
+
 # --- leaf: the surface ---
 
 PROJECTED = 1e-11
@@ -575,6 +576,16 @@ LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
+
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -597,6 +608,7 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
+
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -627,15 +639,6 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
-# --- sheets ---
-
-OPEN_SHEET_NEAR = 1.0
-"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
-on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
-
-OPEN_SHEET_AREA = 0.02
-"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
-of the leaf, or noise as it is, makes 5 % and more."""
 
 # --- the margin ---
 
