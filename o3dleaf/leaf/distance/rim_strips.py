@@ -9,10 +9,10 @@ import shapely
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.distance.boxes import grow_tree
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.strip_loops import Strips
-from o3dleaf.leaf.macro.outline import sides_of
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 5

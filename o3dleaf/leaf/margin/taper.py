@@ -9,8 +9,8 @@ import shapely
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.leaf.chart.taper_loops import MarginGrid, MarginSides, fill_taper, list_near
 from o3dleaf.leaf.instancing.plane_loops import mark_inside
+from o3dleaf.leaf.margin.taper_loops import MarginGrid, MarginSides, fill_taper, list_near
 
 BLOCK = 1 << 14
 """Points that a thread looks at together: half a megabyte."""

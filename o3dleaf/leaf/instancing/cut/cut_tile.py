@@ -10,8 +10,8 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.cut.clip_loops import (
-    MarginColumns,
     CutVertices,
+    MarginColumns,
     clip_triangles,
     list_cuts,
     place_cuts,
