@@ -16,6 +16,9 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `fine_windows`    a mesh with finer windows
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
+`fit_noise`       the noise of a scan, by which a fit is judged
+`fit_places`      where a blade does not hold its scan
+`fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
 `mesh_step`       the step of a mesh where none was asked for
 `pipeline`        scan and volume to a leaf
 `models`          saved models read again
