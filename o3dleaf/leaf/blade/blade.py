@@ -36,9 +36,12 @@ class Blade(ABC):
     open_edges : {"cells", "cut"}
         How a mesh of two open sheets ends: with the last whole cells of its lattice inside the outline, as the
         paper's, or cut along it.
+    notes : tuple of str
+        What of the scan was left out, cut off, filled or averaged, one line each.
     """
 
     outline: Outline
+    notes: tuple[str, ...] = ()
     open_edges: ClassVar[OpenEdges] = "cells"
 
     @property
