@@ -585,6 +585,79 @@ SPACING_OF_A_LATTICE = 0.1
 SAME_MOMENTS = 1e-12
 """Of a mean over 30,000 points of size 3, summed in another order: 1e-14 found; one point left out moves it by 1e-5."""
 
+THINNED_NOISES = 0.6
+"""Standard deviations of the scan's noise between heights from 2,500 means and from all of 6,000 points, 99 %: 0.3
+found; the first 2,500 points are off by hundreds."""
+
+THINNED_AREA = 0.005
+"""Of the outline's area, on the frames of both: 0.0013 found."""
+
+# --- formats of scanners ---
+
+SINGLE_PRECISION = 1e-7
+"""Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
+float32 would round to a quarter of a meter."""
+# --- the chart's surface ---
+
+CHART_ROUNDING = 1e-10
+"""Of the largest value: the sums over a ball's sites are the same in another order, and second derivatives lose three
+digits."""
+
+CHART_FIT = 1e-8
+"""Systems of 300 sites solved for a plane: 1e-12 found in values, 1e-10 in second derivatives."""
+
+CHART_FOOT = 1e-9
+"""In mm, of a strip of 40: found 2e-11, where the last step of Newton's method is rounding."""
+
+CHART_SLOPE = 0.01
+"""Slopes of an interpolant of a cylinder of radius 3.1 through points 0.28 apart: found 0.0054; curvatures 0.003."""
+
+DIFFERENCED_SLOPES = 1e-6
+"""Central differences over 1e-5 of coordinates up to 80, of a continuation up to 40 long, which multiplies third
+derivatives of S: found 2e-7."""
+
+DIFFERENCED_BENDS = 1e-4
+"""The same of slopes; between two data sites third derivatives of r³ jump, which costs 1e-5."""
+
+DIFFERENCED_JACOBIAN = 1e-4
+"""Central differences over 1e-5 of S + w n: second derivatives of r³ have kinks at the data, which cost 1e-5."""
+
+DIFFERENCED_GRADIENT = 1e-3
+"""Central differences over 1e-5 of a field of slope 5 whose points are found to 1e-11: 1e-5 found."""
+
+SIGNED_VS_FOOT = 5e-3
+"""In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
+
+# --- the margin ---
+
+TAPER_ROUNDING = 1e-7
+"""A root of a depth that is rounded by 1e-16 of a leaf's 20 is off by 1e-8; a side too few leaves 1e-2."""
+
+TAPER_SLOPE = 1e-3
+"""In 1/length: a central difference of τ at a step of 1e-6 where the second derivative is of size 100."""
+
+CHORD_AREA = 1e-9
+"""Share of an area that is summed over facets and over cells; a vertex of the cut off its chord leaves 1e-5."""
+
+MARGIN_AREA = 1e-3
+"""Issue 15 has 1 %: share of a sheet of 40 with a tip of 20 degrees, a notch and a hole, at steps of 0.1 to 0.4; found
+5e-4. Whole cells lose 6 to 25 %."""
+
+ON_MARGIN = 0.02
+"""Of the step: a chord of a step lies this near a margin of radius 1 at steps up to 0.15 (step²/8 r)."""
+
+RIM_DISTANCE = 0.1
+"""Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
+
 # --- the read-out of a fit ---
 
 NOISE_OF_NEIGHBORS = 0.08

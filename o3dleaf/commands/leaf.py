@@ -8,7 +8,18 @@ from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.job import LongJob, Names, argument, corners_of, number_or_word, option, options_of, output, words_of
+from o3dleaf.core.job import (
+    ColumnsOption,
+    LongJob,
+    Names,
+    argument,
+    corners_of,
+    number_or_word,
+    option,
+    options_of,
+    output,
+    words_of,
+)
 from o3dleaf.core.units import measure_in_words, unit_scale
 from o3dleaf.leaf.options import BladeOptions
 
@@ -50,13 +61,13 @@ class ScanOptions:
 
 
 @dataclass(frozen=True)
-class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
+class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
     Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
     """
 
-    scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.", reads=True)
+    scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, PTS, TXT, CSV, ASC, LAS, E57, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     ct: Path | None = option(
         None, "Micro-CT volume of a patch, or a model that `patch` wrote; without it, the blade only.", reads=True
@@ -148,7 +159,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         from o3dleaf.output.view.leaf_picture import render_leaf
 
         with journal.stage("read"):
-            scan = read_point_cloud(self.scan)
+            scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
         blade, leaf = self.build(scan, midrib, patch)

@@ -21,6 +21,9 @@ from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.splines import VectorSplines
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
@@ -30,6 +33,7 @@ CLASSES: dict[str, type[Any]] = {
     for each in (
         AlphaShape,
         BallIndex,
+        ChartSurface,
         Cover,
         HeightMap,
         HeightMapBlade,
@@ -39,6 +43,7 @@ CLASSES: dict[str, type[Any]] = {
         LocalPotentials,
         LocalSplines,
         MultiscaleLeaf,
+        ParametricBlade,
         PatchBlend,
         PUInterpolant,
         Polyharmonic,
@@ -46,6 +51,7 @@ CLASSES: dict[str, type[Any]] = {
         RobustChoice,
         Smoothing,
         TiledField,
+        VectorSplines,
     )
 } | {"CreasedSplines": LocalCreasedSplines}
 """Of files, by name; the last name is that of version 0.1."""

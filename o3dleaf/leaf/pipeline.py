@@ -12,13 +12,13 @@ from o3dleaf.core.journal import stage
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
-from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.build import build_height_map_blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
+from o3dleaf.leaf.paper_pipeline import build_height_map_blade
+from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.cloud.outliers import detect_outliers

@@ -19,6 +19,7 @@ from o3dleaf.samples.files import write_samples
 from o3dleaf.samples.leaves.kinds import LEAF_KINDS, leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import LeafScan, scan_leaf
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
+from o3dleaf.samples.leaves.scan_files import write_leaf_scans
 from o3dleaf.samples.micro import WheatPatch
 from o3dleaf.samples.scan import ScanSample, wheat_scan
 from o3dleaf.samples.sheet import WheatBlade
@@ -43,5 +44,6 @@ __all__ = [
     "scan_leaf",
     "wheat_ct",
     "wheat_scan",
+    "write_leaf_scans",
     "write_samples",
 ]

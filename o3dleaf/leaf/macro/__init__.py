@@ -11,7 +11,6 @@
 `offset`          heights along the blade's normal
 `focal`           heights at which its map folds
 `blade`           all of it together
-`build`           the points of a leaf to its blade
 `frame_loops`     stations of the frame, closest points on the axis
 `lift_loops`      the lift and its Jacobian
 `offset_loops`    the blade's normal and curvature

@@ -168,7 +168,9 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
         return np.asarray(delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]], dtype=np.int64)
 
     def contains_all(number: int) -> bool:
-        return len(np.unique(largest(number))) == reachable
+        held = np.zeros(len(points), dtype=bool)
+        held[largest(number)] = True
+        return int(held.sum()) == reachable
 
     def has_no_neck(number: int) -> bool:
         # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.

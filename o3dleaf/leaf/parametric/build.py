@@ -4,15 +4,19 @@ import numpy as np
 
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.chart.chart import Chart, chart_sheet
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
+from o3dleaf.leaf.macro.robust import MAD
 from o3dleaf.leaf.margin.margin import Margin
-from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
-from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
 from o3dleaf.leaf.options import BladeOptions
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
 
 MAX_RESIDUAL = 10.0
 """Noise deviations beyond which a point says nothing of where the leaf ends."""
+ROUNDING = 1e-6
+"""Relative difference of distances to a sheet and to a part of it that is none."""
 
 
 def build_parametric_blade(
@@ -41,7 +45,6 @@ def build_parametric_blade(
         chart = chart_sheet(
             sheet.vertices,
             sheet.triangles,
-            midrib=midrib,
             up=options.up,
             base=options.base,
             keep_petiole=options.keep_petiole,
@@ -60,7 +63,20 @@ def build_parametric_blade(
     return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
 
 
-def _near(fit: SurfaceFit) -> npt.NDArray[np.bool_]:
+def _rows_of_blade(points: FloatArray, sheet: Sheet, chart: Chart) -> IntArray:
+    """Return the rows of the points that belong to the sheet, and not to a part of it that the chart leaves out."""
+    rows = sheet.rows
+    whole, part = (_squared_distances(points[rows], each.vertices, each.triangles) for each in (sheet, chart))
+    return rows[part <= whole * (1 + ROUNDING)]
+
+
+def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    import igl
+
+    return np.asarray(igl.point_mesh_squared_distance(points, vertices, triangles)[0])
+
+
+def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
-    noise = 1.4826 * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
+    noise = MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
     return np.abs(fit.heights) <= MAX_RESIDUAL * noise

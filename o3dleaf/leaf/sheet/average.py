@@ -5,7 +5,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.leaf.sheet.average_loops import project_onto_planes
+from o3dleaf.leaf.sheet.average_loops import project_onto_planes, thin_cells
 from o3dleaf.surface.cloud.cells import Cells
 
 ROUNDS = 3
@@ -56,6 +56,3 @@ def thin(points: FloatArray, distance: FloatArray) -> IntArray:
     order = cells.order
     thin_cells(points[order], distance[order], order, cells.number, cells.first, cells.last, cells.shape, kept)
     return np.flatnonzero(kept)
-
-
-from o3dleaf.leaf.sheet.average_loops import thin_cells  # noqa: E402

@@ -3,7 +3,7 @@
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.sheet.gluing_loops import glue, orient_triangles
 from o3dleaf.surface.cloud.parity_loops import flatten
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
@@ -49,7 +49,7 @@ def glue_sheets(triangles: IntArray, normals: FloatArray, quality: FloatArray) -
     return corner.reshape(-1, 3), source, cut
 
 
-def _pairs(triangles: IntArray) -> tuple[IntArray, "np.ndarray[tuple[int], np.dtype[np.bool_]]"]:
+def _pairs(triangles: IntArray) -> tuple[IntArray, BoolArray]:
     """Return the pairs (e, 2) of half-edges on one edge, and whether both run the same way."""
     edges = EdgeTable.of(triangles)
     shared = np.flatnonzero(edges.count == 2)

@@ -53,7 +53,7 @@ def zip_from(half, mate, opposite, stack):
             if opposite[a] < 0 and next_on_rim(a, opposite) == b:
                 p, q = previous_on_rim(a, opposite), next_on_rim(b, opposite)
                 opposite[a], opposite[b] = b, a
-                if p != b and p != a and mate[p] == q:
+                if p not in (a, b) and mate[p] == q:
                     stack[top] = p
                     top += 1
                 break
@@ -78,7 +78,7 @@ def glue(pair, order, in_tree, mate, opposite):
         if mate[h] < 0 or opposite[h] >= 0:
             continue
         w = next_on_rim(h, opposite)
-        while w != h and w != m:
+        while w not in (h, m):
             w = next_on_rim(w, opposite)
         if w != m:
             continue

@@ -1,4 +1,4 @@
-"""Small holes of a sheet, which are no holes of the leaf but of its triangles, closed; flaps of other sheets cut off."""
+"""Small holes of a sheet, which are none of the leaf but of its triangles, closed; flaps of other sheets cut off."""
 
 import numpy as np
 
@@ -73,7 +73,9 @@ def _turned(triangles: IntArray, old: int) -> IntArray:
     new = triangles[old:]
     if not len(new):
         return triangles
-    directed = set(zip(triangles[:old].ravel().tolist(), np.roll(triangles[:old], -1, axis=1).ravel().tolist(), strict=True))
+    directed = set(
+        zip(triangles[:old].ravel().tolist(), np.roll(triangles[:old], -1, axis=1).ravel().tolist(), strict=True)
+    )
     against = np.array([any(side in directed for side in zip(t, (*t[1:], t[0]), strict=True)) for t in new.tolist()])
     patch = label_triangles(new)
     over = np.bincount(patch, against)[patch] > 0
@@ -119,7 +121,7 @@ def cut_off_flaps(
 def _largest(vertices: FloatArray, triangles: IntArray) -> IntArray:
     """Return the triangles of the largest edge-connected piece."""
     piece = label_triangles(triangles)
-    return triangles[piece == np.bincount(piece, triangle_areas(vertices, triangles)).argmax()]
+    return np.asarray(triangles[piece == np.bincount(piece, triangle_areas(vertices, triangles)).argmax()])
 
 
 def split_bow_ties(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:

@@ -105,11 +105,17 @@ class Leftovers:
 
 
 def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
-    """Return the rows, group by group, of points that hang together by steps up to `link`, the largest first."""
+    """Return the rows, group by group, of points that hang together by steps of about `link`, the largest first.
+
+    Of the points in a voxel of a quarter of it one stands for all.
+    """
     if not len(rows):
         return ()
-    pairs = cKDTree(scan[rows]).query_pairs(link, output_type="ndarray")
-    label = label_nodes(np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1]), len(rows))
+    voxel = np.floor((scan[rows] - scan[rows].min(axis=0)) / (link / 4)).astype(np.int64)
+    _, first, of_voxel = np.unique(voxel, axis=0, return_index=True, return_inverse=True)
+    pairs = cKDTree(scan[rows[first]]).query_pairs(link, output_type="ndarray")
+    ends = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+    label = label_nodes(*ends, len(first))[of_voxel.ravel()]
     order = np.argsort(label, kind="stable")
     parts = np.split(rows[order], np.flatnonzero(np.diff(label[order])) + 1)
     return tuple(sorted(parts, key=lambda part: -len(part)))
@@ -121,11 +127,20 @@ def place_of(points: FloatArray) -> str:
     return " ".join(f"{x:.4g}" for x in middle)
 
 
-def tell_averaging(points: FloatArray, width: FloatArray, base: float) -> tuple[str, ...]:
-    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
+def tell_averaging(
+    points: FloatArray, width: FloatArray, base: float, passes: FloatArray, apart: float
+) -> tuple[str, ...]:
+    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`.
+
+    At the places `passes` (k, 3) two layers `apart` were taken for noise.
+    """
     notes = []
     if base > 0:
         notes.append(f"noise: points were averaged over {base:.3g} to lay the sheet through them")
+    if len(passes):
+        notes.append(
+            f"two layers {apart:.3g} apart lie within the noise and were averaged to one, around {place_of(passes)}"
+        )
     wide = width > base
     if wide.any():
         share = 100 * wide.mean()
@@ -136,11 +151,11 @@ def tell_averaging(points: FloatArray, width: FloatArray, base: float) -> tuple[
     return tuple(notes)
 
 
-def tell_cuts(cut: FloatArray, flaps: FloatArray, spacing: float) -> tuple[str, ...]:
+def tell_cuts(cut: FloatArray, flaps: FloatArray) -> tuple[str, ...]:
     """Return what is to be said of edges cut, middles (c, 3), and of the vertices (k, 3) of flaps cut off."""
     notes = []
     if len(cut):
         notes.append(f"cut along {len(cut)} edges around {place_of(cut)}, where parts far apart along the sheet touch")
     if len(flaps):
-        notes.append(f"cut off: a layer over the sheet, {np.ptp(flaps, axis=0).max():.3g} across, at {place_of(flaps)}")
+        notes.append(f"cut off: {len(flaps):,} vertices of layers over the sheet, most around {place_of(flaps)}")
     return tuple(notes)

@@ -19,13 +19,13 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
 
     `points` are sorted by cells of an edge no less than twice the largest `reach` (n,), the largest circumradius of
     a point's triangles; those of the triangles are written to `radius` (n, 24). Neighbors count that lie less than
-    asin(`slope`) off both tangent planes; they are laid into the plane at their true distance.
+    asin(`slope`), (n,), off both tangent planes; they are laid into the plane at their true distance.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
     every = np.arange(len(points))
     near, far = np.empty(MAX_NEAR, np.int64), np.empty(MAX_NEAR)
     u, v = np.empty(MAX_NEAR), np.empty(MAX_NEAR)
-    one, other = np.empty(3), np.empty(3)
+    one, other, place = np.empty(3), np.empty(3), np.empty(4)
     px, py, label = np.empty(MAX_CORNERS), np.empty(MAX_CORNERS), np.empty(MAX_CORNERS, np.int64)
     qx, qy, name = np.empty(MAX_CORNERS), np.empty(MAX_CORNERS), np.empty(MAX_CORNERS, np.int64)
     for c in range(start, stop):
@@ -36,21 +36,19 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
             count = 0
             for run in range(runs):
                 for j in range(lows[run], highs[run]):
-                    if j == i or count == MAX_NEAR:
-                        continue
-                    x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-                    distance = np.sqrt(x * x + y * y + z * z)
-                    if distance > 2 * reach[i] or distance == 0.0:
-                        continue
-                    if abs(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2]) > slope * distance:
-                        continue
-                    if abs(x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]) > slope * distance:
-                        continue
-                    s, t = x * one[0] + y * one[1] + z * one[2], x * other[0] + y * other[1] + z * other[2]
-                    length = np.sqrt(s * s + t * t)
-                    near[count], far[count] = j, distance
-                    u[count], v[count] = s * distance / length, t * distance / length
-                    count += 1
+                    if (
+                        j != i
+                        and count < MAX_NEAR
+                        and lay_out(points, normals, i, j, reach[i], slope[i], slope[j], place)
+                    ):
+                        s, t = 0.0, 0.0
+                        for a in range(3):
+                            s += place[a] * one[a]
+                            t += place[a] * other[a]
+                        length = np.sqrt(s * s + t * t)
+                        near[count], far[count] = j, place[3]
+                        u[count], v[count] = s * place[3] / length, t * place[3] / length
+                        count += 1
             order = np.argsort(far[:count])
             size = 4
             h = 1.001 * reach[i]
@@ -73,6 +71,19 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
                     corners[i, made, 0], corners[i, made, 1] = before, label[a]
                     radius[i, made] = np.sqrt(square)
                     made += 1
+
+
+@njit(nogil=True, cache=True)
+def lay_out(points, normals, i, j, reach, here, there, place):
+    """Write where j lies as seen from i, and how far; return whether it is a neighbor on the same sheet."""
+    square, up, down = 0.0, 0.0, 0.0
+    for a in range(3):
+        place[a] = points[j, a] - points[i, a]
+        square += place[a] * place[a]
+        up += place[a] * normals[i, a]
+        down += place[a] * normals[j, a]
+    place[3] = np.sqrt(square)
+    return 0.0 < place[3] <= 2 * reach and abs(up) <= here * place[3] and abs(down) <= there * place[3]
 
 
 @njit(nogil=True, cache=True)

@@ -7,4 +7,5 @@
 `leaf_shape`  outline and surface together, as a Field
 `leaf_scan`   its scans
 `kinds`       curled, twisted, wavy, eaten, lobed, cupped, on a petiole, in two layers
+`scan_files`  their scans as files
 """

@@ -5,6 +5,7 @@ import numpy.typing as npt
 from shapely.geometry import Point, Polygon
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 
 EDGE = 0.2
 """Longest edge of a polygon, in millimeters: a circle of 5 mm is followed to 0.001 mm."""
@@ -53,14 +54,14 @@ def eat(outline: Polygon, holes: npt.ArrayLike, notches: npt.ArrayLike) -> Polyg
 
     Raises
     ------
-    ValueError
+    InputError
         If what is left is in several pieces.
     """
     rest = outline
     for u, v, radius in np.concatenate([np.reshape(holes, (-1, 3)), np.reshape(notches, (-1, 3))]):
         rest = rest.difference(Point(u, v).buffer(radius, quad_segs=CIRCLE))
     if rest.geom_type != "Polygon":
-        raise ValueError("holes and notches cut the outline to pieces; give smaller ones")
+        raise InputError(f"notch, hole: they cut the leaf into {len(rest.geoms)} pieces; give smaller ones")
     return rest
 
 

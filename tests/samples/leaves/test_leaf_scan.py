@@ -47,13 +47,13 @@ def test_a_random_sample_ends_half_a_spacing_inside_the_margin():
 
 def test_a_random_sample_is_even_by_area_on_the_surface():
     leaf = leaf_shape("cupped", radius=25.0)
-    places = scan_leaf(leaf, spacing=0.4).places
+    places = scan_leaf(leaf, spacing=0.25).places
     inner = shapely.affinity.scale(leaf.outline, 0.5, 0.5)
     part = LeafShape("part", leaf.sweep, inner).area / leaf.area
     deviation = np.sqrt(part * (1 - part) / len(places))
     assert abs(np.mean(shapely.contains_xy(inner, places)) - part) < SCAN_SIGMAS * deviation
-    # The plane's share is another one, by more than that: the test can tell.
-    assert abs(inner.area / leaf.outline.area - part) > SCAN_SIGMAS * deviation
+    # The plane's share is another one, by nearly twice that: the test can tell.
+    assert abs(inner.area / leaf.outline.area - part) > 1.8 * SCAN_SIGMAS * deviation
 
 
 def test_noise_and_passes_are_in_spacings(eaten):

@@ -211,3 +211,8 @@ def test_margins_are_closed_rings_no_edge_longer_than_the_step(leaf):
 def test_what_is_no_kind_is_refused():
     with pytest.raises(InputError, match="kind"):
         leaf_shape("square")
+
+
+def test_a_leaf_that_is_eaten_through_is_refused():
+    with pytest.raises(InputError, match="2 pieces"):
+        leaf_shape("eaten", hole=36.0, notch=30.0, width=20.0)

@@ -1,0 +1,11 @@
+"""The margin: where the leaf ends, in the chart.
+
+`margin`          the margin: the closed curve in the chart where the leaf ends
+`margin_curve`    rings smoothed without shrinking, and grown to where the leaf ends
+`margin_tips`     sharp tips restored
+`sample_region`   what a planar sample covers
+`sample_spacing`  how it is spaced, place by place
+`taper`           thickness that falls towards the margin
+`taper_loops`     the distance to the margin by a grid of cells, and the profile of the edge
+`sheet_mesh`      the plane inside a margin as triangles, cut along it
+"""

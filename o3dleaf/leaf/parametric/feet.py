@@ -1,0 +1,152 @@
+"""Samples of a surface over its chart, from which the closest points of the surface are found."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.parametric import feet_loops, surface_loops
+from o3dleaf.leaf.parametric.feet_loops import Samples
+from o3dleaf.leaf.parametric.surface_loops import JET, SheetBalls
+
+SAMPLE_COUNT = 20_000
+"""Samples of a surface, about: on a leaf 200 mm long and 12 mm wide one every third of a millimeter."""
+SIDE = 4
+"""Samples along a side of a block, and blocks along one of a group."""
+MARGIN = 1.5
+"""Added to a block's ball, in steps of samples: the surface about its samples, where it is stretched."""
+BLOCK = 1 << 12
+LONGEST_STEP = 32.0
+"""Of Newton's method, in steps of samples: of points whose start is given it may lie far off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """Closest points of a surface.
+
+    Attributes
+    ----------
+    plane : (n, 2) ndarray
+        (u, v).
+    heights : (n,) ndarray
+        Signed distances along the unit normal.
+    converged : (n,) bool ndarray
+    """
+
+    plane: FloatArray
+    heights: FloatArray
+    converged: npt.NDArray[np.bool_]
+
+
+def sample_surface(
+    balls: SheetBalls, bounds: FloatArray, step: float, contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
+) -> Samples:
+    """Return samples of a surface on a square grid over a box (2, 2) of the plane, where a predicate holds.
+
+    Raises
+    ------
+    ReconstructionError
+        If it holds nowhere.
+    """
+    places, numbers = _grid(bounds, step)
+    inside = contains(places)
+    if not inside.any():
+        raise ReconstructionError("surface: has no place inside the outline; enlarge the outline")
+    return _samples_at(balls, places[inside], numbers[inside], step)
+
+
+def _grid(bounds: FloatArray, step: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Return places (m, 2) on a square grid over a box, and the group and block of each (m, 2)."""
+    counts = np.maximum(np.ceil(np.ptp(bounds, axis=0) / step), 1).astype(np.int64) + 1
+    rows = np.stack(np.meshgrid(np.arange(counts[0]), np.arange(counts[1]), indexing="ij"), axis=-1).reshape(-1, 2)
+    start = bounds.mean(axis=0) - step * (counts - 1) / 2
+    numbers = [rows[:, 0] // side * (counts[1] // side + 1) + rows[:, 1] // side for side in (SIDE**2, SIDE)]
+    return start + step * rows, np.stack(numbers, axis=1)
+
+
+def _samples_at(balls: SheetBalls, places: FloatArray, numbers: npt.NDArray[np.int64], step: float) -> Samples:
+    """Return the samples of a surface at places (m, 2), a `step` apart, with the group and block of each (m, 2)."""
+    order = np.lexsort(numbers.T[::-1])
+    plane, numbers = np.ascontiguousarray(places[order]), numbers[order]
+    jets = jets_of(balls, plane, 2)
+    space = np.ascontiguousarray(jets[:, 0])
+    stretch = np.sqrt(np.maximum((jets[:, 1] ** 2).sum(axis=1), (jets[:, 2] ** 2).sum(axis=1)))
+    groups, blocks = (_first_rows(numbers[:, :columns]) for columns in (1, 2))
+    surround = partial(_surround, space, MARGIN * step * stretch)
+    ends = np.append(np.searchsorted(blocks, groups), len(blocks)), np.append(blocks, len(plane))
+    return Samples(surround(groups), surround(blocks), *ends, np.ascontiguousarray(space.T), plane, jets, step)
+
+
+def _first_rows(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return where a row differs from the one before."""
+    return np.flatnonzero(np.append(True, np.any(numbers[1:] != numbers[:-1], axis=1))).astype(np.int64)
+
+
+def _surround(space: FloatArray, slack: FloatArray, first: npt.NDArray[np.int64]) -> FloatArray:
+    """Return centers and radii (k, 4) of balls about runs of points (n, 3) with slack, from the first row of each."""
+    counts = np.diff(np.append(first, len(space)))
+    centers = np.add.reduceat(space, first, axis=0) / counts[:, np.newaxis]
+    away = np.linalg.norm(space - np.repeat(centers, counts, axis=0), axis=1)
+    return np.column_stack([centers, np.maximum.reduceat(away + slack, first)])
+
+
+def jets_of(balls: SheetBalls, plane: FloatArray, order: int) -> FloatArray:
+    """Return the jets (n, rows, 3) of a surface at (n, 2) places."""
+    jets = np.empty((len(plane), (1, 3, JET)[order], 3))
+
+    def task(start: int, stop: int) -> None:
+        surface_loops.jets_at(plane[start:stop], balls, order, jets[start:stop])
+
+    run_blocks(task, len(plane), BLOCK)
+    return jets
+
+
+def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float) -> Feet:
+    """Return the feet of points (n, 3) that Newton's method finds from `starts` (n, 2)."""
+    found = _empty(len(points))
+
+    def task(i: int, j: int) -> None:
+        _newton(balls, points[i:j], starts[i:j], step, LONGEST_STEP * step, found, i)
+
+    run_blocks(task, len(points), BLOCK)
+    return found
+
+
+def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> Feet:
+    """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them."""
+    found = _empty(len(points))
+
+    def task(i: int, j: int) -> None:
+        block, starts, others = points[i:j], np.empty((j - i, 2)), np.empty((j - i, 2))
+        feet_loops.find_starts(block, samples, starts, others)
+        _newton(balls, block, starts, samples.step, 2 * samples.step, found, i)
+        rows = np.flatnonzero(~np.isnan(others[:, 0]))
+        if len(rows):
+            rival = _empty(len(rows))
+            _newton(balls, block[rows], others[rows], samples.step, 2 * samples.step, rival, 0)
+            better = np.abs(rival.heights) < np.abs(found.heights[i + rows])
+            rows = i + rows[better]
+            found.plane[rows], found.heights[rows] = rival.plane[better], rival.heights[better]
+            found.converged[rows] = rival.converged[better]
+
+    run_blocks(task, len(points), BLOCK)
+    return found
+
+
+def _empty(count: int) -> Feet:
+    return Feet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
+
+
+def _newton(  # noqa: PLR0917 - a surface, points and where to write
+    balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float, max_step: float, found: Feet, first: int
+) -> None:
+    """Write the feet of a block into `found` from row `first` on."""
+    rows = slice(first, first + len(points))
+    feet_loops.find_feet(
+        points, starts, balls, step, max_step, found.plane[rows], found.heights[rows], found.converged[rows]
+    )

@@ -1,0 +1,238 @@
+"""Compiled: the feet of points on a surface S(u, v), the closest of its points, by Newton's method from samples.
+
+With r = x − S, the half square of r has the gradient −r·S_a and the second derivatives S_a·S_b − r·S_ab by u and v.
+Samples lie in blocks, those in groups, each in a ball: of all that may contain something closer than what was found,
+every one is looked into, so that the start lies on the sheet whose foot is the closest of all, not only on a near one.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from o3dleaf.leaf.parametric.surface_loops import JET, jets_at
+
+MIN_EIGENVALUE = 0.1
+"""Least eigenvalue of the second derivatives in the surface's metric: 0 at a focus, where steps would have no end."""
+MAX_ROUNDS = 60
+"""Newton's method from a sample takes three or four rounds; what takes more lies near a focus, or beyond."""
+STALLED = 1e-9
+"""Step, of the samples' distance, from which one that does not shrink is rounding."""
+STALE = 0.1
+"""Step, of the samples' distance, after which the second derivatives are found anew."""
+ROUNDING = 1e-10
+"""Of |r|²: less does not tell whether a step led away, but then the step is short enough to be trusted."""
+SLOW = 0.1
+"""Share of the last step at which they are found anew too: near a focus small changes of them matter."""
+CANDIDATES = 6
+"""Blocks whose best samples are compared; sheets that touch give two or three."""
+APART = 4.0
+"""Distance in the chart, in the samples' distances, from which two candidates may lie on two sheets."""
+CLOSE = 0.1
+"""Difference of their distances, in those of samples, up to which both feet are found: predictions are far better."""
+
+
+class Samples(NamedTuple):
+    """Samples of a surface, in blocks, and these in groups.
+
+    Attributes
+    ----------
+    groups, blocks : (G, 4), (B, 4)
+        Centers and radii of balls that contain the surface about the samples.
+    group_starts, block_starts : (G + 1,), (B + 1,)
+        The blocks of each group, and the samples of each block.
+    places : (3, m)
+        In space.
+    plane : (m, 2)
+    jets : (m, 6, 3)
+    step : float
+        Distance of samples in the chart.
+    """
+
+    groups: Any
+    blocks: Any
+    group_starts: Any
+    block_starts: Any
+    places: Any
+    plane: Any
+    jets: Any
+    step: Any
+
+
+@njit(nogil=True, cache=True)
+def nearest_sample(x, y, z, start, stop, places):
+    """Return the squared distance of the nearest of the samples start:stop to a point, and its number."""
+    best, number = np.inf, start
+    for s in range(start, stop):
+        a, b, c = x - places[0, s], y - places[1, s], z - places[2, s]
+        square = a * a + b * b + c * c
+        if square < best:
+            best, number = square, s
+    return best, number
+
+
+@njit(nogil=True, cache=True)
+def newton_step(x, y, z, i, jets, j, bends, max_step):
+    """Return Newton's step (u, v) from jet i of S towards the foot of a point, its length, |r|², and |r|² after it.
+
+    The second derivatives are bends[j]. Where those of |r|²/2 are not safely positive they are lifted; no step is
+    longer than `max_step` in space.
+    """
+    r = (x - jets[i, 0, 0], y - jets[i, 0, 1], z - jets[i, 0, 2])
+    e = f = g = along = across = uu = uv = vv = square = 0.0
+    for k in range(3):
+        e += jets[i, 1, k] * jets[i, 1, k]
+        f += jets[i, 1, k] * jets[i, 2, k]
+        g += jets[i, 2, k] * jets[i, 2, k]
+        along += r[k] * jets[i, 1, k]
+        across += r[k] * jets[i, 2, k]
+        uu -= r[k] * bends[j, 0, k]
+        uv -= r[k] * bends[j, 1, k]
+        vv -= r[k] * bends[j, 2, k]
+        square += r[k] * r[k]
+    area = max(e * g - f * f, 1e-300)
+    uu, uv, vv = uu + e, uv + f, vv + g
+    half = 0.5 * (g * uu - 2.0 * f * uv + e * vv) / area
+    least = half - math.sqrt(max(half * half - (uu * vv - uv * uv) / area, 0.0))
+    if least < MIN_EIGENVALUE:
+        lift = MIN_EIGENVALUE - least
+        uu, uv, vv = uu + lift * e, uv + lift * f, vv + lift * g
+    determinant = max(uu * vv - uv * uv, 1e-300)
+    p, q = (vv * along - uv * across) / determinant, (uu * across - uv * along) / determinant
+    length = math.sqrt(max(e * p * p + 2.0 * f * p * q + g * q * q, 0.0))
+    if length > max_step:
+        p, q, length = p * max_step / length, q * max_step / length, max_step
+    # What the step leaves of |r|², to second order.
+    left = square - 2.0 * (along * p + across * q) + uu * p * p + 2.0 * uv * p * q + vv * q * q
+    return p, q, length, square, left
+
+
+@njit(nogil=True, cache=True)
+def nearest_ball(x, y, z, start, stop, balls):
+    """Return which of the balls start:stop has the center nearest to a point."""
+    best, number = np.inf, start
+    for b in range(start, stop):
+        p, q, r = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2]
+        square = p * p + q * q + r * r
+        if square < best:
+            best, number = square, b
+    return number
+
+
+@njit(nogil=True, cache=True)
+def may_be_closer(x, y, z, b, balls, distance):
+    """Return whether a ball reaches nearer to a point than a distance."""
+    p, q, r = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2]
+    reach = distance + balls[b, 3]
+    return p * p + q * q + r * r < reach * reach
+
+
+@njit(nogil=True, cache=True)
+def find_starts(points, samples, starts, others):
+    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN."""
+    groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
+    group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
+    bends = jets[:, 3:]
+    predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 2))
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        g = nearest_ball(x, y, z, 0, len(groups), groups)
+        b = nearest_ball(x, y, z, group_starts[g], group_starts[g + 1], blocks)
+        best = math.sqrt(nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)[0])
+        predicted[:] = np.inf
+        for g in range(len(groups)):
+            if not may_be_closer(x, y, z, g, groups, best):
+                continue
+            for b in range(group_starts[g], group_starts[g + 1]):
+                if may_be_closer(x, y, z, b, blocks, best):
+                    near, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
+                    best = min(best, math.sqrt(near))
+                    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
+                    insert(math.sqrt(max(left, 0.0)), plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+        starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
+        others[i, 0] = others[i, 1] = np.nan
+        for c in range(1, CANDIDATES):
+            if predicted[c] > predicted[0] + CLOSE * step:
+                break
+            if max(abs(found[c, 0] - found[0, 0]), abs(found[c, 1] - found[0, 1])) > APART * step:
+                others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
+                break
+
+
+@njit(nogil=True, cache=True)
+def insert(distance, u, v, predicted, found):
+    """Put a candidate into the list that is sorted by distance, if it belongs there."""
+    if distance >= predicted[-1]:
+        return
+    c = len(predicted) - 1
+    while c > 0 and predicted[c - 1] > distance:
+        predicted[c], found[c, 0], found[c, 1] = predicted[c - 1], found[c - 1, 0], found[c - 1, 1]
+        c -= 1
+    predicted[c], found[c, 0], found[c, 1] = distance, u, v
+
+
+@njit(nogil=True, cache=True)
+def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
+    """Write (u, v) of the feet of a block of points, their signed heights, and which of them were reached.
+
+    Newton's method from `starts` (n, 2), a round for all points at a time; a step that leads away is halved. The
+    second derivatives of the first round serve as long as steps are short.
+    """
+    count = len(points)
+    bends, last = np.empty((count, 3, 3)), np.full(count, np.inf)
+    moves, before = np.zeros((count, 2)), np.full(count, np.inf)
+    for i in range(count):
+        feet[i, 0], feet[i, 1], converged[i] = starts[i, 0], starts[i, 1], False
+    fresh, known = np.arange(count), np.empty(0, dtype=np.int64)
+    for _ in range(MAX_ROUNDS):
+        again, on = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+        renewed = kept = 0
+        for part in range(2):
+            rows = fresh if part == 0 else known
+            jets = np.empty((rows.size, JET if part == 0 else 3, 3))
+            jets_at(feet[rows], balls, 2 if part == 0 else 1, jets)
+            for j in range(rows.size):
+                i = rows[j]
+                if part == 0:
+                    for row in range(3):
+                        for k in range(3):
+                            bends[i, row, k] = jets[j, 3 + row, k]
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
+                p, q, length, square, _ = newton_step(x, y, z, j, jets, i, bends, max_step)
+                heights[i] = height_over(x, y, z, j, jets)
+                floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
+                if square > before[i] * (1.0 + ROUNDING) + floor * floor:
+                    moves[i, 0], moves[i, 1], last[i] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * last[i]
+                    feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
+                    again[renewed] = i
+                    renewed += 1
+                    continue
+                rate = min(length / last[i], 0.99) if last[i] < np.inf else 0.99
+                feet[i, 0], feet[i, 1] = feet[i, 0] + p, feet[i, 1] + q
+                settled = length * rate / (1.0 - rate) <= floor or (length < STALLED * step and rate > 0.5)
+                moves[i, 0], moves[i, 1], last[i], before[i] = p, q, length, square
+                if settled:
+                    converged[i] = True
+                elif length > STALE * step or SLOW < rate < 0.99:
+                    again[renewed] = i
+                    renewed += 1
+                else:
+                    on[kept] = i
+                    kept += 1
+        fresh, known = again[:renewed], on[:kept]
+        if renewed + kept == 0:
+            break
+
+
+@njit(nogil=True, cache=True)
+def height_over(x, y, z, i, jets):
+    """Return (x − S)·n."""
+    r = (x - jets[i, 0, 0], y - jets[i, 0, 1], z - jets[i, 0, 2])
+    height = square = 0.0
+    for k in range(3):
+        a, b = (k + 1) % 3, (k + 2) % 3
+        normal = jets[i, 1, a] * jets[i, 2, b] - jets[i, 1, b] * jets[i, 2, a]
+        height += r[k] * normal
+        square += normal * normal
+    return height / math.sqrt(max(square, 1e-300))

@@ -1,0 +1,167 @@
+"""The blade as a parametrised surface: x = S(u, v) + w τ n over a chart, inside its margin."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import open3d as o3d
+import shapely
+
+from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.mesh_arrays import build_mesh
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.blade.blade import Blade, OpenEdges
+from o3dleaf.leaf.blade.distortion import radii_of
+from o3dleaf.leaf.blade.lifted import Lifted
+from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
+from o3dleaf.leaf.margin.sheet_mesh import triangulate
+from o3dleaf.leaf.margin.taper import Taper
+from o3dleaf.leaf.parametric import surface_loops
+from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, sample_surface
+from o3dleaf.leaf.parametric.feet_loops import Samples
+from o3dleaf.leaf.parametric.surface import ChartSurface
+
+COLLAR = 8.0
+"""Width of the strip around the outline in which feet are looked for too, in steps of the samples."""
+BLOCK = 1 << 12
+NO_TAPER = np.empty((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class ParametricBlade(Blade):
+    r"""A surface over its chart, lengths on it those of the chart as nearly as can be, and heights along its normal.
+
+    .. math:: x = S(u, v) + w\, τ(u, v)\, n(u, v)
+
+    u runs along the midrib and v across it; n is the unit normal S_u × S_v / |S_u × S_v|, to the adaxial side. τ
+    falls from 1 towards the margin within `rim_radius`; without one it is 1. Flat coordinates of a point are those of
+    its foot on the surface, the closest one, and its height there over τ.
+
+    Attributes
+    ----------
+    surface : ChartSurface
+    outline : Outline
+        The margin, in the chart.
+    rim_radius : float or None
+        In `unit`.
+    notes : tuple of str
+        What was found while it was built, and what does not hold, a line each.
+    """
+
+    surface: ChartSurface
+    outline: Outline
+    rim_radius: float | None = None
+    notes: tuple[str, ...] = ()
+
+    open_edges: ClassVar[OpenEdges] = "cut"
+
+    def __post_init__(self) -> None:
+        """Refuse a rim without a radius."""
+        if self.rim_radius is not None:
+            require_positive(self.rim_radius, "rim_radius")
+
+    def __repr__(self) -> str:
+        along, across = np.ptp(self.outline.bounds, axis=0)
+        return f"ParametricBlade({along:.4g} × {across:.4g}{f' {self.unit}' if self.unit else ''})"
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the world and of flat coordinates."""
+        return self.surface.unit
+
+    @cached_property
+    def taper(self) -> Taper | None:
+        """The factor of heights, where it is not 1."""
+        return None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Samples of the surface, inside the outline and a little around it, from which feet are found."""
+        step = float(np.sqrt(self.outline.area / SAMPLE_COUNT))
+        area = self.outline.polygon.buffer(COLLAR * step)
+        shapely.prepare(area)
+        bounds = np.array(area.bounds).reshape(2, 2)
+        return sample_surface(self.surface.balls, bounds, step, lambda places: in_polygon(area, places))
+
+    def flatten(self, x: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) flat coordinates of world points (n, 3): their feet (u, v), and heights over τ."""
+        plane, heights, _ = self.surface.feet(x, samples=self.samples)
+        flat = np.column_stack([plane, heights])
+        if self.taper is not None:
+            flat[:, 2] /= self.taper.values(plane)
+        return flat
+
+    def lift(self, flat: npt.ArrayLike) -> FloatArray:
+        """Return the (n, 3) world points S + w τ n of (n, 3) flat coordinates: the inverse of `flatten`."""
+        places = as_points(flat, "flat", dim=3)
+        points, tapers, balls = np.empty_like(places), self._tapers(places), self.surface.balls
+
+        def task(start: int, stop: int) -> None:
+            rows = slice(start, stop)
+            surface_loops.lift(places[rows], tapers[rows], balls, points[rows])
+
+        run_blocks(task, len(places), BLOCK)
+        return points
+
+    def lift_with_jacobian(self, flat: FloatArray) -> Lifted:
+        """Return the world points of (n, 3) flat coordinates, and the lift's Jacobian there."""
+        lifted = Lifted(np.empty_like(flat), np.empty((len(flat), 3, 3)))
+        tapers, balls = self._tapers(flat), self.surface.balls
+
+        def task(start: int, stop: int) -> None:
+            rows = slice(start, stop)
+            into = lifted.world[rows], lifted.columns[rows]
+            surface_loops.lift_with_jacobian(flat[rows], tapers[rows], balls, *into)
+
+        run_blocks(task, len(flat), BLOCK)
+        return lifted
+
+    def _tapers(self, flat: FloatArray) -> FloatArray:
+        """Return τ, τ_u, τ_v (n, 3), or no rows where τ is 1 everywhere."""
+        return NO_TAPER if self.taper is None else self.taper.jet(flat[:, :2])
+
+    def focal_heights(self, plane: FloatArray) -> FloatArray:
+        """Return the heights (n,) above or below the (n, 2) places at which the lift folds; ∞ where it never does."""
+        curvature = np.abs(self.surface.curvatures(plane)).max(axis=1, initial=0.0)
+        if self.taper is not None:
+            curvature *= self.taper.values(plane)
+        return radii_of(curvature, self.surface.length)
+
+    def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
+        """Return the blade as one open sheet of triangles that end on its outline.
+
+        Parameters
+        ----------
+        spacing : float
+            Side of the triangles, in `unit`.
+        region : (2, 2) array_like, optional
+            Lower and upper (u, v) of the part wanted; the whole outline by default.
+
+        Raises
+        ------
+        ReconstructionError
+            If the region contains nothing of the blade.
+        """
+        plane, triangles = triangulate(self.outline.polygon, require_positive(spacing, "spacing"), region)
+        return build_mesh(self.lift(np.column_stack([plane, np.zeros(len(plane))])), triangles)
+
+    def describe(self) -> dict[str, Any]:
+        """Return what a summary says of the blade, as plain values, by headings."""
+        counts = self.surface.cover.counts
+        along, across = np.ptp(self.outline.bounds, axis=0).tolist()
+        return {
+            "chart": {"length": along, "width": across, "rim_radius": self.rim_radius, "notes": list(self.notes)},
+            "outline": {"area_in_the_plane": self.outline.area},
+            "surface": {
+                "balls": len(counts),
+                "points_per_ball": [int(counts.min()), int(counts.max())],
+                "smoothing": self.surface.local.smoothing.value,
+            },
+        }
+
+    @property
+    def warnings(self) -> list[str]:
+        """Defects, one line each; empty for a good blade."""
+        return list(self.notes)

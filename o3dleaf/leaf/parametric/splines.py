@@ -1,0 +1,63 @@
+"""Splines of three components: in each ball one smoothed polyharmonic spline a coordinate, at common sites."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.smoothing import Smoothing
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.parametric.surface_loops import SheetBalls
+
+CUBIC = Polyharmonic(3, 2)
+"""φ = r³ in the plane: C² at its data and fast."""
+LINEAR = np.array([[0, 0], [1, 0], [0, 1]])
+"""Exponents of the tail's monomials 1, u, v."""
+
+
+@dataclass(frozen=True, eq=False)
+class VectorSplines:
+    """One spline r³ with a linear tail a ball and component, in unit coordinates, end to end for the compiled loops.
+
+    Attributes
+    ----------
+    smoothing : Smoothing
+    offsets : (M + 1,) int64 ndarray
+        Ball i has the weights ``offsets[i]:offsets[i + 1]``.
+    sites : (2 total,) ndarray
+        Points as (2, N_i) blocks.
+    weights : (3, total) ndarray
+        λ of each component.
+    tails : (M, 3, 3) ndarray
+        Component, then the coefficients of 1, u, v.
+    """
+
+    smoothing: Smoothing
+    offsets: IntArray
+    sites: FloatArray
+    weights: FloatArray
+    tails: FloatArray
+
+    @classmethod
+    def joined(cls, components: Sequence[LocalSplines]) -> "VectorSplines":
+        """Join the splines of three components that were fitted over one cover, or raise `InputError`."""
+        one = components[0]
+        if len(components) != 3 or any(each.kernel != CUBIC or len(each.exponents) != 3 for each in components):
+            raise InputError("components: give three splines of the kernel r³ with a linear tail in the plane")
+        if any(not np.array_equal(each.sites, one.sites) for each in components[1:]):
+            raise InputError("components: have different sites; fit all three over one cover")
+        order = [int(np.flatnonzero((one.exponents == monomial).all(axis=1))[0]) for monomial in LINEAR]
+        tails = np.stack([each.tails[:, order] for each in components], axis=1)
+        return cls(one.smoothing, one.offsets, one.sites, np.stack([each.weights for each in components]), tails)
+
+    def __repr__(self) -> str:
+        return f"VectorSplines({len(self.tails):,} balls)"
+
+    def balls(self, index: BallIndex) -> SheetBalls:
+        """Return what the compiled loops read."""
+        return SheetBalls(self.offsets, self.sites, self.weights, self.tails, index.bounds, index.images, index.tree)
