@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.leaf.chart.surface import ChartSurface
+from o3dleaf.leaf.parametric.surface import ChartSurface
 
 WIDTH, LENGTH = 12.0, 40.0
 RADIUS = WIDTH / 2 / np.radians(110)

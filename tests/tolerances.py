@@ -191,6 +191,30 @@ SHEET_DISTANCE = 1e-6
 KEPT_DECIMALS = 0.5 + 1e-2
 """Units of the last decimal that the sample files keep: half of one, and single precision."""
 
+LIFTED_DIFFERENCE = 1e-6
+"""Central differences over 1e-3 mm of leaves of known shape: curvatures of 0.2 per mm leave 1e-8, found 4e-8 with the
+axis's cubics; a rate of turning left out makes 1e-3."""
+
+LIFTED_METRIC = 1e-9
+"""Products of exact derivatives and turns by Magnus's series, whose error at a step of a third of a millimeter is below
+1e-10."""
+
+LIFTED_DISTANCE = 1e-6
+"""Millimeters: cubics of the axis through nodes a third of a millimeter apart are off by 1e-8; Newton's steps end at
+1e-10."""
+
+LIFTED_QUADRATURE = 1e-12
+"""A polynomial that a rule of degree 4 integrates to rounding; with one weight off in its last three digits 1e-12."""
+
+PLANE_COVERED = 1e-8
+"""Share of an outline's area that exact triangles of it may lack, and of an isometric surface's."""
+
+AREA_ORDER = 0.35
+"""Order observed over one halving of irregular triangles; 2 in the limit, 1 for a margin that is not followed."""
+
+SCAN_SIGMAS = 4.0
+"""Deviations of a count or mean of independent points; one in 16,000 seeds would fail, and the seed is fixed."""
+
 # --- mesh ---
 
 ISOSURFACE_ORDER = 0.2
@@ -550,6 +574,29 @@ CREASED_SLOPE = 1e-5
 LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
+
+# --- steps of meshes ---
+
+SPACING_OF_A_LATTICE = 0.1
+"""A square lattice comes out 6 % too wide (`OrientedCloud.spacing`), and two digits round by 5 % at most."""
+
+# --- thinned clouds ---
+
+SAME_MOMENTS = 1e-12
+"""Of a mean over 30,000 points of size 3, summed in another order: 1e-14 found; one point left out moves it by 1e-5."""
+
+THINNED_NOISES = 0.6
+"""Standard deviations of the scan's noise between heights from 2,500 means and from all of 6,000 points, 99 %: 0.3
+found; the first 2,500 points are off by hundreds."""
+
+THINNED_AREA = 0.005
+"""Of the outline's area, on the frames of both: 0.0013 found."""
+
+# --- formats of scanners ---
+
+SINGLE_PRECISION = 1e-7
+"""Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
+float32 would round to a quarter of a meter."""
 
 # --- the chart's surface ---
 

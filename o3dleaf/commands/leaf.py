@@ -8,13 +8,26 @@ from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, Names, argument, corners_of, number_or_word, option, options_of, output, words_of
+from o3dleaf.core.job import (
+    ColumnsOption,
+    LongJob,
+    Names,
+    argument,
+    corners_of,
+    number_or_word,
+    option,
+    options_of,
+    output,
+    words_of,
+)
+from o3dleaf.core.units import measure_in_words, unit_scale
 from o3dleaf.leaf.options import BladeOptions
 
 if TYPE_CHECKING:
     import open3d as o3d
 
     from o3dleaf.leaf.blade.blade import Blade
+    from o3dleaf.leaf.mesh_step import MeshStep
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
@@ -22,6 +35,8 @@ MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
 PICTURE_STEP_MM = 0.1
 """The step of that one."""
+WINDOW_MM = 3.0
+"""Width of a window around a point: a droplet and some leaf around it."""
 
 
 def _windows(texts: list[str]) -> tuple[tuple[float, ...], ...]:
@@ -42,18 +57,20 @@ class ScanOptions:
 
 
 @dataclass(frozen=True)
-class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
+class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
     Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
     """
 
-    scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.", reads=True)
+    scan: Path = argument("Point cloud of one leaf: PLY, PCD, XYZ, PTS, TXT, CSV, ASC, LAS, E57, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     ct: Path | None = option(
         None, "Micro-CT volume of a patch, or a model that `patch` wrote; without it, the blade only.", reads=True
     )
-    spacing: float = option(0.1, "Mesh spacing", unit="scan-unit")
+    spacing: float | None = option(
+        None, "Mesh spacing (the scan's, or what shows the micro-structure, if not given)", unit="scan-unit"
+    )
     region: Any = option(
         None,
         "Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1",
@@ -64,7 +81,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
     around: tuple[float, float, float] | None = option(
         None, "Mesh a window around this point of the world instead: X Y Z", unit="scan-unit"
     )
-    window: float = option(3.0, "Width of that window", unit="scan-unit")
+    window: float | None = option(None, "Width of that window (3 mm if not given)", unit="scan-unit")
     closed: bool = option(False, "One solid with a rim, instead of two open sheets.")
     fine: tuple[tuple[float, ...], ...] = option(
         (),
@@ -83,7 +100,7 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
     grid_of: str = option(
         "field", "Values on the grid: 'field', 'distance' or 'mask'.", choices="o3dleaf.leaf.distance.grid:KINDS"
     )
-    grid_step: float = option(0.1, "Step of the grid", unit="scan-unit")
+    grid_step: float | None = option(None, "Step of the grid (the mesh spacing if not given)", unit="scan-unit")
     distortion: str | None = option(
         None,
         "Draw a map of the leaf's distortion: along, across, shear, thickness, area or volume.",
@@ -119,8 +136,9 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
             raise InputError(
                 "fine: windows are set into the mesh of the whole leaf; leave out region, around, simplify and remesh"
             )
-        require_positive(self.spacing, "spacing")
-        require_positive(self.grid_step, "grid-step")
+        for name in ("spacing", "window", "grid_step"):
+            if (length := getattr(self, name)) is not None:
+                require_positive(length, name.replace("_", "-"))
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""
@@ -132,29 +150,32 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         from o3dleaf.output.view.maps import render_distortion
 
         with journal.stage("read"):
-            scan = read_point_cloud(self.scan)
+            scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
         leaf = surface = None
         if patch is None:
             blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
-            mesh = self.write_sheet(blade)
+            step = self.step_for(scan, None)
+            mesh = self.write_sheet(blade, step.length)
         else:
             leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
-            blade = leaf.blade
-            mesh, surface = self.write_windows(leaf) if self.fine else self.write_leaf(leaf)
-            self.write_more(leaf)
+            blade, step = leaf.blade, self.step_for(scan, leaf.thickness)
+            write = self.write_windows if self.fine else self.write_leaf
+            mesh, surface = write(leaf, step.length)
+            self.write_more(leaf, step.length)
         if self.model is not None:
             with journal.stage("write model"):
                 write_model(leaf or blade, self.model)
         if self.picture:
             with journal.stage("draw picture"):
-                render_leaf(leaf or blade, mesh, self.beside(".png"))
+                render_leaf(leaf or blade, mesh, self.beside(".png"), self.region_of(blade))
         if self.distortion is not None:
             with journal.stage("draw distortion"):
                 render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
         with journal.stage("check mesh"):
             summary = summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan)
+        summary["mesh_step"] = {"length": step.length, "reason": step.reason}
         write_json(summary, self.beside(".json"))
         for warning in warnings_of(summary):
             journal.note(f"warning: {warning}")
@@ -169,24 +190,35 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         """Every option that the result depends on: all but the number of threads and the display."""
         return {name: getattr(self, name) for name in options_of(type(self)) if name not in options_of(LongJob)}
 
-    def write_sheet(self, blade: "Blade") -> "o3d.geometry.TriangleMesh":
+    def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None) -> "MeshStep":
+        """Return the mesh spacing that was given, or one that fits the data, and say so."""
+        from o3dleaf.leaf.mesh_step import MeshStep, choose_step
+
+        if self.spacing is not None:
+            return MeshStep(self.spacing, "as given")
+        with journal.stage("choose mesh spacing"):
+            step = choose_step(scan, thickness)
+        length = measure_in_words(step.length, self.scan_unit)
+        journal.note(f"mesh spacing {length}: {step.reason}; give --spacing for another")
+        return step
+
+    def write_sheet(self, blade: "Blade", spacing: float) -> "o3d.geometry.TriangleMesh":
         """Write the blade alone, an open sheet, and return it."""
         from o3dleaf.io.triangle_mesh import write_mesh
 
         with journal.stage("extract mesh"):
-            mesh = blade.extract_mesh(self.spacing, self.region_of(blade))
+            mesh = blade.extract_mesh(spacing, self.region_of(blade))
         with journal.stage("write mesh"):
             write_mesh(mesh, self.output)
         return mesh
 
-    def write_leaf(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, MeshPlan]":
+    def write_leaf(self, leaf: "MultiscaleLeaf", spacing: float) -> "tuple[o3d.geometry.TriangleMesh, MeshPlan]":
         """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
-        from o3dleaf.core.units import unit_scale
         from o3dleaf.io.triangle_mesh import write_mesh
 
         parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
         with journal.stage("polygonize one tile"):
-            surface = leaf.plan_mesh(self.spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
+            surface = leaf.plan_mesh(spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
         steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
         journal.note(
             f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
@@ -203,38 +235,40 @@ class LeafJob(ScanOptions, BladeOptions, CtOptions, BlockOption, LongJob):
         with journal.stage("extract mesh"):
             if surface.triangles <= MAX_CHECKED:
                 return surface.extract().mesh, surface
-            coarse = max(self.spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
+            coarse = max(spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
             return leaf.plan_mesh(coarse, **parts).extract().mesh, surface
 
-    def write_windows(self, leaf: "MultiscaleLeaf") -> "tuple[o3d.geometry.TriangleMesh, None]":
+    def write_windows(self, leaf: "MultiscaleLeaf", spacing: float) -> "tuple[o3d.geometry.TriangleMesh, None]":
         """Write the surface of the leaf with finer windows in it, and return it."""
         from o3dleaf.io.triangle_mesh import write_mesh
 
         levels = [((row[:2], row[2:4]), row[4]) for row in self.fine]
         with journal.stage("extract mesh"):
-            made = leaf.extract_levels(self.spacing, levels, closed=self.closed)
+            made = leaf.extract_levels(spacing, levels, closed=self.closed)
         with journal.stage("write mesh"):
             write_mesh(made, self.output)
         return made.mesh, None
 
-    def write_more(self, leaf: "MultiscaleLeaf") -> None:
+    def write_more(self, leaf: "MultiscaleLeaf", spacing: float) -> None:
         """Write a flat tile and a grid, where they are requested."""
         from o3dleaf.io.triangle_mesh import write_mesh
 
         if self.tile_solid is not None:
             with journal.stage("write tile"):
-                write_mesh(leaf.extract_tile(self.spacing), self.tile_solid)
+                write_mesh(leaf.extract_tile(spacing), self.tile_solid)
         if self.grid is not None:
             with journal.stage("write grid"):
-                leaf.write_grid(self.grid, self.grid_step, what=self.grid_of, closed=self.closed)
+                leaf.write_grid(self.grid, self.grid_step or spacing, what=self.grid_of, closed=self.closed)
 
     def region_of(self, blade: "Blade") -> Any:
         """Return the part to mesh, in leaf coordinates; None is all."""
-        return self.region if self.around is None else blade.window(self.around, self.window)
+        if self.around is None:
+            return self.region
+        return blade.window(self.around, self.window or WINDOW_MM * unit_scale("mm", self.scan_unit))
 
 
 def in_a_line(summary: dict[str, Any]) -> str:
     """Return what was built, in one line for a terminal."""
     report = summary["mesh"]
-    written = summary["settings"]["output"]
-    return f"{written}: {report['triangles']:,} triangles, {report['area']:,.0f} {summary['unit']}²"
+    area = measure_in_words(report["area"], summary["unit"], power=2)
+    return f"{summary['settings']['output']}: {report['triangles']:,} triangles, {area}"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.commands.patch import MODEL
-from o3dleaf.core.job import LongJob, UnitOption, argument, number_or_word, option, output
+from o3dleaf.core.job import ColumnsOption, LongJob, UnitOption, argument, number_or_word, option, output
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
@@ -21,10 +21,10 @@ LABELS = {
 
 
 @dataclass(frozen=True)
-class ReconstructJob(UnitOption, LongJob):
+class ReconstructJob(UnitOption, ColumnsOption, LongJob):
     """Reconstruct a surface from any point cloud: open where the data are open, closed where they are closed."""
 
-    cloud: Path = argument("Any point cloud, with normals or without: PLY, PCD, XYZ, XYZN, ...", reads=True)
+    cloud: Path = argument("Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     spacing: float | None = option(None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit")
     rho: "SmoothingValue" = option(
@@ -62,7 +62,7 @@ class ReconstructJob(UnitOption, LongJob):
         from o3dleaf.surface.reconstruction.trim import trim_to_data
 
         with stage("read cloud"):
-            cloud = read_point_cloud(self.cloud, finite=False)
+            cloud = read_point_cloud(self.cloud, finite=False, columns=self.columns)
         mesh, field = create_from_point_cloud_rbfpu(
             o3d.t.geometry.PointCloud.from_legacy(cloud, o3d.core.float64),
             self.spacing,
@@ -91,7 +91,8 @@ class ReconstructJob(UnitOption, LongJob):
 
     def line(self, summary: "MeshReport") -> str:
         """Return what the surface is."""
-        square = f" {summary.unit}²" if summary.unit else ""
+        from o3dleaf.core.units import measure_in_words
+
         crossings = summary.self_intersections
         parts = (
             f"{summary.triangles:,} triangles",
@@ -100,7 +101,7 @@ class ReconstructJob(UnitOption, LongJob):
             "genus unknown" if summary.genus is None else f"genus {summary.genus}",
             "manifold" if summary.manifold else "not manifold",
             f"crosses itself {_counted(crossings, 'time')}" if crossings else "no crossings",
-            f"area {summary.area:,.5g}{square}",
+            f"area {measure_in_words(summary.area, summary.unit, power=2)}",
         )
         return f"{self.output}: {', '.join(parts)}"
 

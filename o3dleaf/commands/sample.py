@@ -12,13 +12,16 @@ class SampleJob(Job):
 
     folder: Path = argument("Folder to write into.")
     seed: int = option(0, "Seed of the synthetic leaf.")
+    leaves: bool = option(False, "Scans of curled, twisted, eaten, lobed and other leaves as well.", "--leaves")
 
     def work(self) -> list[Path]:
         """Write the samples, and return their files."""
         from o3dleaf.core.atomic_files import make_folder
         from o3dleaf.samples.files import write_samples
+        from o3dleaf.samples.leaves.scan_files import write_leaf_scans
 
-        return write_samples(make_folder(self.folder), seed=self.seed)
+        paths = write_samples(make_folder(self.folder), seed=self.seed)
+        return paths + (write_leaf_scans(self.folder, seed=self.seed) if self.leaves else [])
 
     def lines(self, summary: list[Path]) -> list[str]:
         """Return the files."""

@@ -173,6 +173,15 @@ class UnitOption:
     unit: str | None = option(None, "Unit of the coordinates: m, cm, mm, um or nm.")
 
 
+@dataclass(frozen=True, kw_only=True)
+class ColumnsOption:
+    """The columns of a text file of points that does not name them, or names them otherwise."""
+
+    columns: str | None = option(
+        None, "Columns of points in text, such as 'x y z nx ny nz'; by default those that the file names, or x y z."
+    )
+
+
 def spelled(name: str, known: Option) -> str:
     """Return the name of an option as a user writes it, without its dashes."""
     return (known.flags[0] if known.flags else name).lstrip("-").replace("_", "-")

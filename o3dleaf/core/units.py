@@ -1,9 +1,19 @@
-"""Lengths: one unit an object, named where files are read and converted once at the border."""
+"""Lengths: one unit an object, named where files are read and converted once at the border; and lengths in words."""
+
+import math
+from collections.abc import Sequence
 
 from o3dleaf.core.errors import UnitError
 
 METERS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 """Length of each known unit in meters; "µm" is accepted for "um"."""
+
+POWERS = {1: "", 2: "²", 3: "³"}
+"""What follows the unit of a length, an area and a volume."""
+DIGITS = 4
+"""Significant digits of a figure that is read, not calculated with."""
+OWN_UNIT = (1e-2, 1e5)
+"""Figures that are printed in the object's own unit, so that a report has few units: they need five places at most."""
 
 
 def check_unit(unit: str | None) -> str | None:
@@ -34,3 +44,69 @@ def unit_scale(source: str | None, target: str | None) -> float:
             f"unit: {source} cannot be converted to {target}; name the unit of both (for example unit='mm')"
         )
     return METERS[source] / METERS[target]
+
+
+def in_unit(unit: str) -> str:
+    """Return a unit as it is printed."""
+    return "µm" if unit == "um" else unit
+
+
+def name_length(length: float, unit: str | None) -> str:
+    """Return a round length in words, in the largest unit up to its own that makes it 1 or more: 0.2 mm is 200 µm."""
+    if unit is None:
+        return f"{length:g}"
+    meters = length * METERS[unit]
+    usual = [name for name in METERS if name != "cm" or name == unit]
+    name = next((name for name in usual if METERS[name] <= METERS[unit] and meters >= 0.999 * METERS[name]), "nm")
+    return f"{meters / METERS[name]:.6g} {in_unit(name)}"
+
+
+def measure_in_words(
+    value: float | Sequence[float], unit: str | None, *, power: int = 1, digits: int = DIGITS, join: str = ", "
+) -> str:
+    """Return a length, an area or a volume in words, in a unit that makes it a number to read: 0.0003 m² is 3 cm².
+
+    Parameters
+    ----------
+    value : float or sequence of float
+        In `unit` to the power; of several, which are printed in one unit, the largest determines it.
+    unit : str or None
+        Unit of length of the object; it is kept for figures from 0.01 to 100,000. None prints bare numbers.
+    power : {1, 2, 3}
+        1: a length, 2: an area, 3: a volume.
+    digits : int
+        Significant digits, of the largest value; digits before the point are never rounded off.
+    join : str
+        What stands between several values.
+    """
+    values = [float(each) for each in value] if isinstance(value, Sequence) else [float(value)]
+    size = max(map(abs, values), default=0.0)
+    shown, factor = unit, 1.0
+    if unit is not None:
+        shown = _readable_unit(size, check_unit(unit) or unit, power)
+        factor = unit_scale(unit, shown) ** power
+    elif not OWN_UNIT[0] <= size < OWN_UNIT[1]:
+        return join.join(f"{each:.{digits}g}" for each in values)
+    places = _places(size * factor, digits)
+    numbers = join.join(_plain(each * factor, places) for each in values)
+    return numbers if shown is None else f"{numbers} {in_unit(shown)}{POWERS[power]}"
+
+
+def _readable_unit(size: float, unit: str, power: int) -> str:
+    """Return the unit to print a figure of `unit` in: its own, or the largest in which it is 1 or more."""
+    if size == 0 or not math.isfinite(size) or OWN_UNIT[0] <= size < OWN_UNIT[1]:
+        return unit
+    known = [name for name in METERS if name != "cm" or power > 1]  # lengths of a leaf are told in m and mm
+    return next((name for name in known if size * unit_scale(unit, name) ** power >= 1), "nm")
+
+
+def _places(size: float, digits: int) -> int:
+    """Return the digits after the point that leave `digits` significant ones."""
+    return max(0, digits - 1 - math.floor(math.log10(size))) if size > 0 and math.isfinite(size) else 0
+
+
+def _plain(value: float, places: int) -> str:
+    """Return a number without an exponent or needless zeros, thousands apart."""
+    text = f"{value:,.{places}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return "0" if text in {"-0", ""} else text

@@ -1,6 +1,7 @@
 """Point clouds, meshes, grids and models from and to files: one writer a format, whole or not at all.
 
-`point_cloud`    point clouds, through Open3D
+`clouds`         point clouds that Open3D does not read: text, LAS, E57
+`point_cloud`    point clouds, by the suffix of the name
 `labelled_mesh`  a triangle mesh with a label for each triangle
 `triangle_mesh`  `read_mesh` and `write_mesh`, by the suffix of the name
 `geometry`       the mesh of a file, or its point cloud

@@ -1,19 +1,36 @@
-"""Reading point clouds through Open3D, with the checks that keep a bad file from becoming a bad surface."""
+"""Reading point clouds by the suffix of the name, with the checks that keep a bad file from becoming a bad surface."""
 
+from collections.abc import Sequence
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.clouds import e57, las, text
 from o3dleaf.io.ply_reader import require_whole_ply
 
-SUFFIXES = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
+OPEN3D = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
+"""Formats that Open3D reads."""
+SUFFIXES = (*OPEN3D, *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
+WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
+"""Formats whose columns can be named."""
 
 
-def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool = True) -> o3d.geometry.PointCloud:
-    """Return the points of a file that Open3D reads: PLY, PCD, XYZ, XYZN, XYZRGB or PTS.
+def read_point_cloud(
+    path: str | PathLike[str],
+    *,
+    least: int = 3,
+    finite: bool = True,
+    columns: str | Sequence[str] | None = None,
+) -> o3d.geometry.PointCloud:
+    """Return the points of a file: PLY, PCD, XYZ, XYZN, XYZRGB, PTS, TXT, CSV, ASC, LAS, LAZ or E57.
+
+    Coordinates come as they stand in the file, in float64. Those of LAS (by convention) and E57 (by its standard) are
+    in meters and stay so: say it where the unit is asked for. LAS and LAZ need ``pip install 'o3dleaf[las]'``, E57
+    ``pip install 'o3dleaf[e57]'``; of these, coordinates alone are read.
 
     Parameters
     ----------
@@ -22,20 +39,23 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool 
         The fewest points that will do.
     finite : bool
         Whether a point that is NaN or infinite is an error; `preprocess_point_cloud` leaves such points out.
+    columns : str or sequence of str, optional
+        Names of the columns of a text file, from the first on, such as "x y z nx ny nz r g b"; any other name leaves
+        its column out. By default those in the file's header, or x, y and z.
 
     Raises
     ------
     InputError
         If there is no such file, it cannot be read, it claims more points than it can hold, it holds
-        fewer than `least`, or one is not finite.
+        fewer than `least`, or one is not finite; of text, the message names the line.
     """
     file = require_file(path)
-    if file.suffix.lower() not in SUFFIXES:
+    suffix = file.suffix.lower()
+    if suffix not in SUFFIXES:
         raise InputError(f"{file}: unknown kind of point cloud {file.suffix!r}; give one of {', '.join(SUFFIXES)}")
-    if file.suffix.lower() == ".ply":
-        require_whole_ply(file)
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        cloud = o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)
+    if columns is not None and suffix not in WITH_COLUMNS:
+        raise InputError(f"columns: {file} names its own; leave columns out, they are for {', '.join(WITH_COLUMNS)}")
+    cloud = _read(file, suffix, columns)
     points = np.asarray(cloud.points)
     if not len(points):
         raise InputError(f"{file}: no points could be read; the cloud is empty or the file is damaged, export it again")
@@ -44,3 +64,17 @@ def read_point_cloud(path: str | PathLike[str], *, least: int = 3, finite: bool 
     if finite:
         require_finite(points, str(file))
     return cloud
+
+
+def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.geometry.PointCloud:
+    """Return what the reader of a format makes of a file."""
+    if suffix in text.SUFFIXES or columns is not None:
+        return text.read_text(file, columns).to_open3d()
+    if suffix in las.SUFFIXES:
+        return las.read_las(file).to_open3d()
+    if suffix in e57.SUFFIXES:
+        return e57.read_e57(file).to_open3d()
+    if suffix == ".ply":
+        require_whole_ply(file)
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        return o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)

@@ -1,12 +1,16 @@
 """The leaf: a blade of the scan, the micro-structure of the CT, and their fusion into one implicit surface.
 
-A point of the world becomes (along, across, up); the blade is a height over (along, across); the
-micro-structure repeats over that plane. Composed, they are one implicit function of the whole leaf.
+A point of the world becomes (along, across, height above the blade); the blade is a surface of its own over a chart
+that keeps lengths or, as in the paper, a height over a plane; the micro-structure repeats over (along, across).
+Composed, they are one implicit function of the whole leaf.
 
 `ct`              micro-CT volumes
 `blade`           what all rooms know of a blade
 `macro`           the paper's blade: midrib, frame, height map, outline
-`chart`           the blade as a surface of its own, over a chart
+`sheet`           from any scan to one open sheet
+`chart`           a sheet laid flat, its midrib along u
+`margin`          where the leaf ends, in the chart
+`parametric`      the blade as a surface of its own
 `texture`         the micro-structure, repeated over the plane
 `instancing`      one tile polygonized, set down everywhere
 `textured_blade`  the implicit function: a texture on a blade
@@ -15,8 +19,11 @@ micro-structure repeats over that plane. Composed, they are one implicit functio
 `remeshing`       its surface as a projection target; its mesh remeshed
 `meshing`         `MeshPlan`: its surface as a mesh
 `fine_windows`    a mesh with finer windows
+`fit_quality`     what a blade holds of its scan
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
+`mesh_step`       the step of a mesh where none was asked for
+`paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf
 `models`          saved models read again
 """

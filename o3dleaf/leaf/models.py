@@ -15,15 +15,15 @@ from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.io.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
-from o3dleaf.leaf.chart.parametric_blade import ParametricBlade
-from o3dleaf.leaf.chart.splines import VectorSplines
-from o3dleaf.leaf.chart.surface import ChartSurface
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.splines import VectorSplines
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines

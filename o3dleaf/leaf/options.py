@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 
 
+FRAMES = ("surface", "paper")
+
+
 def _period(text: str) -> Any:
     """Return the two lengths of a text, or its word."""
     values = [number_or_word(word) for word in words_of(text)]
@@ -24,23 +27,49 @@ class BladeOptions:
 
     Attributes
     ----------
-    alpha : float, optional
-        Radius of the α-shape, in the scan's unit.
+    frame : {"surface", "paper"}
+        The blade as a surface of its own over a chart, for any leaf, or as the paper has it: a height map over a plane
+        about the midrib, inside an α-shape.
     smoothing : "robust", float or "gcv"
-        Of the height map, see `HeightMap.fit`.
+        Of the surface or the height map, see `HeightMap.fit`.
     up, base : (3,) array_like, optional
         Direction of the adaxial side; a point near the base.
+    piece : int, optional
+        Which of several pieces of the scan is the leaf, the largest being 1.
+    one_sheet : bool
+        Whether passes that disagree, or the two sides of a thin leaf, are one surface.
+    keep_petiole : bool
+        Whether a petiole or a stub of the stem belongs to the blade.
+    fill_holes : float, optional
+        Diameter, in the scan's unit, up to which holes of the scan are filled; by default those that are no larger
+        than its gaps.
+    rim_radius : float, optional
+        Distance from the margin over which the thickness of the micro-structure falls, in the scan's unit.
+    alpha : float, optional
+        Of frame "paper": radius of the α-shape, in the scan's unit.
     offset : {"up", "normal"}
-        Direction along which the heights of the micro-structure are measured, see `Blade`.
+        Of frame "paper": direction along which the heights of the micro-structure are measured, see `HeightMapBlade`.
     """
 
-    alpha: float | None = option(
-        None, "Radius of the outline's alpha-shape (chosen from the scan if not given)", unit="scan-unit"
+    frame: str = option(
+        "surface",
+        "The blade as a 'surface' of its own, for any leaf, or as in the 'paper': heights over a plane.",
+        choices=FRAMES,
     )
     smoothing: "SmoothingValue | Literal['robust']" = "robust"
     up: Any = None
     base: Any = None
-    offset: str = option("up", "Direction of heights: 'up', as in the paper, or the blade's 'normal'.")
+    piece: int | None = option(None, "Which piece of the scan is the leaf, the largest being 1.")
+    one_sheet: bool = option(True, "Take passes that disagree, or both sides of a thin leaf, for one surface.")
+    keep_petiole: bool = option(False, "Keep the petiole, or a stub of the stem, as part of the blade.")
+    fill_holes: float | None = option(
+        None, "Fill holes up to this diameter (those no larger than the scan's gaps if not given)", unit="scan-unit"
+    )
+    rim_radius: float | None = option(None, "Let the thickness fall over this distance from the rim", unit="scan-unit")
+    alpha: float | None = option(
+        None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"
+    )
+    offset: str = option("up", "With frame 'paper': direction of heights, 'up', as published, or the blade's 'normal'.")
 
 
 @dataclass(frozen=True, kw_only=True)

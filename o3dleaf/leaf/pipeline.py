@@ -1,24 +1,24 @@
 """The whole job, step by step, in the paper's words."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
+from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.macro.blade import HeightMapBlade
-from o3dleaf.leaf.macro.frame import LeafFrame
-from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.midrib import find_midrib
-from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
+from o3dleaf.leaf.paper_pipeline import build_height_map_blade
+from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.cloud.outliers import detect_outliers
@@ -27,6 +27,12 @@ from o3dleaf.surface.cloud.preprocess import remove_faults
 LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)
 """Sizes outside of which a unit is wrong rather than a leaf remarkable."""
+
+FRAMES: dict[str, Callable[[FloatArray, FloatArray | None, str | None, BladeOptions], Blade]] = {
+    "surface": build_parametric_blade,
+    "paper": build_height_map_blade,
+}
+"""What builds a blade, by the option `frame`."""
 
 is_far = partial(detect_outliers, max_gap=np.inf, max_ratio=np.inf, std_ratio=10.0)
 """Outliers of a scan: even the thin parts of a gappy leaf stay within ten standard deviations of the mean distance to
@@ -39,42 +45,30 @@ def create_blade(
     *,
     unit: str = "mm",
     options: BladeOptions | None = None,
-) -> HeightMapBlade:
-    """Build the macro-scale blade from a laser scan (paper, section 2.4 and appendix A).
+) -> Blade:
+    """Build the macro-scale blade from a laser scan (paper, section 2.4).
 
     Parameters
     ----------
     scan : (n, 3) array_like or Open3D point cloud
         Points of one leaf, in `unit`.
     midrib : (k, 3) array_like or Open3D point cloud, optional
-        Control points of the midrib from base to tip, in `unit`; found by `find_midrib` if not given.
+        Control points of the midrib from base to tip, in `unit`; found if not given.
     unit : str
     options : BladeOptions, optional
 
     Raises
     ------
     InputError, UnitError, ReconstructionError
-        If the scan is no leaf that a height map over a midrib can hold, or its size is impossible.
+        If the scan is no single leaf, or none that the blade of this frame can hold, or its size is impossible.
     """
     options = options or BladeOptions()
+    build = FRAMES[require_choice(options.frame, tuple(FRAMES), "frame")]
     # The scan, without points that are there twice or far from all others.
     with stage("prepare scan"):
         points = remove_faults(points_of(scan, "scan", least=3), is_far).points
         _require_size(float(np.linalg.norm(np.ptp(points, axis=0))), unit, LEAF_LENGTH_MM, "scan", "leaf")
-    # Control points along the medial axis: picked by hand, or found.
-    with stage("fit leaf frame"):
-        control = find_midrib(points) if midrib is None else points_of(midrib, "midrib", least=2)
-        frame = LeafFrame.fit(points, control, up=options.up, base=options.base, unit=unit)
-    # World to leaf coordinates, y = T(x).
-    with stage("world to leaf"):
-        leaf_points = frame.to_leaf(points)
-    # The α-shape of the flattened scan is the outline of the blade.
-    with stage("outline"):
-        outline = AlphaShape(leaf_points[:, :2], options.alpha)
-    # A smoothed explicit interpolant, H(y1, y2) ≈ y3.
-    with stage("fit height map"):
-        height_map = HeightMap.fit(leaf_points, smoothing=options.smoothing, unit=unit)
-    return HeightMapBlade(frame, height_map, outline, options.offset)
+    return build(points, None if midrib is None else points_of(midrib, "midrib", least=2), unit, options)
 
 
 def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> TiledField:

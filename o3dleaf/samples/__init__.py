@@ -10,11 +10,16 @@
 `meshed`  solids meshed finely
 `slab`    a wavy sheet
 `figure`  a figure of many parts
+`leaves`  leaves of any shape: curled, twisted, eaten, lobed, on a petiole
 """
 
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.figure import Figure
 from o3dleaf.samples.files import write_samples
+from o3dleaf.samples.leaves.kinds import LEAF_KINDS, leaf_shape
+from o3dleaf.samples.leaves.leaf_scan import LeafScan, scan_leaf
+from o3dleaf.samples.leaves.leaf_shape import LeafShape
+from o3dleaf.samples.leaves.scan_files import write_leaf_scans
 from o3dleaf.samples.micro import WheatPatch
 from o3dleaf.samples.scan import ScanSample, wheat_scan
 from o3dleaf.samples.sheet import WheatBlade
@@ -22,9 +27,12 @@ from o3dleaf.samples.slab import WavySheet
 from o3dleaf.samples.solids import Block, Feet, Solid, Sphere, Torus
 
 __all__ = [
+    "LEAF_KINDS",
     "Block",
     "Feet",
     "Figure",
+    "LeafScan",
+    "LeafShape",
     "ScanSample",
     "Solid",
     "Sphere",
@@ -32,7 +40,10 @@ __all__ = [
     "WavySheet",
     "WheatBlade",
     "WheatPatch",
+    "leaf_shape",
+    "scan_leaf",
     "wheat_ct",
     "wheat_scan",
+    "write_leaf_scans",
     "write_samples",
 ]

@@ -64,8 +64,8 @@ def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
     volume, _ = wheat_ct(seed=seed)
     volume = Volume(volume.data.round(DECIMALS_INTENSITY), volume.spacing, volume.origin, volume.unit)
     paths = [folder / name for name in (SCAN, MIDRIB, PATCH)]
-    _write_points(paths[0], np.asarray(scan.cloud.points))
-    _write_points(paths[1], scan.midrib)
+    write_points(paths[0], np.asarray(scan.cloud.points))
+    write_points(paths[1], scan.midrib)
     write_volume(volume, paths[2])
     sums = [f"| `{p.name}` | {p.stat().st_size:,} | `{hashlib.sha256(p.read_bytes()).hexdigest()}` |" for p in paths]
     page = folder / PAGE
@@ -85,7 +85,8 @@ def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
     return [*paths, page]
 
 
-def _write_points(path: Path, points: FloatArray) -> None:
+def write_points(path: Path, points: FloatArray) -> None:
+    """Write (n, 3) points in millimeters, rounded, whole or not at all."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.round(DECIMALS_MM)))
     with whole_file(path) as temporary:
         if not o3d.io.write_point_cloud(temporary, cloud):

@@ -54,6 +54,8 @@ def bad(files, tmp_path_factory):
 
     spoilt = points.copy()
     spoilt[5] = np.nan
+    words = folder / "words.csv"
+    words.write_text("x y z\n1 2 3\n1 2 three\n")
     (folder / "empty.ply").touch()
     (folder / "garbage.ply").write_bytes(bytes(range(256)) * 40)
     (folder / "garbage.tif").write_bytes(bytes(range(256)) * 40)
@@ -67,6 +69,7 @@ def bad(files, tmp_path_factory):
         "one": cloud("one.xyz", points[:1]),
         "line": cloud("line.xyz", np.linspace([0, 0, 0], [100, 0, 0], 500)),
         "same": cloud("same.xyz", np.ones((200, 3))),
+        "words": words,
         "garbage": folder / "garbage.ply",
         "flat": folder / "flat.tif",
         "garbage_ct": folder / "garbage.tif",
@@ -92,6 +95,8 @@ CASES = {
         ("{scan}", "--ct", "{ct}", "--ct-unit", "mm", "--voxel-spacing", "24"),
         "unit",
     ),
+    "a line without a number": (("{words}",), "line 3: '1 2 three' has no number in column 3, z"),
+    "columns of a file that names its own": (("{scan}", "--columns", "x y z"), "leave columns out"),
     "an unknown unit": (("{scan}", "--scan-unit", "inch"), "unknown 'inch'"),
     "a spacing of nothing": (("{scan}", "--spacing", "0"), "spacing"),
     "a spacing larger than the leaf": (("{scan}", "--spacing", "500"), "spacing"),
@@ -205,11 +210,27 @@ def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
     assert "both or neither" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
 
 
+def test_a_scan_in_text_is_the_same_scan(run, files, tmp_path):
+    """Points in other columns, in another format, make the same mesh to the last bit."""
+    points = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
+    np.savetxt(tmp_path / "scan.txt", np.hstack([points[:, ::-1], points]), fmt="%.17g", header="three and three")
+    options = "--spacing", 1, "--midrib", files / "midrib.ply", "--no-picture", "--quiet"
+    first = run("leaf", files / "scan.ply", *options, "-o", tmp_path / "a.ply")
+    other = run("leaf", tmp_path / "scan.txt", "--columns", "- - - x y z", *options, "-o", tmp_path / "b.ply")
+    assert (first.returncode, other.returncode) == (0, 0), first.stderr + other.stderr
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+
+
 def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
-    result = process("leaf", files / "scan.ply", "--spacing", 0.3, "--no-picture", "-o", tmp_path / "blade.stl", "-q")
+    result = process("leaf", files / "scan.ply", "--no-picture", "-o", tmp_path / "blade.stl")
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
-    assert json.loads((tmp_path / "blade.json").read_text())["mesh"]["components"] == 1
+    summary = json.loads((tmp_path / "blade.json").read_text())
+    assert summary["mesh"]["components"] == 1
+    step = summary["mesh_step"]
+    assert summary["settings"]["spacing"] is None
+    assert summary["mesh"]["median_edge"] == pytest.approx(step["length"], rel=0.3)
+    assert f"mesh spacing {step['length']} mm: {step['reason']}" in " ".join(result.stderr.split())
 
 
 def test_info_says_what_a_file_holds(run, files, tmp_path):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from o3dleaf.core import checks
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
-from o3dleaf.core.units import METERS, check_unit, unit_scale
+from o3dleaf.core.units import METERS, check_unit, measure_in_words, unit_scale
 
 
 @pytest.mark.parametrize(
@@ -147,3 +147,25 @@ def test_units_never_mix_in_silence():
             unit_scale(*pair)
     with pytest.raises(UnitError, match="unknown 'inch'; choose one of m, cm, mm, um, nm"):
         check_unit("inch")
+
+
+@given(st.floats(1e-6, 1e7), st.sampled_from(sorted(METERS)), st.sampled_from([1, 2, 3]))
+def test_a_measure_in_words_is_the_measure(value, unit, power):
+    """Read back, it is right to half of its fourth digit; a number of a known unit has no exponent."""
+    number, shown = measure_in_words(value, unit, power=power).split(" ")
+    name = shown.rstrip("²³").replace("µ", "u")
+    assert "e" not in number
+    read = float(number.replace(",", "")) * unit_scale(name, unit) ** power
+    assert read == pytest.approx(value, rel=0.5e-3 * (1 + 1e-9))
+
+
+def test_a_leaf_has_an_area_in_whatever_unit():
+    said = [
+        measure_in_words(area, unit, power=2) for area, unit in ((3.4567e-4, "m"), (345.67, "mm"), (3.4567e8, "um"))
+    ]
+    assert said == ["3.457 cm²", "345.7 mm²", "3.457 cm²"]
+    assert measure_in_words(0.0, "m", power=2) == "0 m²"
+    assert measure_in_words((0.203, 0.011, 0.0009), "m", join=" × ") == "0.203 × 0.011 × 0.0009 m"
+    assert measure_in_words((1.2e-4, -3.4e-5), "m") == "120, -34 µm"
+    assert measure_in_words(1234.5678, None) == "1,235"
+    assert measure_in_words(1.5e-9, None, power=3) == "1.5e-09"

@@ -32,7 +32,7 @@ def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_p
         ("empty.ply", "", "empty"),
         ("text.ply", "hello", "does not begin with 'ply'"),
         ("nothing.ply", "ply\nformat ascii 1.0\nend_header\n", "lists no vertices"),
-        ("scan.las", "LASF", "unknown kind"),
+        ("scan.dxf", "0", "unknown kind"),
         ("words.xyz", "these are words\n", "no points"),
         ("two.xyz", "0 0 0\n1 1 1\n", "at least 3"),
         ("nan.xyz", "0 0 0\n1 1 nan\n1 2 3\n4 5 6\n", "NaN"),

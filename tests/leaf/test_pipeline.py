@@ -3,6 +3,7 @@
 import numpy as np
 import open3d as o3d
 import pytest
+import shapely
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
@@ -15,8 +16,10 @@ from o3dleaf import (
     create_texture,
     mesh_report,
 )
+from o3dleaf.leaf import pipeline
+from o3dleaf.leaf.macro.midrib import find_midrib
 from o3dleaf.samples import wheat_ct, wheat_scan
-from tolerances import ON_SURFACE, SURFACE_ORDER
+from tolerances import ON_SURFACE, SURFACE_ORDER, THINNED_AREA, THINNED_NOISES
 
 
 @pytest.fixture(scope="module")
@@ -158,3 +161,21 @@ def test_options_reach_their_stage(wheat):
     assert blade.frame.stations(np.array([50.0]))[3][0, 2] < 0
     with pytest.raises(o3l.errors.InputError, match="smoothing"):
         create_texture(wheat_ct()[0], options=TextureOptions(rho="best"))
+
+
+def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
+    """Midrib, frame and height map of fewer points lie within the noise of those of all; the outline has all points."""
+    scan = np.asarray(wheat_scan(count=6000).cloud.points)
+    whole = create_blade(scan)
+    asked = []
+    monkeypatch.setattr(pipeline, "MOST_POINTS", 2500)
+    monkeypatch.setattr(pipeline, "find_midrib", lambda points: asked.append(len(points)) or find_midrib(points))
+    thinned = create_blade(scan)
+    assert asked[0] <= 2500
+    assert len(thinned.outline.points) == len(whole.outline.points)
+    flat = np.column_stack([whole.outline.points, np.zeros(len(whole.outline.points))])
+    inner = whole.outline.polygon.buffer(-1.0)
+    flat = flat[[inner.contains(shapely.Point(*each)) for each in flat[:, :2]]]
+    apart = np.abs(thinned.flatten(whole.lift(flat))[:, 2])
+    assert np.quantile(apart, 0.99) < THINNED_NOISES * whole.height_map.choice.noise
+    assert thinned.outline.area == pytest.approx(whole.outline.area, rel=THINNED_AREA)

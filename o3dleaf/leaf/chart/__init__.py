@@ -1,11 +1,10 @@
-"""The blade as a surface of its own: a chart of its scan, a surface over the chart, and heights along its normal.
+"""The chart: a sheet laid flat, its ends, its midrib and its petiole.
 
-`surface_loops`     the surface, its normal and the lift along it
-`feet_loops`        closest points
-`splines`           splines of three components in one ball
-`feet`              samples of the surface, from which closest points are found
-`surface`           the surface S of the chart
-`taper`             thickness that falls towards the margin
-`sheet_mesh`        the plane inside the margin as triangles
-`parametric_blade`  the blade on it
+`flattening`   maps of a sheet to the plane, and what is asked of it
+`axis`         the ends of a blade in the plane, sections across it
+`flatten`      `flatten_sheet`: the chart of a sheet
+`petiole`      the petiole, by its cross-section
+`midline`      the midrib in the chart
+`turn`         the chart turned so that the midrib lies along u
+`sheet_chart`  `chart_sheet`: all of it together
 """

@@ -8,16 +8,13 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_points
-from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly
+from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
 
 KERNEL = "cubic"
-MAX_BANDWIDTH = 0.25
-"""Largest bandwidth of the smoothing, of a ball's radius: beyond it the balls would shape the surface, so they grow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +76,7 @@ class HeightMap:
         choosing, fitting = progress.split(20 if is_robust else 0, 1)
         with choosing:
             if is_robust:
-                points_per_ball, choice = _choose(points, phi, points_per_ball, overlap)
+                points_per_ball, choice = choose_with_balls(points, phi, points_per_ball, overlap)
                 value, weights = choice.smoothing, choice.weights
         with fitting:
             interpolant = PUInterpolant.fit(
@@ -135,17 +132,3 @@ class HeightMap:
         if order == 2:
             columns += [np.where(free[:, a] & free[:, b], parts[2][:, a, b], 0.0) for a, b in ((0, 0), (0, 1), (1, 1))]
         return np.stack(columns, axis=1)
-
-
-def _choose(
-    points: FloatArray, kernel: Polyharmonic, size: tuple[int, int], overlap: float
-) -> tuple[tuple[int, int], RobustChoice]:
-    """Return the robust choice, and the size of balls that are wide enough for its bandwidth."""
-    plane = np.ascontiguousarray(points[:, :2])
-    bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
-    while True:
-        cover = Cover.fit(plane, bounds, size, overlap)
-        choice = choose_robustly(cover, points, kernel)
-        if choice.bandwidth <= MAX_BANDWIDTH * np.median(cover.radii) or size[1] >= len(points):
-            return size, choice
-        size = (2 * size[0], 2 * size[1])

@@ -19,6 +19,9 @@ from o3dleaf.leaf.blade.outline_area import in_polygon
 
 BLUR = 2.0
 """Width of the Gaussian that a closed leaf's rim is smoothed by, in median spacings: the resolution of the scan."""
+MANY = 40_000
+"""Triangles, those of 20,000 points, beyond which their union is made of their boundary, in a tenth of the time; its
+ring may then begin at another vertex."""
 MAX_FRAGMENTS = 0.01
 """Share of the shrunk outline's area that may lie in other components than the largest."""
 
@@ -76,7 +79,7 @@ class AlphaShape:
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The outline as a polygon, gaps of the scan inside the blade filled."""
-        polygon = _filled_union(self.points[self.triangles])
+        polygon = _filled_union(self.points, self.triangles)
         shapely.prepare(polygon)
         return polygon
 
@@ -134,9 +137,16 @@ def _components(neighbors: npt.NDArray[np.integer], kept: IntArray) -> tuple[int
     return int(count), labels.astype(np.int64)
 
 
-def _filled_union(triangles: FloatArray) -> shapely.Polygon:
-    """Return the union of edge-connected triangles (m, 3, 2) without its holes."""
-    return shapely.Polygon(_largest(shapely.union_all(shapely.polygons(triangles))).exterior)
+def _filled_union(points: FloatArray, triangles: IntArray) -> shapely.Polygon:
+    """Return the union of edge-connected triangles (m, 3) without its holes; of many, from their boundary alone."""
+    if len(triangles) <= MANY:
+        return shapely.Polygon(_largest(shapely.union_all(shapely.polygons(points[triangles]))).exterior)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    # Delaunay's triangles overlap nowhere: an edge of one triangle alone is the boundary.
+    keys, uses = np.unique(edges @ [len(points), 1], return_counts=True)
+    boundary = np.stack(np.divmod(keys[uses == 1], len(points)), axis=1)
+    faces = shapely.get_parts(shapely.polygonize(shapely.linestrings(points[boundary])))
+    return shapely.Polygon(_largest(shapely.union_all(faces)).exterior)
 
 
 def _largest(shape: shapely.Geometry) -> shapely.Polygon:
@@ -158,11 +168,13 @@ def _least_alpha(delaunay: Delaunay, radii: FloatArray) -> float:
         return np.asarray(delaunay.simplices[kept[labels == np.argmax(np.bincount(labels))]], dtype=np.int64)
 
     def contains_all(number: int) -> bool:
-        return len(np.unique(largest(number))) == reachable
+        held = np.zeros(len(points), dtype=bool)
+        held[largest(number)] = True
+        return int(held.sum()) == reachable
 
     def has_no_neck(number: int) -> bool:
         # Shrunk by a spacing, a blade with a narrow neck falls apart; single triangles at its rim may go.
-        core = _filled_union(points[largest(number)]).buffer(-spacing)
+        core = _filled_union(points, largest(number)).buffer(-spacing)
         return bool(core.is_empty or _largest(core).area >= (1 - MAX_FRAGMENTS) * core.area)
 
     last = len(candidates) - 1

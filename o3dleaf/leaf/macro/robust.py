@@ -6,8 +6,9 @@ pass err together, smoothing that is judged on single points follows their error
 the leaf must be left out to see them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -34,6 +35,9 @@ GRID_RATIO = np.sqrt(10)
 """From one trial smoothing to the next: a factor 1.33 to 1.26 in bandwidth for kernels of 2m = 4 to 5."""
 MAX_STRETCH = 1 / 40
 """Longest stretch left out, of the leaf's length: more of them judge better than wider ones."""
+
+MAX_BANDWIDTH = 0.25
+"""Largest bandwidth of the smoothing, of a ball's radius: beyond it the balls would shape the surface, so they grow."""
 
 TOLERANCE = 0.02
 MAX_ITERATIONS = 30
@@ -113,15 +117,50 @@ class RobustHeight:
                 break
         return weights
 
-    def held_out_loss(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> float:
-        """Return the mean Huber loss of heights predicted without the stretch of the leaf that they lie in."""
+    def held_out_losses(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> FloatArray:
+        """Return the Huber losses (n,) of heights predicted without their stretch; NaN where none was."""
         data = ScatteredData(self.plane, self.heights, weights, stretches)
         errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
-        return float(np.mean(huber_loss(errors[~np.isnan(errors)], self.corner)))
+        return huber_loss(errors, self.corner)
 
 
-def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) -> RobustChoice:
-    """Return the smoothing of least Huber loss on held-out stretches, and each point's weight under it.
+class Trials(NamedTuple):
+    """Smoothings that were tried, from smooth to rough.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the points about their local planes.
+    stretches : (n,) ndarray of int64
+        The stretch of the leaf that each point was held out with.
+    bandwidths, smoothings : (t,) ndarrays
+    losses, weights : (t, n) ndarrays
+        Huber's, of each point held out (NaN where it could not be), and of each point in the fit.
+    """
+
+    noise: float
+    stretches: IntArray
+    bandwidths: FloatArray
+    smoothings: FloatArray
+    losses: FloatArray
+    weights: FloatArray
+
+    @property
+    def best(self) -> int:
+        """The trial of least mean loss."""
+        return int(np.argmin([losses[~np.isnan(losses)].mean() for losses in self.losses]))
+
+    def choice(self, trial: int) -> RobustChoice:
+        """Return one of the trials."""
+        return RobustChoice(
+            float(self.smoothings[trial]), float(self.bandwidths[trial]), self.noise, self.weights[trial]
+        )
+
+
+def try_smoothings(
+    cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, half_width: float | None = None
+) -> Trials:
+    """Fit heights robustly with every trial smoothing, and predict each stretch of the leaf from the others.
 
     Parameters
     ----------
@@ -131,26 +170,60 @@ def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
         (along, across, up).
     kernel : Polyharmonic
         In two dimensions.
+    half_width : float, optional
+        Of the leaf; by default what most points lie within of across = 0, or nearly.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = plane_noise(leaf_points)
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
-    half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
+    if half_width is None:
+        half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
     stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)
     stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
-    weights = np.ones(len(plane))
-    best: tuple[float, float, float, FloatArray] | None = None
+    weights, rows = np.ones(len(plane)), []
     trials = list(_trial_smoothings(leaf_points, kernel, half_width))
     # From smooth to rough: each weighting starts from its smoother neighbor's, which knows the majority.
-    for done, (bandwidth, smoothing) in enumerate(trials, start=1):
+    for done, (_, smoothing) in enumerate(trials, start=1):
         with progress.silent():
             weights = problem.reweight(smoothing, weights)
-            loss = problem.held_out_loss(smoothing, weights, stretches)
-        if best is None or loss < best[0]:
-            best = (loss, bandwidth, smoothing, weights)
+            rows.append((problem.held_out_losses(smoothing, weights, stretches), weights))
         progress.report(done, len(trials))
-    assert best is not None  # noqa: S101 - there is at least one trial
-    return RobustChoice(best[2], best[1], noise, best[3])
+    bandwidths, smoothings = np.array(trials).T
+    losses, weighted = (np.array(column) for column in zip(*rows, strict=True))
+    return Trials(noise, stretches, bandwidths, smoothings, losses, weighted)
+
+
+def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic) -> RobustChoice:
+    """Return the smoothing of least Huber loss on held-out stretches, and each point's weight under it.
+
+    Parameters
+    ----------
+    cover, leaf_points, kernel
+        As in `try_smoothings`.
+    """
+    trials = try_smoothings(cover, leaf_points, kernel)
+    return trials.choice(trials.best)
+
+
+Choose: TypeAlias = Callable[[Cover, FloatArray, Polyharmonic], RobustChoice]
+
+
+def choose_with_balls(
+    leaf_points: FloatArray,
+    kernel: Polyharmonic,
+    size: tuple[int, int],
+    overlap: float,
+    choose: Choose = choose_robustly,
+) -> tuple[tuple[int, int], RobustChoice]:
+    """Return a robust choice, and the size of balls that are wide enough for its bandwidth."""
+    plane = np.ascontiguousarray(leaf_points[:, :2])
+    bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
+    while True:
+        cover = Cover.fit(plane, bounds, size, overlap)
+        choice = choose(cover, leaf_points, kernel)
+        if choice.bandwidth <= MAX_BANDWIDTH * np.median(cover.radii) or size[1] >= len(leaf_points):
+            return size, choice
+        size = (2 * size[0], 2 * size[1])
 
 
 def _trial_smoothings(

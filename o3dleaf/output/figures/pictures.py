@@ -12,6 +12,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -120,11 +121,11 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     step = float(window.tile.max()) / TILE_STEPS
     inset = Inset(block(leaf, step, close), view=view)
     page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
-    unit = leaf.unit or ""
+    place, width = (measure_in_words(each, leaf.unit, digits=3) for each in (middle, high - low))
     return Sheet(
         page.figure,
-        f"A cross-section of the leaf, {middle:.0f} {unit} along the midrib and {high - low:.3g} {unit} wide, the "
-        "adaxial side up; cut faces are pale. Inset: a close-up.",
+        f"A cross-section of the leaf, {place} along the midrib and {width} wide, the adaxial side "
+        "up; cut faces are pale. Inset: a close-up.",
     )
 
 

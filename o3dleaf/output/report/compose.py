@@ -8,6 +8,7 @@ import numpy as np
 
 from o3dleaf.core import journal, progress
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.units import measure_in_words
 from o3dleaf.output.report.charts import Histogram, Mark
 from o3dleaf.output.report.closeups import draw_closeup
 from o3dleaf.output.report.overviews import draw_map, draw_sides, field_colors, scan_colors
@@ -184,7 +185,7 @@ def _lead(inspection: Inspection) -> str:
     """Return the mesh in one line."""
     report = inspection.report
     kind = "closed" if not report.boundary_edges else f"{report.boundary_edges:,} boundary edges"
-    size = " × ".join(f"{each:.4g}" for each in report.extent) + unit_of("length", report.unit)
+    size = measure_in_words(report.extent, report.unit, join=" × ")
     pieces = "1 piece" if report.components == 1 else f"{report.components:,} pieces"
     known = "" if report.unit else "; the unit of length is not known"
     return escape(f"{report.triangles:,} triangles in {pieces}, {kind}, {size}{known}")

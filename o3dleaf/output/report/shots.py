@@ -13,7 +13,7 @@ from matplotlib.image import imsave
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.output.report.words import in_unit
+from o3dleaf.core.units import name_length
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import round_length
 from o3dleaf.output.view.scene import UNDER_GREEN, UPPER_GREEN, encode, linear
@@ -125,14 +125,13 @@ class Picture:
         width, height = self.size
         length = round_length(0.2 * self.camera.width)
         pixels = length / self.camera.width * width
-        name = f"{length:g} {in_unit(unit)}" if unit else f"{length:g}"
         return "\n".join(
             [
                 f'<svg class="picture" viewBox="0 0 {width} {height + FOOT + (LABEL if colors else 0)}" role="img">',
                 f'<image href="{self.image}" width="{width}" height="{height}"/>',
                 *ink,
                 f'<path class="scale" d="M8 {height + 12}h{pixels:.1f}"/>',
-                f'<text x="8" y="{height + 30}">{name}</text>',
+                f'<text x="8" y="{height + 30}">{name_length(length, unit)}</text>',
                 *([colors.bar(width, height + 4)] if colors else []),
                 "</svg>",
             ]

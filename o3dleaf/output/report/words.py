@@ -2,8 +2,12 @@
 
 from typing import Any, NamedTuple
 
-POWERS = {"length": "", "area": "²", "volume": "³"}
-"""Kinds of figure that carry the mesh's unit, and what follows it."""
+from o3dleaf.core.units import POWERS, in_unit, measure_in_words
+
+KINDS_OF_POWER = {"length": 1, "area": 2, "volume": 3}
+"""Kinds of figure that carry the mesh's unit, and its power."""
+DIGITS = 5
+"""Significant digits of a figure in a table: one more than in a line, as figures are compared there."""
 
 
 class Quantity(NamedTuple):
@@ -83,23 +87,20 @@ def quantity_of(name: str) -> Quantity:
 
 
 def in_words(name: str, value: Any, unit: str | None) -> str:
-    """Return the value of a figure with its unit, rounded to what a reader takes in; "–" where there is none."""
+    """Return the value of a figure with a unit, rounded to what a reader takes in; "–" where there is none."""
     kind = quantity_of(name).kind
     if value is None or isinstance(value, bool):
         return {None: "–", True: "yes", False: "no"}[value]
-    if isinstance(value, list | tuple):
-        return ", ".join(in_words(name, each, None) for each in value) + unit_of(kind, unit)
     if isinstance(value, str):
         return in_unit(value)
+    if kind in KINDS_OF_POWER:
+        return measure_in_words(value, unit, power=KINDS_OF_POWER[kind], digits=DIGITS)
+    if isinstance(value, list | tuple):
+        return ", ".join(in_words(name, each, None) for each in value)
     plain = {"count": "{:,.0f}", "degrees": "{:.4g}°"}.get(kind, "{:.5g}")
-    return f"{100 * value:.4g} %" if kind == "share" else plain.format(value) + unit_of(kind, unit)
+    return f"{100 * value:.4g} %" if kind == "share" else plain.format(value)
 
 
 def unit_of(kind: str, unit: str | None) -> str:
     """Return what follows a figure of a kind: " mm²"; nothing where no unit is known or none belongs."""
-    return f" {in_unit(unit)}{POWERS[kind]}" if unit and kind in POWERS else ""
-
-
-def in_unit(unit: str) -> str:
-    """Return a unit as it is printed."""
-    return "µm" if unit == "um" else unit
+    return f" {in_unit(unit)}{POWERS[KINDS_OF_POWER[kind]]}" if unit and kind in KINDS_OF_POWER else ""

@@ -1,9 +1,13 @@
-"""The picture of a whole leaf, with an inset of its micro-structure."""
+"""The picture of a whole leaf, or of a part of it, with an inset of its micro-structure."""
 
 from os import PathLike
 
+import numpy as np
+import numpy.typing as npt
 import open3d as o3d
+import shapely
 
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -11,16 +15,36 @@ from o3dleaf.output.view.picture import Inset, render
 
 WINDOW_MM = 2.4
 """Side of the inset's window on the leaf."""
-WINDOW_STEP_MM = 0.012
-"""Its mesh step: half a voxel of a 24 µm CT, so that hairs are round."""
+STEPS = 200
+"""Mesh steps along that side: half a voxel of a 24 µm CT in 2.4 mm, so that hairs are round."""
+SHARE = 0.5
+"""Of the shorter side of a part that is drawn alone, the most that the window takes: it is a detail."""
 
 
-def render_leaf(leaf: MultiscaleLeaf | Blade, mesh: o3d.geometry.TriangleMesh, path: str | PathLike[str]) -> None:
-    """Draw a mesh of a whole leaf into a file, with an inset of the micro-structure where there is one."""
+def render_leaf(
+    leaf: MultiscaleLeaf | Blade,
+    mesh: o3d.geometry.TriangleMesh,
+    path: str | PathLike[str],
+    region: npt.ArrayLike | None = None,
+) -> None:
+    """Draw a mesh of a leaf into a file, with an inset of the micro-structure where there is one.
+
+    `region`, (2, 2) lower and upper (along, across), is the part that the mesh shows; None is the whole leaf.
+    """
     insets = []
     if isinstance(leaf, MultiscaleLeaf):
-        scale = unit_scale("mm", leaf.unit)
-        middle, half = leaf.blade.outline.polygon.representative_point(), WINDOW_MM * scale / 2
-        window = [[middle.x - half, middle.y - half], [middle.x + half, middle.y + half]]
-        insets = [Inset(leaf.extract_mesh(WINDOW_STEP_MM * scale, window))]
+        window = inset_window(leaf, region)
+        insets = [Inset(leaf.extract_mesh(float(window[1, 0] - window[0, 0]) / STEPS, window))]
     render(mesh, path, insets=insets, unit=leaf.unit)
+
+
+def inset_window(leaf: MultiscaleLeaf, region: npt.ArrayLike | None = None) -> FloatArray:
+    """Return the (2, 2) window of the inset: 2.4 mm in the middle of what the picture shows of the outline."""
+    side, shown = WINDOW_MM * unit_scale("mm", leaf.unit), leaf.blade.outline.polygon
+    if region is not None:
+        box = np.asarray(region, dtype=np.float64)
+        shown &= shapely.box(*box.ravel())
+        side = min(side, SHARE * float(np.ptp(box, axis=0).min()))
+    middle = shown.representative_point()
+    center = np.array([middle.x, middle.y])
+    return np.array([center - side / 2, center + side / 2])

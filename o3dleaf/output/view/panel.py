@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.units import METERS
+from o3dleaf.core.units import name_length
 
 INK = "#27302a"
 FAINT = "#8b958d"
@@ -182,13 +182,3 @@ def round_length(length: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is not above `length`."""
     power = 10.0 ** np.floor(np.log10(length))
     return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))
-
-
-def name_length(length: float, unit: str | None) -> str:
-    """Return a length in words, in the largest unit that makes it 1 or more: 0.2 mm is 200 µm."""
-    if unit is None:
-        return f"{length:g}"
-    meters = length * METERS[unit]
-    usual = [name for name in METERS if name != "cm" or name == unit]
-    name = next((name for name in usual if METERS[name] <= METERS[unit] and meters >= 0.999 * METERS[name]), "nm")
-    return f"{meters / METERS[name]:.6g} {name.replace('um', 'µm')}"

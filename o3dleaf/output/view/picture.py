@@ -40,7 +40,7 @@ class Inset:
         Written into the panel.
     at : (n, 3) array_like, optional
         Points of the main mesh that the marker goes around; left out, those of the inset's mesh.
-        An empty array draws no marker.
+        An empty array, or points that the main picture does not show, draw no marker.
     view : View
         Oblique by default.
     scalars : array_like or Scalars, optional
@@ -202,5 +202,11 @@ def _mark_inset(page: Page, camera: Camera, main: Box, detail: tuple[Inset, Scen
     if inset.title:
         page.write(box.left + page.em, box.top + 1.1 * page.em, inset.title)
     place = scene.vertices if inset.at is None else np.asarray(inset.at, dtype=np.float64)
-    if len(place):
-        page.mark(camera.project(place.reshape(-1, 3), main.size) + np.array([main.left, main.top]), box)
+    if not len(place):
+        return
+    edge = np.array([main.left, main.top])
+    corners = camera.project(place.reshape(-1, 3), main.size) + edge
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    # What lies beside the picture has no place on it, and no line leads there.
+    if (high >= edge).all() and (low <= edge + main.size).all():
+        page.mark(np.clip([low, high], edge, edge + main.size), box)

@@ -1,4 +1,4 @@
-"""Downsampling of clouds that keeps the two sides of a thin sheet apart."""
+"""Downsampling of clouds: by voxels that keep the two sides of a thin sheet apart, by noise, or to a number."""
 
 import numpy as np
 
@@ -13,6 +13,8 @@ PER_NOISE = 1.8
 corners off, narrower ones leave the fit with more points than it needs."""
 TAIL = 0.1
 """Share of its neighbors' weight up to which a mean is one of a tail: of a normal distribution, beyond 2.1 σ."""
+LEAST_GROWTH = 1.02
+"""Of voxels from one size to the next that is tried: four percent fewer points."""
 
 
 def voxel_down_sample(cloud: CloudLike, voxel_size: float) -> OrientedCloud:
@@ -84,6 +86,42 @@ def adaptive_down_sample(cloud: CloudLike) -> OrientedCloud:
         averaged = voxel_down_sample(whole, voxel_size)
     with trimming:
         return remove_tails(averaged)
+
+
+def thin(cloud: CloudLike, most: int) -> OrientedCloud:
+    """Return a cloud of at most `most` points: itself, or the means of its points in cubic voxels, with their weights.
+
+    The voxels are the first so large in a row in which each is as much larger as would be enough if the points covered
+    a surface evenly: there are not many fewer than `most`. Normals are left out, as the sides of a sheet are not kept
+    apart. The means stand in the order of their first points.
+
+    Parameters
+    ----------
+    cloud : (n, 3) array_like, Open3D point cloud or OrientedCloud
+    most : int
+
+    Raises
+    ------
+    InputError
+        If `most` is not above zero.
+    """
+    whole = OrientedCloud.of(cloud)
+    require_positive(most, "most")
+    if len(whole) <= most:
+        return whole
+    points = whole.points
+    size = float(np.ptp(points, axis=0).max()) / most or 1.0
+    while len((cells := Cells.sort(points, size)).first) > most:
+        size *= max(np.sqrt(len(cells.first) / most), LEAST_GROWTH)
+    count, length = len(cells.first), cells.last - cells.first
+    rank = np.empty(count, np.int64)
+    rank[np.argsort(cells.order[cells.first])] = np.arange(count)
+    group = np.empty(len(points), np.int64)
+    group[cells.order] = np.repeat(rank, length)
+    weight = np.asarray(np.bincount(group, whole.weights, count), dtype=np.float64)
+    mean = np.column_stack([np.bincount(group, whole.weights * points[:, axis], count) for axis in range(3)])
+    removed = whole.removed._replace(averaged=whole.removed.averaged + len(points) - count)
+    return OrientedCloud(mean / weight[:, np.newaxis], None, weight, removed, whole.notes)
 
 
 def remove_tails(cloud: OrientedCloud) -> OrientedCloud:

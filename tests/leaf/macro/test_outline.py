@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.macro import outline
 from o3dleaf.leaf.macro.outline import AlphaShape, circumradii
 
 
@@ -71,3 +72,15 @@ def test_what_has_no_area_is_refused():
         AlphaShape(np.zeros((2, 2)))
     with pytest.raises(InputError, match="below every circumradius"):
         AlphaShape(ring(np.random.default_rng(4)), 1e-6)
+
+
+@pytest.mark.parametrize("alpha", [0.09, 0.2, None])
+def test_the_union_of_many_triangles_is_that_of_few(monkeypatch, alpha):
+    """The boundary alone says the same as all triangles: with notches, holes and corners that touch, too."""
+    points = ring(np.random.default_rng(5))
+    one = AlphaShape(points, alpha)
+    assert one.polygon.area > 0
+    monkeypatch.setattr(outline, "MANY", 0)
+    other = AlphaShape(points, alpha)
+    assert other.alpha == one.alpha
+    assert other.polygon.normalize().equals_exact(one.polygon.normalize(), 0.0)

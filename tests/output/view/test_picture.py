@@ -9,10 +9,11 @@ from mesh_fields import sphere, wavy_sheets
 from o3dleaf import extract_isosurface
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.units import name_length
 from o3dleaf.output.view import render, show
 from o3dleaf.output.view.camera import Camera, View
-from o3dleaf.output.view.panel import lay_out, name_length, round_length
-from o3dleaf.output.view.picture import PAPER, Inset, Scalars
+from o3dleaf.output.view.panel import lay_out, round_length
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
 from tolerances import BACKGROUND, SILHOUETTE
 
 SIZE = (320, 200)
@@ -157,6 +158,18 @@ def test_boxes_stay_on_the_page_and_apart():
                 assert min(box.size) > 100
                 page[box.top : box.top + box.height, box.left : box.left + box.width] += 1
             assert page.max() == 1
+
+
+@pytest.mark.parametrize(("at", "marks"), [((0.0, 0.0), 1), ((0.0, 40.0), 0), ((-90.0, 0.0), 0), (None, 1)])
+def test_no_line_leaves_the_page(blade, ball, at, marks):
+    """An inset of a place beside the picture has no marker; one that is wider than it is marked as far as it goes."""
+    at = [[-99.0, -1.0, 0.0], [3.0, 1.0, 0.0]] if at is None else [[*at, 0.0]]
+    page = draw_page(Inset(blade, unit="mm"), [Inset(ball, at=at), Inset(ball, at=[])], SIZE)
+    drawn = [each.get_xydata() for each in page.axes.lines]
+    drawn += [each.get_bbox().get_points() for each in page.axes.patches]
+    assert len(page.axes.patches) == 2 + marks
+    assert np.min([each.min(axis=0) for each in drawn]) >= 0
+    assert (np.max([each.max(axis=0) for each in drawn], axis=0) <= SIZE).all()
 
 
 def test_lengths_are_round_and_named_in_a_unit_that_fits():

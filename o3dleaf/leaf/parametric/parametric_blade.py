@@ -16,12 +16,12 @@ from o3dleaf.leaf.blade.blade import Blade, OpenEdges
 from o3dleaf.leaf.blade.distortion import radii_of
 from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
-from o3dleaf.leaf.chart import surface_loops
-from o3dleaf.leaf.chart.feet import SAMPLE_COUNT, sample_surface
-from o3dleaf.leaf.chart.feet_loops import Samples
-from o3dleaf.leaf.chart.sheet_mesh import triangulate
-from o3dleaf.leaf.chart.surface import ChartSurface
-from o3dleaf.leaf.chart.taper import Taper
+from o3dleaf.leaf.margin.sheet_mesh import triangulate
+from o3dleaf.leaf.margin.taper import Taper
+from o3dleaf.leaf.parametric import surface_loops
+from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, sample_surface
+from o3dleaf.leaf.parametric.feet_loops import Samples
+from o3dleaf.leaf.parametric.surface import ChartSurface
 
 COLLAR = 8.0
 """Width of the strip around the outline in which feet are looked for too, in steps of the samples."""

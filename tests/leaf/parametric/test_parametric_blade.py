@@ -8,7 +8,7 @@ import o3dleaf as o3l
 from chart_fields import LENGTH, WIDTH, curled, inner_places, surface_of, twisted
 from leaf_fields import texture
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.leaf.chart.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.output.report.summary import summarize, warnings_of
 from tolerances import CHART_FOOT, CHART_SLOPE, DIFFERENCED_GRADIENT, DIFFERENCED_JACOBIAN, SIGNED_VS_FOOT
 

@@ -8,7 +8,7 @@ from chart_fields import LENGTH, RADIUS, WIDTH, curled, curled_normals, inner_pl
 from o3dleaf import PUInterpolant
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
-from o3dleaf.leaf.chart.surface import ChartSurface
+from o3dleaf.leaf.parametric.surface import ChartSurface
 from tolerances import (
     CHART_FIT,
     CHART_FOOT,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from o3dleaf.leaf.chart.surface_loops import JET, jets_at
+from o3dleaf.leaf.parametric.surface_loops import JET, jets_at
 
 MIN_EIGENVALUE = 0.1
 """Least eigenvalue of the second derivatives in the surface's metric: 0 at a focus, where steps would have no end."""

@@ -1,0 +1,72 @@
+"""Text files of points: one in a line, columns between blanks, tabs, commas or semicolons."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.clouds.columns import GROUPS, Columns
+from o3dleaf.io.clouds.header import TextHead, is_comment, lines_of, read_head, shown
+
+SUFFIXES = (".txt", ".csv", ".asc")
+
+
+def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns:
+    """Return the points of a text file, with normals and colors where it names them.
+
+    A header names the columns, in a line of its own or in a comment: x, y, z; nx, ny, nz; r, g, b or red, green, blue;
+    others, such as intensity, are not read. Without a header the first three columns are x, y and z, and no other is
+    guessed at. Comments begin with # or //. A unit beside a name is not looked at: coordinates come as they stand.
+
+    Parameters
+    ----------
+    file : Path
+    columns : str or sequence of str, optional
+        Names of the columns from the first on, instead of the header's: "x y z - - - nx ny nz". A name that is not
+        known leaves its column out.
+
+    Raises
+    ------
+    InputError
+        If there is no point, columns are missing, or a line has no number where one belongs; it names the line.
+    """
+    head = read_head(file, columns)
+    places = {group: [head.columns[name] for name in names] for group, names in GROUPS.items() if _all(names, head)}
+    used = [place for group in places.values() for place in group]
+    try:
+        rows = _read(file, head, used)
+    except ValueError as cause:
+        raise _first_fault(file, head, used) or InputError(f"{file}: cannot be read ({cause})") from cause
+    parts = dict(zip(places, np.split(rows, len(places), axis=1), strict=True))
+    return Columns(**parts)
+
+
+def _all(names: Sequence[str], head: TextHead) -> bool:
+    return all(name in head.columns for name in names)
+
+
+def _read(file: Path, head: TextHead, used: list[int]) -> FloatArray:
+    """Return the columns `used` of all lines with points, (n, len(used))."""
+    lines = (head.numbers(line) for number, line in lines_of(file) if number > head.skipped)
+    rows = np.loadtxt(lines, delimiter=head.separator, comments=None, usecols=used, ndmin=2, dtype=np.float64)
+    return np.asarray(rows)
+
+
+def _first_fault(file: Path, head: TextHead, used: list[int]) -> InputError | None:
+    """Return an error that names the first line without a number in a column that is used."""
+    names = {place: name for name, place in head.columns.items()}
+    for number, line in lines_of(file):
+        if number <= head.skipped or is_comment(line):
+            continue
+        fields = head.fields(line)
+        for place in used:
+            try:
+                float(fields[place])
+            except (ValueError, IndexError):
+                return InputError(
+                    f"{file}: line {number}: {shown(line)} has no number in column {place + 1}, {names[place]}; "
+                    "correct the line, or name the columns, as 'x y z'"
+                )
+    return None

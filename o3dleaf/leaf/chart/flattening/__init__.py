@@ -1,0 +1,9 @@
+"""Maps of a sheet to the plane: what they ask of it, how they are found, how they stretch it.
+
+`sheet_shape`  what a chart asks of a mesh
+`geodesics`    distances along a sheet
+`stretch`      how a chart stretches its sheet
+`embedding`    maps of a sheet to the plane
+`untangle`     single flipped triangles put right
+`overlap`      where a chart lies over itself
+"""

@@ -1,0 +1,10 @@
+"""The margin: where the leaf ends, in the chart.
+
+`margin`          the margin: the closed curve in the chart where the leaf ends
+`margin_curve`    rings smoothed without shrinking, and grown to where the leaf ends
+`margin_tips`     sharp tips restored
+`sample_region`   what a planar sample covers
+`sample_spacing`  how it is spaced, place by place
+`taper`           thickness that falls towards the margin
+`sheet_mesh`      the plane inside a margin as triangles, cut along it
+"""

@@ -1,0 +1,257 @@
+"""The margin: the closed curve in the chart where the leaf ends, with its holes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.margin_curve import (
+    CREASE_WIDTH,
+    STEP,
+    Spacing,
+    grown,
+    largest,
+    margin_ring,
+    polygon_of,
+    resample,
+    smooth,
+)
+from o3dleaf.leaf.margin.margin_tips import with_tips
+from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
+
+BLOCK = 65536
+FUSE = 0.02
+"""The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
+TOLD = 0.002
+"""Share of the points that may lie outside without a note."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A hole of the leaf: a gap that is larger than the sample's own.
+
+    Attributes
+    ----------
+    place : (2,) ndarray
+        Its centroid in the chart.
+    area, diameter : float
+        Its area, and the diameter of a disc of that area.
+    filled : bool
+        Whether it was filled on request.
+    """
+
+    place: FloatArray
+    area: float
+    diameter: float
+    filled: bool
+
+    def __str__(self) -> str:
+        fate = "filled" if self.filled else "kept"
+        return f"hole of {self.diameter:.3g} across at u {self.place[0]:.4g}, v {self.place[1]:.4g}: {fate}"
+
+
+class Margin:
+    """The outline of the leaf in the chart (u, v): a smooth closed curve where the leaf ends, not through its last points.
+
+    Attributes
+    ----------
+    points : (n, 2) ndarray
+        The places in the chart that it was fitted to.
+    ring : (k, 2) ndarray
+        The outer curve, counter-clockwise, without its first point again.
+    hole_rings : tuple of (k, 2) ndarray
+        The curves of the holes kept, clockwise.
+    spacing : float
+        Median point spacing √(area per point) of the sample.
+    holes : tuple of Hole
+        Holes larger than the sample's gaps, kept and filled, the largest first.
+    notes : tuple of str
+        What the margin does not hold, in sentences; empty where there is nothing to say.
+    unit : str or None
+    """
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        ring: npt.ArrayLike,
+        hole_rings: tuple[npt.ArrayLike, ...] = (),
+        *,
+        spacing: float,
+        holes: tuple[Hole, ...] = (),
+        notes: tuple[str, ...] = (),
+        unit: str | None = None,
+    ) -> None:
+        self.points = as_points(points, dim=2)
+        self.ring = as_points(ring, "ring", dim=2, least=3)
+        self.hole_rings = tuple(as_points(hole, "hole_rings", dim=2, least=3) for hole in hole_rings)
+        self.spacing, self.holes, self.notes, self.unit = float(spacing), tuple(holes), tuple(notes), unit
+        self.polygon = shapely.Polygon(self.ring, self.hole_rings)
+        shapely.prepare(self.polygon)
+
+    @classmethod
+    def fit(
+        cls,
+        uv: npt.ArrayLike,
+        *,
+        spacing: float | None = None,
+        fill_holes: float | None = None,
+        unit: str | None = None,
+    ) -> "Margin":
+        """Fit the margin of a sample of the leaf.
+
+        The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
+        sample leaves out, half a cell for each point of the border; then the flanks of sharp tips are continued.
+
+        Parameters
+        ----------
+        uv : (n, 2) array-like
+            Feet of the scan's points in a chart that keeps areas, so that their density is the scan's.
+        spacing : float, optional
+            The least spacing to resolve: denser places are taken to be no denser. Default: the sample's own.
+        fill_holes : float, optional
+            Holes of up to this diameter are filled. Default: none.
+        unit : str, optional
+
+        Raises
+        ------
+        InputError
+            If there are fewer than three points or they lie on one line.
+        ReconstructionError
+            If no area is left.
+        """
+        points = as_points(uv, "uv", dim=2, least=3)
+        limit = 0.0 if fill_holes is None else require_positive(fill_holes, "fill_holes")
+        least = 0.0 if spacing is None else require_positive(spacing, "spacing")
+        region = cover_sample(np.unique(points, axis=0))
+        local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
+        outer, *inner = _rings(region, local)
+        holes = [_hole(ring, limit) for ring in inner]
+        order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
+        polygon = shapely.Polygon(outer)
+        for i in order:
+            if not holes[i].filled:
+                polygon = largest(polygon.difference(shapely.Polygon(inner[i])))
+        if polygon.is_empty:
+            raise ReconstructionError("the points cover no area in the chart; give a denser scan")
+        polygon = shapely.orient_polygons(polygon)
+        rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+        return cls(
+            points,
+            rings[0],
+            tuple(rings[1:]),
+            spacing=float(np.median(region.spacing)),
+            holes=tuple(holes[i] for i in order),
+            notes=_notes(region),
+            unit=unit,
+        )
+
+    def __repr__(self) -> str:
+        kept = len(self.hole_rings)
+        return f"Margin({len(self.points):,} points, area {self.area:.6g}, {kept} holes, spacing {self.spacing:.4g})"
+
+    def state(self) -> dict[str, Any]:
+        """Return what the margin is made of, for `o3dleaf.io.model_file`."""
+        names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def rounded(self) -> shapely.Polygon:
+        """The polygon itself: it is smooth, and open and closed meshes end on the same curve."""
+        return self.polygon
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 2) bounding box of the margin."""
+        return np.array(self.polygon.bounds).reshape(2, 2)
+
+    @property
+    def area(self) -> float:
+        """Area inside the margin, without holes."""
+        return float(self.polygon.area)
+
+    def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Return for each of the (n, 2) points whether it lies inside the margin or on it."""
+        places = as_points(points, dim=2)
+        inside = np.empty(len(places), dtype=bool)
+
+        def task(start: int, stop: int) -> None:
+            inside[start:stop] = shapely.intersects_xy(self.polygon, places[start:stop, 0], places[start:stop, 1])
+
+        run_blocks(task, len(places), BLOCK)
+        return inside
+
+
+def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
+    """Return the curves (k, 2) where the leaf ends: the outer one first, counter-clockwise, then those of holes."""
+    fuse = FUSE * float(np.median(region.spacing))
+    triangles = shapely.polygons(region.points[region.triangles])
+    covered = largest(shapely.orient_polygons(shapely.union_all(triangles).buffer(fuse, join_style="mitre")))
+    covered = shapely.orient_polygons(covered)
+    rings = [covered.exterior, *covered.interiors]
+    cut = np.flatnonzero(region.missing)
+    owner = _owners(rings, region.points[cut])
+    curves = []
+    for number, ring in enumerate(rings):
+        own = cut[owner == number]
+        curve, growth = margin_ring(shapely.get_coordinates(ring)[:-1], region.points[own], region.missing[own], local)
+        inside, band = polygon_of(curve), grown(curve, growth)
+        area = largest(inside.difference(band) if number else inside.union(band))
+        if area.is_empty:
+            continue  # a hole that is none once the leaf around it is whole
+        curves.append(_finished(area, local, tips=not number))
+    if not curves:
+        raise ReconstructionError("the points cover no area in the chart; give a denser scan")
+    return curves
+
+
+def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
+    """Return the number (n,) of the ring nearest to each of the points."""
+    tree = shapely.STRtree(rings)
+    found = tree.query_nearest(shapely.points(points), all_matches=False)
+    owner = np.zeros(len(points), dtype=np.int64)
+    owner[found[0]] = found[1]
+    return owner
+
+
+def _finished(area: shapely.Polygon, local: Spacing, *, tips: bool) -> FloatArray:
+    """Return the outer ring of an area without creases, in steps of a fraction of the spacing; a simple curve."""
+    ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
+    curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
+    if tips:
+        pointed = with_tips(curve, local)
+        if shapely.Polygon(pointed).is_valid:
+            curve = pointed
+    return curve
+
+
+def _simple(curve: FloatArray) -> FloatArray:
+    """Return the curve, or where it crosses itself the border of the largest area inside it."""
+    polygon = largest(polygon_of(curve))
+    return np.asarray(shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)[:-1])
+
+
+def _hole(ring: FloatArray, limit: float) -> Hole:
+    polygon = shapely.Polygon(ring)
+    diameter = float(np.sqrt(4 * polygon.area / np.pi))
+    return Hole(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), diameter, diameter <= limit)
+
+
+def _notes(region: SampleRegion) -> tuple[str, ...]:
+    """Return what the region does not hold."""
+    notes = []
+    if region.bridged:
+        notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
+    if len(region.left_out) > TOLD * len(region.points):
+        u, v = np.median(region.points[region.left_out], axis=0)
+        share = len(region.left_out) / len(region.points)
+        notes.append(
+            f"{len(region.left_out):,} points ({share:.1%}) about u {u:.4g}, v {v:.4g} lie apart and are left out"
+        )
+    return tuple(notes)

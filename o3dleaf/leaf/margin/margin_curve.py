@@ -1,0 +1,120 @@
+"""Rings of a covered region as smooth curves: smoothed without shrinking, grown to where the leaf ends, tips restored."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+
+STEP = 0.2
+"""Step of a curve, in local spacings."""
+WIDTH = 1.5
+"""Width of the Gaussian that rings are smoothed by, in local spacings: jags of a sample are about one long."""
+COUNT_WIDTH = 4.0
+"""The same for the number of points along a ring, which is noisier than their places."""
+CREASE_WIDTH = 0.5
+"""The same for creases where growth has met itself."""
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """The local spacing of a sample, at any place of the plane."""
+
+    tree: cKDTree
+    values: FloatArray
+
+    def __call__(self, places: FloatArray) -> FloatArray:
+        """Return the spacing (k,) at (k, 2) places: the mean of the four nearest points'."""
+        near = self.tree.query(places, k=min(4, len(self.values)))[1]
+        spacing: FloatArray = self.values[near].mean(axis=1)
+        return spacing
+
+
+def resample(ring: FloatArray, spacing: Spacing, step: float = STEP) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a closed curve (k, 2) in steps of `step` local spacings, its (k,) spacings, and where it was taken.
+
+    The last are numbers along the ring (k,), from 0 to its number of sides.
+    """
+    closed = np.vstack([ring, ring[:1]])
+    lengths = np.hypot(*np.diff(closed, axis=0).T)
+    pieces = np.maximum(1, np.ceil(lengths / (2 * step * spacing.values.min()))).astype(int)
+    pieces = np.minimum(pieces, 64)
+    number = np.concatenate([i + np.arange(p) / p for i, p in enumerate(pieces)] + [[len(ring)]])
+    fine = _at(closed, number)
+    local = spacing((fine[1:] + fine[:-1]) / 2)
+    along = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(fine, axis=0).T) / local)])
+    count = max(12, round(along[-1] / step))
+    taken = np.interp(np.arange(count) * (along[-1] / count), along, number)
+    places = _at(closed, taken)
+    return places, spacing(places), taken
+
+
+def _at(closed: FloatArray, number: FloatArray) -> FloatArray:
+    whole = np.minimum(number.astype(int), len(closed) - 2)
+    part = (number - whole)[:, None]
+    places: FloatArray = (1 - part) * closed[whole] + part * closed[whole + 1]
+    return places
+
+
+def smooth(values: FloatArray, width: float) -> FloatArray:
+    """Return periodic values smoothed by twice a Gaussian less its square: of fourth order, so that circles stay."""
+    once = gaussian_filter1d(values, width, axis=0, mode="wrap")
+    twice: FloatArray = 2 * once - gaussian_filter1d(once, width, axis=0, mode="wrap")
+    return twice
+
+
+def margin_ring(
+    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing
+) -> tuple[FloatArray, FloatArray]:
+    """Return the smoothed ring (k, 2) and how far (k,) the leaf goes on beyond it, to its right.
+
+    By Pick's theorem, and Euler's formula for a random sample, the triangles of n points of which b lie on the
+    border have the area of n − b/2 − 1 cells: the border is half a cell for each of its points too far inside.
+
+    Parameters
+    ----------
+    ring : (r, 2) ndarray
+        The border of the covered region, which lies on the left.
+    on_ring : (b, 2) ndarray
+        The points on it.
+    spacing : Spacing
+    """
+    places, local, taken = resample(ring, spacing)
+    curve = smooth(places, WIDTH / STEP)
+    line = shapely.LinearRing(ring)
+    where = shapely.line_locate_point(line, shapely.points(beside))
+    closed = np.vstack([ring, ring[:1]])
+    lengths = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    at = np.interp(taken, np.arange(len(lengths)), lengths)
+    nearest = np.searchsorted(np.append(at[1:], lengths[-1]), where, side="left") % len(at)
+    points = gaussian_filter1d(np.bincount(nearest, missing, minlength=len(at)), COUNT_WIDTH / STEP, mode="wrap")
+    sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
+    run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
+    growth = points / np.maximum(run, 1e-3 * local)
+    return curve, np.clip(growth, 0, 1.5 * local)
+
+
+def grown(curve: FloatArray, growth: FloatArray) -> shapely.Geometry:
+    """Return the area between a closed curve and itself moved to its right."""
+    tangent = np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)
+    normal = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
+    normal /= np.maximum(np.hypot(*normal.T), 1e-300)[:, None]
+    moved = curve + growth[:, None] * normal
+    quads = np.stack([curve, np.roll(curve, -1, axis=0), np.roll(moved, -1, axis=0), moved], axis=1)
+    return shapely.union_all(shapely.convex_hull(shapely.multipoints(quads)))
+
+
+def polygon_of(curve: FloatArray) -> shapely.Geometry:
+    """Return the area inside a closed curve, valid where the curve crosses itself."""
+    polygon = shapely.Polygon(curve)
+    return polygon if polygon.is_valid else shapely.make_valid(polygon)
+
+
+def largest(area: shapely.Geometry) -> shapely.Polygon:
+    """Return the largest polygon of an area; an empty one if there is none."""
+    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon"]
+    parts += [p for part in shapely.get_parts(area) if part.geom_type == "MultiPolygon" for p in part.geoms]
+    return max(parts, key=lambda part: part.area, default=shapely.Polygon())

@@ -1,0 +1,148 @@
+"""Sharp tips of a margin, which a sample ends before and smoothing rounds: both flanks continued until they meet."""
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
+
+REACH = 3.0
+"""A tip is looked for where the curve turns within so many spacings to both sides: what smoothing has rounded."""
+SHARPEST, BLUNTEST = np.radians(5.0), np.radians(100.0)
+"""Angles of tips. Sharper ones are parallel flanks to a fit of a few points; blunter ones are rounded by less than the
+noise of the margin."""
+WIDE = 2.0
+"""Flanks are fitted from where they are so many spacings apart: nearer, points of both are one row."""
+FLANKS = (10.0, 5.0)
+"""Lengths of the flanks that are tried, in spacings."""
+STRAIGHT = 0.25
+"""A flank may stray from its line by this many spacings (rms), as noise does."""
+BEYOND = 4.0
+"""A tip may go on beyond the curve by an area of this many points: e^(−4) of all would have none of them."""
+
+
+def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
+    """Return a closed curve (k, 2), counter-clockwise, with its sharp convex tips restored.
+
+    Parameters
+    ----------
+    curve : (n, 2) ndarray
+        In steps of `STEP` local spacings.
+    spacing : Spacing
+    """
+    local = spacing(curve)
+    turns = _turns(curve)
+    found: list[tuple[int, int, FloatArray]] = []
+    for center in np.argsort(-turns):
+        if turns[center] < np.pi - BLUNTEST - 0.6:
+            break
+        if any(_between(center, start, stop, len(curve)) for start, stop, _ in found):
+            continue
+        tip = _tip(curve, int(center), float(local[center]))
+        if tip is not None and not any(_overlap(tip, other, len(curve)) for other in found):
+            found.append(tip)
+    return _replaced(curve, found)
+
+
+def _turns(curve: FloatArray) -> FloatArray:
+    """Return how far (n,) the curve turns to the left within `REACH` spacings of each of its points."""
+    tangent = np.roll(curve, -1, axis=0) - curve
+    angle = np.arctan2(tangent[:, 1], tangent[:, 0])
+    turn = np.angle(np.exp(1j * (angle - np.roll(angle, 1))))
+    count = round(REACH / STEP)
+    sums = np.cumsum(np.concatenate([turn[-count:], turn, turn[:count]]))
+    sums = np.concatenate([[0.0], sums])
+    turns: FloatArray = sums[2 * count + 1 :] - sums[: -2 * count - 1]
+    return turns
+
+
+def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
+    """Return where the rounded tip begins and ends, and the corner to put there; None where there is no sharp one."""
+    count, half = len(curve), len(curve) // 2
+    offsets = np.arange(1, half)
+    width = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
+    wide = np.flatnonzero(width >= WIDE * spacing)
+    if not len(wide):
+        return None
+    first = int(offsets[wide[0]])
+    for length in FLANKS:
+        last = first + round(length / STEP)
+        if last >= half:
+            continue
+        before = _line(curve[(center - np.arange(first, last)) % count], spacing)
+        after = _line(curve[(center + np.arange(first, last)) % count], spacing)
+        if before is not None and after is not None:
+            corner = _corner(curve, (center, first), before, after, spacing)
+            if corner is not None:
+                return (center - first) % count, (center + first) % count, corner
+    return None
+
+
+def _line(flank: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:
+    """Return a point of the line through a flank, and its direction towards the tip; None where it is not straight."""
+    middle = flank.mean(axis=0)
+    _, values, axes = np.linalg.svd(flank - middle, full_matrices=False)
+    if values[1] > STRAIGHT * spacing * np.sqrt(len(flank)):
+        return None
+    direction: FloatArray = axes[0] * np.sign(axes[0] @ (flank[0] - flank[-1]))
+    return middle, direction
+
+
+def _corner(
+    curve: FloatArray,
+    place: tuple[int, int],
+    before: tuple[FloatArray, FloatArray],
+    after: tuple[FloatArray, FloatArray],
+    spacing: float,
+) -> FloatArray | None:
+    """Return where two flanks meet, or less far out where points would be missed; None where they do not."""
+    (p, d), (q, e) = before, after
+    across = d[0] * e[1] - d[1] * e[0]
+    angle = np.arctan2(-across, d @ e)
+    if not SHARPEST <= angle <= BLUNTEST:
+        return None
+    corner = p + d * (((q - p)[0] * e[1] - (q - p)[1] * e[0]) / across)
+    center, first = place
+    arc = curve[np.arange(center - first, center + first + 1) % len(curve)]
+    axis = (d + e) / np.linalg.norm(d + e)
+    far = arc[np.argmax(arc.dot(axis))]
+    if (corner - far) @ axis <= 0:
+        return None
+    # Beyond the curve the tip is about the triangle in front of it.
+    beyond = np.tan(angle / 2) * float((corner - far) @ axis) ** 2
+    most = BEYOND * spacing**2
+    if beyond > most:
+        corner = corner - axis * (float((corner - far) @ axis) * (1 - np.sqrt(most / beyond)))
+    return np.asarray(corner)
+
+
+def _between(center: int, start: int, stop: int, count: int) -> bool:
+    return (center - start) % count <= (stop - start) % count
+
+
+def _overlap(tip: tuple[int, int, FloatArray], other: tuple[int, int, FloatArray], count: int) -> bool:
+    return any(_between(end, other[0], other[1], count) for end in tip[:2]) or _between(other[0], tip[0], tip[1], count)
+
+
+def _replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> FloatArray:
+    """Return the curve with straight flanks, in steps as before, in place of what is rounded."""
+    if not tips:
+        return curve
+    count = len(curve)
+    keep = np.ones(count, dtype=bool)
+    pieces: dict[int, FloatArray] = {}
+    for start, stop, corner in tips:
+        inside = (start + 1 + np.arange((stop - start) % count - 1)) % count
+        keep[inside] = False
+        pieces[start] = np.vstack([_straight(curve[start], corner, curve), _straight(corner, curve[stop], curve)])
+    first = int(np.flatnonzero(keep)[0])
+    order = (first + np.arange(count)) % count
+    parts = [np.vstack([curve[[i]], pieces[i][1:]]) if i in pieces else curve[[i]] for i in order if keep[i]]
+    return np.vstack(parts)
+
+
+def _straight(start: FloatArray, stop: FloatArray, curve: FloatArray) -> FloatArray:
+    """Return points from `start` to before `stop`, in the mean step of the curve."""
+    step = np.hypot(*np.diff(curve, axis=0).T).mean()
+    count = max(1, round(float(np.hypot(*(stop - start)) / step)))
+    line: FloatArray = start + (np.arange(count) / count)[:, None] * (stop - start)
+    return line

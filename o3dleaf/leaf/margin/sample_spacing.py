@@ -1,0 +1,76 @@
+"""How a planar sample is spaced, place by place: the area that a point stands for, and the shape of that area."""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.fitting.rbf.tail import IntArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+NEIGHBORS = 32
+"""Points that a local spacing is averaged over: a tenth of noise, over some six spacings."""
+FAR = 3.0
+"""Edges longer than this many spacings cross a gap and do not tell how the sample is spaced."""
+
+
+def edges_of(triangles: IntArray) -> IntArray:
+    """Return the (e, 2) edges of triangles, each once, the smaller index first."""
+    sides = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    return np.asarray(np.unique(sides, axis=0), dtype=np.int64)
+
+
+def crude_spacing(points: FloatArray, tree: cKDTree) -> FloatArray:
+    """Return √(πr²/k) of the (n, 2) points, r the distance of the k-th neighbor: up to √2 too long at a margin."""
+    count = min(NEIGHBORS // 2, len(points) - 1)
+    reach: FloatArray = tree.query(points, k=[count + 1])[0][:, 0]
+    return reach * np.sqrt(np.pi / count)
+
+
+def local_shape(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return for each point the metric (n, 3), as xx, xy, yy of a matrix of determinant 1, without direction.
+
+    Scan lines are closer along than across; in their own metric they are as near as any neighbors. It is the inverse
+    of the mean of e eᵀ over the Delaunay edges e about the point.
+    """
+    tree = cKDTree(points)
+    spacing = crude_spacing(points, tree)
+    edges = edges_of(triangles)
+    vectors = points[edges[:, 1]] - points[edges[:, 0]]
+    near = np.hypot(*vectors.T) <= FAR * spacing[edges].min(axis=1)
+    ends, vectors = edges[near].ravel(), np.repeat(vectors[near], 2, axis=0)
+    products = np.stack([vectors[:, 0] ** 2, vectors[:, 0] * vectors[:, 1], vectors[:, 1] ** 2], axis=1)
+    sums = np.stack([np.bincount(ends, column, len(points)) for column in products.T], axis=1)
+    around = tree.query(points, k=min(NEIGHBORS, len(points)))[1]
+    xx, xy, yy = sums[around].sum(axis=1).T
+    determinant = xx * yy - xy**2
+    known = determinant > 1e-6 * (xx + yy) ** 2  # else they lie on a line: no shape is known
+    root = np.sqrt(np.where(known, determinant, 1.0))
+    metric: FloatArray = np.where(known[:, None], np.stack([yy, -xy, xx], axis=1) / root[:, None], [1.0, 0.0, 1.0])
+    return metric
+
+
+def cells_of(points: FloatArray, triangles: IntArray, areas: FloatArray) -> FloatArray:
+    """Return for each point (n,) a third of the areas of its triangles: the cell that it stands for."""
+    cells: FloatArray = np.bincount(triangles.ravel(), np.repeat(areas, 3), len(points)) / 3
+    return cells
+
+
+def cell_sizes(points: FloatArray, cells: FloatArray, deep: BoolArray) -> FloatArray:
+    """Return for each point the square root (n,) of the area that a point stands for there.
+
+    Cells are averaged over the deep points next to it, whose cells no border has cut, and all scaled so that they
+    sum to the area of the deep points: a neighborhood found about a point is denser than the sample, for the point.
+
+    Parameters
+    ----------
+    points : (n, 2) ndarray
+    cells : (n,) ndarray
+    deep : (n,) bool ndarray
+    """
+    inner = np.flatnonzero(deep)
+    near = cKDTree(points[inner]).query(points, k=min(NEIGHBORS, len(inner)))[1].reshape(len(points), -1)
+    square = cells[inner][near].mean(axis=1)
+    size: FloatArray = np.sqrt(square * (cells[inner].sum() / square[inner].sum()))
+    return size

@@ -1,0 +1,82 @@
+"""From the points of one leaf to its blade as a parametrised surface, step by step."""
+
+import numpy as np
+
+from o3dleaf.core import journal
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
+from o3dleaf.leaf.macro.robust import MAD
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.options import BladeOptions
+from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
+from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
+
+MAX_RESIDUAL = 10.0
+"""Noise deviations beyond which a point says nothing of where the leaf ends."""
+ROUNDING = 1e-6
+"""Relative difference of distances to a sheet and to a part of it that is none."""
+
+
+def build_parametric_blade(
+    points: FloatArray, midrib: FloatArray | None, unit: str | None, options: BladeOptions
+) -> ParametricBlade:
+    """Return the blade of the points of one leaf.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    midrib : (k, 3) ndarray, optional
+        Control points from base to tip; found on the sheet if not given.
+    unit : str, optional
+    options : BladeOptions
+
+    Raises
+    ------
+    ReconstructionError
+        If the points are no single sheet, or one that cannot be laid flat; it says where.
+    """
+    # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
+    with journal.stage("find sheet"):
+        sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
+    # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0, without the petiole.
+    with journal.stage("lay flat"):
+        chart = chart_sheet(
+            sheet.vertices,
+            sheet.triangles,
+            up=options.up,
+            base=options.base,
+            keep_petiole=options.keep_petiole,
+        )
+    # A smoothed partition of unity S(u, v) through the points at their feet.
+    with journal.stage("fit surface"):
+        rows = _rows_of_blade(points, sheet, chart)
+        mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
+        fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
+    # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
+    with journal.stage("find margin"):
+        margin = Margin.fit(fit.feet[_near(fit)], fill_holes=options.fill_holes, unit=unit)
+    notes = (*sheet.notes, *chart.notes, *margin.notes)
+    for note in notes:
+        journal.note(note)
+    return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
+
+
+def _rows_of_blade(points: FloatArray, sheet: Sheet, chart: Chart) -> IntArray:
+    """Return the rows of the points that belong to the sheet, and not to a part of it that the chart leaves out."""
+    rows = sheet.rows
+    whole, part = (_squared_distances(points[rows], each.vertices, each.triangles) for each in (sheet, chart))
+    return rows[part <= whole * (1 + ROUNDING)]
+
+
+def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    import igl
+
+    return np.asarray(igl.point_mesh_squared_distance(points, vertices, triangles)[0])
+
+
+def _near(fit: SurfaceFit) -> BoolArray:
+    """Return which points are near enough to the surface to say where it ends."""
+    noise = MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
+    return np.abs(fit.heights) <= MAX_RESIDUAL * noise

@@ -1,0 +1,209 @@
+"""The blade's surface fitted to a scan: Huber's loss, smoothing judged on held-out stretches, parameters that are feet.
+
+A point's parameters (u, v) are those of its foot on the surface; as the surface is fitted to the points at their
+parameters, both are corrected in turn. The sheet of the first chart only says where the search begins.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
+from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.fitting.rbf.smoothing import SmoothingValue
+from o3dleaf.leaf.chart.flatten import carry
+from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
+from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
+from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.surface.cloud.downsample import thin
+
+KERNEL = "cubic"
+"""r³: twice differentiable at its data, as the curvature of the blade needs."""
+FIRST_BANDWIDTH = 0.125
+"""Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
+ROUNDS = 4
+"""Fits of the surface, each at feet on the one before: the last ones move them by a small part of the noise."""
+MAX_POINTS = 20_000
+"""Points that the surface is fitted to; of more, means in voxels: see `leaf.macro.build`."""
+COLLAR = 4.0
+"""How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChartMesh:
+    """A triangulated sheet and its chart.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray
+        In the world.
+    triangles : (m, 3) ndarray of int64
+    chart : (n, 2) ndarray
+        (u, v) of the vertices.
+    """
+
+    vertices: FloatArray
+    triangles: IntArray
+    chart: FloatArray
+
+    @property
+    def area(self) -> float:
+        """Area of the sheet, in the square of the world's unit."""
+        return float(triangle_areas(self.vertices, self.triangles).sum())
+
+    @property
+    def width(self) -> float:
+        """Mean width: the area over the longer extent of the chart."""
+        return self.area / float(np.ptp(self.chart, axis=0).max())
+
+    def parameters(self, points: FloatArray) -> FloatArray:
+        """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
+        return carry(self.vertices, self.triangles, self.chart, points)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFit:
+    """A surface fitted to a scan.
+
+    Attributes
+    ----------
+    surface : ChartSurface
+    mesh : ChartMesh
+        The sheet laid onto the surface, its chart as little stretched as it can be.
+    feet : (n, 2) ndarray
+        (u, v) of the foot of every point of the scan.
+    heights : (n,) ndarray
+        Signed distances of the points from the surface, along its normal.
+    choice : LocalChoice or None
+        Smoothing, bandwidth, noise and weights of the sites, where they were judged on held-out stretches.
+    """
+
+    surface: ChartSurface
+    mesh: ChartMesh
+    feet: FloatArray
+    heights: FloatArray
+    choice: LocalChoice | None
+
+
+def fit_chart_surface(
+    points: FloatArray, mesh: ChartMesh, *, smoothing: SmoothingValue | str | None = "robust", unit: str | None = None
+) -> SurfaceFit:
+    r"""Return the smooth surface through points: the least of Huber's loss and of its bending, the points at their feet.
+
+    .. math:: \min_S \sum_k c_k\,\mathrm{huber}_δ(|x_k - S(u_k, v_k)|) + s\,θ J(S)
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+        The points of the scan that belong to the blade.
+    mesh : ChartMesh
+        A sheet near the points, its u along the midrib.
+    smoothing : "robust", float or "gcv"
+        As in `HeightMap.fit`: of the distances from a smooth surface through the points.
+    unit : str, optional
+    """
+    first, choosing, fitting = progress.split(1, 20, 6)
+    sites = thin(points, MAX_POINTS).points
+    near = mesh.parameters(sites)
+    problem = _Problem(sites, mesh.area, mesh.width, unit)
+    with first:
+        base = problem.fit(near, problem.first_smoothing)
+        near, heights, _ = base.feet(sites, near)
+    with choosing:
+        problem = problem.choose(np.column_stack([near, heights]), smoothing)
+    with fitting:
+        surface = problem.fit(near)
+        mesh, near = _flatten_again(surface, mesh, near)
+        for round_ in range(1, ROUNDS + 1):
+            surface = problem.fit(near)
+            near, heights, _ = surface.feet(sites, near)
+            problem = problem.reweighted(heights)
+            progress.report(round_, ROUNDS)
+    mesh = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
+    feet, heights, _ = surface.feet(points, mesh.parameters(points))
+    return SurfaceFit(surface, mesh, feet, heights, problem.choice)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What is fitted: sites (n, 3), and the smoothing, weights and size of balls that were chosen for them."""
+
+    sites: FloatArray
+    area: float
+    width: float
+    unit: str | None
+    smoothing: float = 0.0
+    balls: tuple[int, int] = POINTS_PER_BALL
+    choice: LocalChoice | None = None
+    weights: FloatArray | None = None
+
+    @property
+    def kernel(self) -> Polyharmonic:
+        return as_kernel(KERNEL, 2)
+
+    @property
+    def spacing(self) -> float:
+        return float(np.sqrt(self.area / len(self.sites)))
+
+    @property
+    def first_smoothing(self) -> float:
+        """The smoothing of a surface that follows the blade's curls, but no pass of the scan."""
+        return self.kernel.smoothing_for(FIRST_BANDWIDTH * self.width, 1 / self.spacing**2)
+
+    def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
+        """Return the surface through the sites at their parameters (n, 2)."""
+        collar = COLLAR * self.spacing
+        return ChartSurface.fit(
+            near,
+            self.sites,
+            smoothing=self.smoothing if smoothing is None else smoothing,
+            weights=self.weights,
+            points_per_ball=self.balls,
+            bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
+            unit=self.unit,
+        )
+
+    def choose(self, flat: FloatArray, smoothing: SmoothingValue | str | None) -> "_Problem":
+        """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
+        if smoothing in {None, "robust"}:
+            choose = partial(choose_by_place, half_width=self.width / 2)
+            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose)
+            chosen = replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
+            return replace(chosen, weights=choice.factors * choice.weights)
+        plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
+        spline = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing).local
+        return replace(self, smoothing=float(spline.smoothing.value))
+
+    def reweighted(self, heights: FloatArray) -> "_Problem":
+        """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
+        if self.choice is None:
+            return self
+        corner = HUBER * self.choice.noise
+        return replace(
+            self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
+        )
+
+
+def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
+    """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
+    laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
+    relaxed = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
+    if (chart_areas(relaxed, laid.triangles) <= 0).any():
+        return laid, near
+    relaxed = replace(laid, chart=_turned_onto(relaxed, laid.chart))
+    return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
+
+
+def _turned_onto(chart: FloatArray, other: FloatArray) -> FloatArray:
+    """Return a chart turned and shifted onto another one, which it then is nearest to (Kabsch 1976)."""
+    middle, aim = chart.mean(axis=0), other.mean(axis=0)
+    left, _, right = np.linalg.svd((chart - middle).T @ (other - aim))
+    turn = left @ np.diag([1.0, np.linalg.det(left @ right)]) @ right
+    return np.ascontiguousarray((chart - middle) @ turn + aim)

@@ -1,0 +1,14 @@
+"""A cloud as open sheets: averaged where it must be, Delaunay stars between its points, glued without handles.
+
+`average`        points averaged across their surface, and thinned
+`stars`          triangles between points: the Delaunay stars of tangent planes
+`gluing`         triangles glued into sheets without handles
+`holes`          small holes closed, flaps of other sheets cut off
+`open_sheets`    a cloud, averaged over given widths, as open sheets
+`widths`         how wide a cloud must be averaged to be one sheet
+`leftovers`      pieces, layers and branchings that a sheet leaves out
+`average_loops`  the compiled loops of averaging and thinning
+`star_loops`     the compiled loops of stars
+`gluing_loops`   the compiled loops of gluing
+`hole_loops`     the compiled loop that triangulates a hole
+"""

@@ -1,0 +1,58 @@
+"""Points averaged across their surface, so that passes of a scanner that disagree become one sheet."""
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.sheet.average_loops import project_onto_planes, thin_cells
+from o3dleaf.surface.cloud.cells import Cells
+
+ROUNDS = 3
+"""Times that all points are moved: two sheets come together by about half their distance each time."""
+BLOCK = 64
+
+
+def average_across(points: FloatArray, width: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+    """Return points (n, 3) moved across their surface onto it, as seen at a width, and its normals there (n, 3).
+
+    Each point is projected onto the plane through its neighbors, those at distance r weighted by (1 - r²/R²)² with
+    R twice the width, and all of them again; along the surface no point moves, so that margins and tips stay.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    width : (n,) ndarray
+        Over which each point is averaged; where it is 0 the point stays.
+    least : float
+        Width that normals are found over at least.
+    """
+    radius, moves = 2 * np.maximum(width, least), width > 0
+    for _ in range(ROUNDS if moves.any() else 0):
+        points, _ = _project(points, radius, moves)
+    return points, _project(points, radius, np.zeros(len(points), bool))[1]
+
+
+def _project(points: FloatArray, radius: FloatArray, moves: BoolArray) -> tuple[FloatArray, FloatArray]:
+    cells = Cells.sort(points, float(radius.max()))
+    order = cells.order
+    sorted_points, sorted_radius, sorted_moves = np.ascontiguousarray(points[order]), radius[order], moves[order]
+    moved, normal = np.empty_like(points), np.empty_like(points)
+    lists = cells.number, cells.first, cells.last, cells.shape
+
+    def task(start: int, stop: int) -> None:
+        project_onto_planes(sorted_points, sorted_radius, sorted_moves, *lists, start, stop, moved, normal)
+
+    run_blocks(task, len(cells.number), BLOCK)
+    back = np.empty_like(order)
+    back[order] = np.arange(len(order))
+    return moved[back], normal[back]
+
+
+def thin(points: FloatArray, distance: FloatArray) -> IntArray:
+    """Return the rows, rising, of points of which none lies nearer to an earlier one than its own `distance` (n,)."""
+    cells = Cells.sort(points, float(distance.max()))
+    kept = np.zeros(len(points), bool)
+    order = cells.order
+    thin_cells(points[order], distance[order], order, cells.number, cells.first, cells.last, cells.shape, kept)
+    return np.flatnonzero(kept)

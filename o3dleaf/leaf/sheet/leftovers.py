@@ -1,0 +1,152 @@
+"""What a sheet leaves of its scan: pieces, layers and branchings, by number, size and place."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.surface.mesh.deviation import nearest_on_mesh
+from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
+
+LINK = 6.5
+"""Spacings within which points are of one piece, the widest gap that a sheet's triangles join."""
+NEAR = 4.0
+"""Spacings from the sheet up to which a group of points is a layer over it, not a piece of its own."""
+TOUCHING = 2.0
+"""Spacings from the sheet at which another one meets it."""
+FEWEST = 24
+"""Points of a piece that can be asked for."""
+SHOWN = 3
+"""Groups that are told one by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Leftovers:
+    """Groups of points that do not belong to a sheet, the largest first.
+
+    Attributes
+    ----------
+    scan : (n, 3) ndarray
+    groups : tuple of (k,) ndarrays
+        Rows of each group.
+    distance : tuple of float
+        Of each group from the sheet, the least.
+    branch : tuple of (3,) ndarray or None
+        Where each group meets the sheet, away from its rim.
+    held : int
+        Points of the sheet.
+    spacing : float
+    """
+
+    scan: FloatArray
+    groups: tuple[IntArray, ...]
+    distance: tuple[float, ...]
+    branch: tuple[FloatArray | None, ...]
+    held: IntArray
+    spacing: float
+
+    @classmethod
+    def of(
+        cls, scan: FloatArray, held: IntArray, vertices: FloatArray, triangles: IntArray, spacing: float
+    ) -> "Leftovers":
+        """Group the points of a scan that a sheet does not hold."""
+        rest = np.setdiff1d(np.arange(len(scan)), held)
+        groups = _groups(scan, rest, LINK * spacing)
+        edges = EdgeTable.of(triangles)
+        rim = cKDTree(vertices[np.unique(edges.ends[edges.count == 1])])
+        distance, branch = [], []
+        for rows in groups:
+            feet = nearest_on_mesh(vertices, triangles, scan[rows])
+            far = np.linalg.norm(feet - scan[rows], axis=1)
+            inner = np.where(rim.query(feet)[0] > NEAR * spacing, far, np.inf)
+            distance.append(float(far.min()))
+            branch.append(feet[inner.argmin()] if inner.min() <= TOUCHING * spacing and len(rows) >= FEWEST else None)
+        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing)
+
+    def piece(self, number: int) -> IntArray:
+        """Return the rows of the N-th largest piece, from 2 on; the sheet itself is the first.
+
+        Raises
+        ------
+        ReconstructionError
+            If there are not so many.
+        """
+        large = [rows for rows in self.groups if len(rows) >= FEWEST]
+        if number - 2 >= len(large):
+            all_of = self._name(self.held) + "".join(f"; {self._name(rows)}" for rows in large[:SHOWN])
+            raise ReconstructionError(f"piece: is {number}, but the scan has {1 + len(large)}: {all_of}")
+        return large[number - 2]
+
+    def tell(self) -> tuple[str, ...]:
+        """Return a line for each of the largest groups, what it is, how large and where, and one for all others."""
+        notes = []
+        near = [d <= NEAR * self.spacing for d in self.distance]
+        whole = 1 + sum(not n and len(rows) >= FEWEST for n, rows in zip(near, self.groups, strict=True))
+        if whole > 1:
+            notes.append(f"{whole} pieces; the largest is used: {self._name(self.held)}")
+        for rows, close, far, branch in list(zip(self.groups, near, self.distance, self.branch, strict=True))[:SHOWN]:
+            kind = "another layer" if close else "another piece"
+            how = f", {far:.3g} off the sheet" if close else f", {far:.3g} away"
+            notes.append(f"left out: {kind}, {self._name(rows)}{how}")
+            if branch is not None:
+                notes.append(f"3 sheets meet at {place_of(branch[np.newaxis])}")
+        others = self.groups[SHOWN:]
+        if others:
+            count = sum(map(len, others))
+            notes.append(f"left out: {count:,} points in {len(others)} groups of {len(others[0])} or fewer")
+        return tuple(notes)
+
+    def _name(self, rows: IntArray) -> str:
+        area = len(rows) * self.spacing**2
+        return f"{len(rows):,} points (area about {area:.3g}) at {place_of(self.scan[rows])}"
+
+
+def _groups(scan: FloatArray, rows: IntArray, link: float) -> tuple[IntArray, ...]:
+    """Return the rows, group by group, of points that hang together by steps of about `link`, the largest first.
+
+    Of the points in a voxel of a quarter of it one stands for all.
+    """
+    if not len(rows):
+        return ()
+    voxel = np.floor((scan[rows] - scan[rows].min(axis=0)) / (link / 4)).astype(np.int64)
+    _, first, of_voxel = np.unique(voxel, axis=0, return_index=True, return_inverse=True)
+    pairs = cKDTree(scan[rows[first]]).query_pairs(link, output_type="ndarray")
+    ends = np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+    label = label_nodes(*ends, len(first))[of_voxel.ravel()]
+    order = np.argsort(label, kind="stable")
+    parts = np.split(rows[order], np.flatnonzero(np.diff(label[order])) + 1)
+    return tuple(sorted(parts, key=lambda part: -len(part)))
+
+
+def place_of(points: FloatArray) -> str:
+    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
+    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
+    return " ".join(f"{x:.4g}" for x in middle)
+
+
+def tell_averaging(points: FloatArray, width: FloatArray, base: float) -> tuple[str, ...]:
+    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
+    notes = []
+    if base > 0:
+        notes.append(f"noise: points were averaged over {base:.3g} to lay the sheet through them")
+    wide = width > base
+    if wide.any():
+        share = 100 * wide.mean()
+        notes.append(
+            f"layers that face one way were averaged over up to {width.max():.3g} to be one sheet: "
+            f"{share:.2g} % of the points, around {place_of(points[width == width.max()])}"
+        )
+    return tuple(notes)
+
+
+def tell_cuts(cut: FloatArray, flaps: FloatArray) -> tuple[str, ...]:
+    """Return what is to be said of edges cut, middles (c, 3), and of the vertices (k, 3) of flaps cut off."""
+    notes = []
+    if len(cut):
+        notes.append(f"cut along {len(cut)} edges around {place_of(cut)}, where parts far apart along the sheet touch")
+    if len(flaps):
+        notes.append(f"cut off: {len(flaps):,} vertices of layers over the sheet, most around {place_of(flaps)}")
+    return tuple(notes)

@@ -1,0 +1,162 @@
+"""A cloud at given widths of averaging made into open sheets, and what of it does not lie on the largest one."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.leaf.sheet.average import average_across, thin
+from o3dleaf.leaf.sheet.gluing import glue_sheets
+from o3dleaf.leaf.sheet.stars import triangulate
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.mesh.deviation import distance_to_mesh
+from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
+
+PLANE = 1.25
+"""Least width, in spacings, that normals are found over: 2.5 spacings around a point some twenty others lie."""
+APART = 0.5
+"""Distance of vertices in spacings: nearer points only make thin triangles."""
+APART_PER_WIDTH = 0.35
+"""The same in widths of averaging, whatever the spacing: a surface averaged over a width has no finer shape."""
+GAP = 3.0
+"""Circumradius of triangles in spacings, as in `trim_to_data`: wider gaps are holes."""
+BRIDGE = 6.5
+"""The same of triangles that join pieces: `detect_outliers` takes what is 6 medians of the eighth neighbor's distance
+away, ten spacings, for a part of the same scan."""
+DENSEST = 3.0
+"""Times the median that the spacing may be locally: of stragglers it means nothing."""
+VOTES, SIZE = 0.1, 0.1
+"""What a missing star, and a circumradius of the largest, count against a triangle, beside 1 - cos of its bends."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenSheets:
+    """Sheets through an averaged cloud.
+
+    Attributes
+    ----------
+    points : (n, 3) ndarray
+        All points of the cloud, averaged.
+    vertices, triangles : (v, 3), (m, 3) ndarrays
+        Manifold, oriented, of genus 0; vertices are some of the points, doubled along cuts.
+    piece : (m,) ndarray
+        Which sheet each triangle belongs to, the largest by area first.
+    areas : (p,) ndarray
+        Of the sheets.
+    cut : (c, 3) ndarray
+        Middles of edges along which sheets were cut, for they would have had handles.
+    spacing : float
+        Of the cloud as it was scanned.
+    gap : float
+        Circumradius up to which triangles were made everywhere: wider gaps are holes.
+    """
+
+    points: FloatArray
+    vertices: FloatArray
+    triangles: IntArray
+    piece: IntArray
+    areas: FloatArray
+    cut: FloatArray
+    spacing: float
+    gap: float
+
+    @classmethod
+    def of(cls, points: FloatArray, width: FloatArray, spacing: float) -> "OpenSheets":
+        """Average points (n, 3) across the surface over a width (n,) and triangulate them."""
+        averaged, normals = average_across(points, width, PLANE * spacing)
+        rows = thin(averaged, np.maximum(APART * spacing, APART_PER_WIDTH * width))
+        vertices, normals = np.ascontiguousarray(averaged[rows]), np.ascontiguousarray(normals[rows])
+        local = OrientedCloud.of(vertices).point_spacing
+        local = np.clip(local, np.median(local), DENSEST * np.median(local))
+        triangles, votes, radius = triangulate(vertices, normals, BRIDGE * local)
+        size = radius / (GAP * local[triangles].max(axis=1))
+        kept = _within_gaps(triangles, size <= 1)
+        triangles, votes, size = triangles[kept], votes[kept], size[kept]
+        across = unit_normals(vertices, triangles)
+        glued, source, cut = glue_sheets(triangles, across, VOTES * (3 - votes) + SIZE * size)
+        middles = vertices[triangles.ravel()[cut]].mean(axis=1) if len(cut) else np.empty((0, 3))
+        piece, areas = _rank(vertices[source], glued)
+        return cls(averaged, vertices[source], glued, piece, areas, middles, spacing, GAP * float(np.median(local)))
+
+    def sheet(self, number: int = 0) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles of one sheet."""
+        return drop_unused_vertices(self.vertices, self.triangles[self.piece == number])
+
+    @cached_property
+    def off(self) -> FloatArray:
+        """Distances (n,) of the averaged points from the largest sheet."""
+        return distance_to_mesh(*self.sheet(), self.points)
+
+
+def unit_normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (m, 3) unit normals of triangles."""
+    first, second, third = (vertices[triangles[:, corner]] for corner in range(3))
+    across = np.cross(second - first, third - first)
+    length: FloatArray = np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(across / np.where(length > 0, length, 1.0))
+
+
+def _within_gaps(triangles: IntArray, small: BoolArray) -> BoolArray:
+    """Return which triangles (m,) to keep: small ones, and patches of others that join pieces of these."""
+    if small.all():
+        return small
+    edges = EdgeTable.of(triangles)
+    inner = np.flatnonzero(edges.count == 2)
+    first = edges.first(inner)
+    one, other = edges.order[first] // 3, edges.order[first + 1] // 3
+    rows = np.flatnonzero(small)
+    of_small = np.full(len(triangles), -1)
+    of_small[rows] = label_triangles(triangles[rows])
+    rows = np.flatnonzero(~small)
+    of_large = np.full(len(triangles), -1)
+    of_large[rows] = label_triangles(triangles[rows])
+    touching = np.concatenate([np.column_stack([one, other]), np.column_stack([other, one])])
+    touching = touching[(of_large[touching[:, 0]] >= 0) & (of_small[touching[:, 1]] >= 0)]
+    met = np.unique(np.column_stack([of_large[touching[:, 0]], of_small[touching[:, 1]]]), axis=0)
+    joins = np.bincount(met[:, 0], minlength=int(of_large.max()) + 1) > 1
+    return np.asarray(small | (joins[of_large] & ~small))
+
+
+def _rank(vertices: FloatArray, triangles: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return the sheet of each triangle (m,), the largest first, and their areas."""
+    label = label_triangles(triangles)
+    areas = np.bincount(label, triangle_areas(vertices, triangles))
+    order = np.argsort(-areas, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return rank[label].astype(np.int64), np.asarray(areas[order], np.float64)
+
+
+class Overlaps(NamedTuple):
+    """What lies above and below vertices of a sheet: distances (v, 2), cosines of normals (v, 2), vertices (v, 2)."""
+
+    distance: FloatArray
+    facing: FloatArray
+    row: IntArray
+
+
+def nearest_layers(
+    vertices: FloatArray, normals: FloatArray, reach: float, steep: float, rows: IntArray | None = None
+) -> Overlaps:
+    """Return the nearest vertex above and below each, or each of `rows`, with its distance and both normals' cosine.
+
+    Above and below is what lies within acos(`steep`) of the normal; where there is nothing in `reach` the distance is
+    infinite and the row -1.
+    """
+    tree, rows = cKDTree(vertices), np.arange(len(vertices)) if rows is None else rows
+    pairs = cKDTree(vertices[rows]).sparse_distance_matrix(tree, reach, output_type="ndarray")
+    one, other, length = np.asarray(pairs["i"]), np.asarray(pairs["j"]), np.asarray(pairs["v"])
+    height = np.einsum("ij,ij->i", vertices[other] - vertices[rows[one]], normals[rows[one]])
+    over = np.flatnonzero((np.abs(height) >= steep * length) & (length > 0))
+    over = over[np.lexsort((other[over], -length[over]))]
+    one, other, side = one[over], other[over], (height[over] < 0).astype(np.int64)
+    distance, facing = np.full((len(rows), 2), np.inf), np.zeros((len(rows), 2))
+    row = np.full((len(rows), 2), -1)
+    distance[one, side] = length[over]  # the nearest is written last
+    facing[one, side] = np.einsum("ij,ij->i", normals[rows[one]], normals[other])
+    row[one, side] = other
+    return Overlaps(distance, facing, row)

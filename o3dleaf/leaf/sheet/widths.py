@@ -1,0 +1,141 @@
+"""How wide a cloud must be averaged to be one sheet: by its noise everywhere, and more where layers lie."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, Overlaps, nearest_layers
+from o3dleaf.surface.mesh.topology import find_holes, label_nodes
+from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
+
+CLEAN = 0.05
+"""Noise in spacings up to which points are not averaged."""
+PER_NOISE = 10.0
+"""Square of the width over noise times spacing: averaged over h, noise σ of points s apart falls to σ s/2h, of which
+0.15 of the vertices' distance, 0.35 h, may be left."""
+NOISE_WIDTHS = 1.0, 5.0
+"""Least and largest width in spacings for noise."""
+WIDEST = 4.0
+"""Distance in spacings up to which layers are passes of one sheet. Where there is more between them it shows."""
+STEEP = 0.8
+"""Cosine to the normal from which on a point lies above another one, not beside it."""
+OFF = 1.5
+"""Distance in spacings from which on a point is off a sheet, not between its vertices nor beside its margin."""
+FALL = 0.5
+"""How much the width falls with each unit of distance from a place that needs it: a neighbor's is alike."""
+LEVELS = 6
+LEFT = 0.2
+"""Share of the places of layers that may be left after they were averaged; where it is more the layer lasts."""
+FEWEST = 8
+"""Fewer places than this are no layer: single points that noise has lifted, and creases, are as many."""
+MORE = 1.2
+"""Times its distance that a layer is averaged over: passes that are just met do not quite come together."""
+
+
+def noise_width(noise: float, spacing: float) -> float:
+    """Return the width over which noise is averaged for triangles to fit together, 0 for a clean cloud."""
+    if noise <= CLEAN * spacing:
+        return 0.0
+    least, most = NOISE_WIDTHS
+    return float(spacing * np.clip(np.sqrt(PER_NOISE * noise / spacing), least, most))
+
+
+def find_layers(sheets: OpenSheets) -> tuple[FloatArray, FloatArray]:
+    """Return places (k, 3) where a second layer lies over the largest sheet, and how far off it is (k,).
+
+    Layers are points off the sheet, and parts of the sheet that face its way with nothing between; of a sheet without
+    a rim also the side that faces away, as of a thin leaf scanned from both sides.
+    """
+    vertices, triangles = sheets.sheet()
+    reach = WIDEST * sheets.spacing
+    off = (sheets.off > OFF * sheets.spacing) & (sheets.off <= reach)
+    normals = vertex_normals(vertices, triangles)
+    distance, facing, _ = nearest_layers(vertices, normals, reach, STEEP)
+    layer = np.isfinite(distance) & (facing > 0)
+    if not find_holes(vertices, triangles).is_rim.any():
+        layer |= np.isfinite(distance) & (facing < 0)
+    gap = np.where(layer, distance, 0.0).max(axis=1)
+    rows = np.flatnonzero(gap > 0)
+    return np.concatenate([sheets.points[off], vertices[rows]]), np.concatenate([sheets.off[off], gap[rows]])
+
+
+def same_facing(overlaps: Overlaps) -> IntArray:
+    """Return the vertex (v,) above or below each in the nearest layer that faces its way, -1 for none."""
+    distance = np.where(overlaps.facing > 0, overlaps.distance, np.inf)
+    side = distance.argmin(axis=1)
+    each = np.arange(len(side))
+    return np.where(np.isfinite(distance[each, side]), overlaps.row[each, side], -1)
+
+
+def widen(points: FloatArray, width: FloatArray, layers: "Layers") -> FloatArray:
+    """Return the width (n,) at points (n, 3), no less than layers around need, falling off from there."""
+    wide = width.copy()
+    if not len(layers.places):
+        return wide
+    for level in np.unique(np.quantile(layers.need, np.linspace(0, 1, LEVELS))):
+        distance = cKDTree(layers.places[layers.need >= level]).query(points, workers=-1)[0]
+        wide = np.maximum(wide, level - FALL * np.maximum(distance - 2 * level, 0.0))
+    return wide
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """Places (k, 3) where layers lie over a sheet, how far off they are (k,), and the places (f, 3) of lasting ones.
+
+    Layers last that are still there after averaging over their distance: other sheets, not passes of this one.
+    """
+
+    places: FloatArray
+    need: FloatArray
+    lasting: FloatArray
+
+    @classmethod
+    def none(cls) -> "Layers":
+        """Return no layers."""
+        return cls(np.empty((0, 3)), np.empty(0), np.empty((0, 3)))
+
+    def like(self, other: "Layers") -> bool:
+        """Return whether no layer came about, nor was given up, since `other`."""
+        return len(self.places) == len(other.places) and len(self.lasting) == len(other.lasting)
+
+    def after(self, places: FloatArray, need: FloatArray, link: float) -> "Layers":
+        """Return these layers, those that were found after averaging added, or where most are left given up.
+
+        Places within `link` of one another are judged together.
+        """
+        group = _clusters(self.places, link)
+        left = _within(places, self.places, link)
+        nearest = cKDTree(self.places).query(places[left], workers=-1)[1] if len(self.places) else left[:0]
+        before = np.bincount(group, minlength=1)
+        after = np.bincount(group[nearest], minlength=len(before))
+        lasts = ((after > LEFT * before) & (after >= FEWEST))[group] if len(group) else np.zeros(0, bool)
+        lasting = np.concatenate([self.lasting, self.places[lasts]])
+        fresh = np.setdiff1d(np.arange(len(places)), _within(places, lasting, link))
+        fresh = fresh[_of_many(places[fresh], link)]
+        return Layers(
+            np.concatenate([self.places[~lasts], places[fresh]]),
+            np.concatenate([self.need[~lasts], MORE * need[fresh]]),
+            lasting,
+        )
+
+
+def _of_many(places: FloatArray, link: float) -> BoolArray:
+    """Return which places (k,) belong to clusters of eight and more."""
+    group = _clusters(places, link)
+    return np.asarray(np.bincount(group, minlength=1)[group] >= FEWEST)
+
+
+def _clusters(places: FloatArray, link: float) -> IntArray:
+    """Return the cluster (k,) of each place; those nearer than `link` belong together."""
+    pairs = cKDTree(places).query_pairs(link, output_type="ndarray") if len(places) else np.empty((0, 2), np.int64)
+    return label_nodes(np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1]), len(places))
+
+
+def _within(places: FloatArray, others: FloatArray, link: float) -> IntArray:
+    """Return the rows of places within `link` of one of some others."""
+    if not len(places) or not len(others):
+        return np.empty(0, np.int64)
+    return np.flatnonzero(cKDTree(others).query(places, workers=-1)[0] <= link)

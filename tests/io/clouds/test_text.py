@@ -1,0 +1,103 @@
+"""A text file of points is read as it says, or refused with the line that is wrong."""
+
+import numpy as np
+import pytest
+
+from o3dleaf import read_point_cloud
+from o3dleaf.core.errors import InputError
+
+POINTS = np.random.default_rng(1).uniform(-900, 900, (7, 3))
+NORMALS = POINTS[:, ::-1] / np.linalg.norm(POINTS, axis=1, keepdims=True)
+COLORS = np.arange(21).reshape(7, 3)
+INTENSITY = np.arange(7.0)[:, np.newaxis]
+ALL = np.hstack([POINTS, NORMALS, COLORS, INTENSITY])
+NAMES = ["x", "y", "z", "nx", "ny", "nz", "r", "g", "b", "intensity"]
+
+
+def rows(table, separator=" ", last=""):
+    return "".join(separator.join(map(repr, map(float, row))) + last + "\n" for row in table)
+
+
+def written(folder, content, name="scan.txt", encoding="utf-8"):
+    (folder / name).write_bytes(content.encode(encoding))
+    return folder / name
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ",", ";", " ; ", ", ", "   "])
+@pytest.mark.parametrize("head", ["{}\n", "# {}\n", "//{}\n", "# made by a scanner\n\n{}\n7\n", "\ufeff{}\r\n"])
+def test_every_digit_of_all_columns_is_read(tmp_path, separator, head):
+    content = head.format(separator.join(NAMES)) + rows(ALL, separator)
+    cloud = read_point_cloud(written(tmp_path, content, "scan.CSV" if "," in separator else "scan.asc"))
+    assert np.array_equal(cloud.points, POINTS)
+    assert np.array_equal(cloud.normals, NORMALS)
+    assert np.array_equal(cloud.colors, COLORS / 255)
+
+
+@pytest.mark.parametrize("head", ["Z;Y [mm];X(m)\n", '"z";"y";"x"\n', "# z;y;x\n# all in mm\n"])
+def test_names_say_which_column_is_which(tmp_path, head):
+    cloud = read_point_cloud(written(tmp_path, head + rows(POINTS, ";")))
+    assert np.array_equal(cloud.points, POINTS[:, ::-1])
+    assert not cloud.has_normals()
+
+
+def test_columns_that_are_asked_for_go_before_the_header(tmp_path):
+    file = written(tmp_path, "x y z a b c\n" + rows(ALL[:, [3, 4, 5, 0, 1, 2]]))
+    cloud = read_point_cloud(file, columns="nx ny nz x y z")
+    assert np.array_equal(cloud.points, POINTS)
+    assert np.array_equal(cloud.normals, NORMALS)
+    assert np.array_equal(read_point_cloud(file, columns=["-", "-", "-", "x", "y", "z"]).points, POINTS)
+
+
+@pytest.mark.parametrize(
+    "head", ["", "# exported today\n", "Leaf no 3, of Monday\n", "7\n", "// a\n# b\n\n", "# x is up\n"]
+)
+def test_without_names_the_first_three_are_coordinates_and_no_more_is_guessed(tmp_path, head):
+    cloud = read_point_cloud(written(tmp_path, head + rows(ALL[:, :6])))
+    assert np.array_equal(cloud.points, POINTS)
+    assert not cloud.has_normals()
+    assert not cloud.has_colors()
+
+
+def test_decimal_commas_and_comments_between_points(tmp_path):
+    body = rows(POINTS, ";").replace(".", ",").splitlines()
+    body.insert(3, "# a second pass")
+    body.insert(5, "")
+    body[1] += "  // the last of the first"
+    assert np.array_equal(read_point_cloud(written(tmp_path, "\n".join(body), encoding="latin-1")).points, POINTS)
+
+
+def test_colors_are_shares_whatever_their_range(tmp_path):
+    for full in (1.0, 255.0, 65535.0):
+        shares = np.linspace(0, 1, 21).reshape(7, 3)
+        file = written(tmp_path, "x,y,z,red,green,blue\n" + rows(np.hstack([POINTS, shares * full]), ","))
+        assert np.asarray(read_point_cloud(file).colors) == pytest.approx(shares)
+
+
+@pytest.mark.parametrize(
+    ("content", "columns", "message"),
+    [
+        ("1 2 3\n4 5\n6 7 8\n", None, r"line 2: '4 5' has no number in column 3, z"),
+        ("x y z\n1 2 3\n# c\n4 5 six\n", None, r"line 4: '4 5 six' has no number in column 3, z"),
+        ("1;2;3\n4;;6\n", None, r"line 2: '4;;6' has no number in column 2, y"),
+        ("x y z nx ny nz\n1 2 3 0 0 1\n1 2 3\n", None, r"line 3: '1 2 3' has no number in column 4, nx"),
+        ("1 2\n3 4\n", None, r"line 1: '1 2' has 2 columns, none for z"),
+        ("1 2 3\n", "x y z nx ny nz", r"line 1: '1 2 3' has 3 columns, none for nx"),
+        ("East,North,x\n1,2,3\n", None, r"line 1: 'East North x' does not name x, y and z"),
+        ("1 2 3\n", "a b c", r"columns: 'a b c' do not name x, y and z"),
+        ("only words\n", None, "no line begins with three numbers"),
+        ("", None, "empty"),
+        ("1 2 " + 500 * "3" + " x\n1 2 a" + 500 * "b", None, r"line 2: '1 2 a(b){55}…'"),
+        ("1 2 3\n4 5 nan\n6 7 8\n", None, "NaN"),
+    ],
+)
+def test_a_bad_file_is_refused_with_its_line(tmp_path, content, columns, message):
+    with pytest.raises(InputError, match=message) as caught:
+        read_point_cloud(written(tmp_path, content), columns=columns)
+    assert "\n" not in str(caught.value)
+
+
+def test_columns_belong_to_text(tmp_path):
+    file = written(tmp_path, rows(POINTS[:, ::-1]), "scan.xyz")
+    assert np.array_equal(read_point_cloud(file, columns="z y x").points, POINTS)
+    with pytest.raises(InputError, match="leave columns out"):
+        read_point_cloud(written(tmp_path, "ply", "scan.ply"), columns="x y z")
