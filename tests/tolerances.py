@@ -597,7 +597,10 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
+<<<<<<< HEAD
 
+=======
+>>>>>>> w-lead
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -628,3 +631,36 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
+<<<<<<< HEAD
+=======
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
+
+# --- the margin ---
+
+TAPER_ROUNDING = 1e-7
+"""A root of a depth that is rounded by 1e-16 of a leaf's 20 is off by 1e-8; a side too few leaves 1e-2."""
+
+TAPER_SLOPE = 1e-3
+"""In 1/length: a central difference of τ at a step of 1e-6 where the second derivative is of size 100."""
+
+CHORD_AREA = 1e-9
+"""Share of an area that is summed over facets and over cells; a vertex of the cut off its chord leaves 1e-5."""
+
+MARGIN_AREA = 1e-3
+"""Issue 15 has 1 %: share of a sheet of 40 with a tip of 20 degrees, a notch and a hole, at steps of 0.1 to 0.4; found
+5e-4. Whole cells lose 6 to 25 %."""
+
+ON_MARGIN = 0.02
+"""Of the step: a chord of a step lies this near a margin of radius 1 at steps up to 0.15 (step²/8 r)."""
+
+RIM_DISTANCE = 0.1
+"""Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
+>>>>>>> w-lead
