@@ -1,0 +1,115 @@
+"""Maps of a sheet to the plane: conformal, convex, and relaxed to keep lengths (libigl's)."""
+
+import igl
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, rim_first
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
+
+ROUNDS = 20
+"""Of 100 steps as rigid as possible, at most: flat leaves rest after two, long ones that bend after five."""
+SAFE_ROUNDS = 30
+"""Of ten steps without flips, at most."""
+AT_REST = 1e-4
+"""Share by which the energy may still fall in a round when the chart is taken to rest."""
+
+
+def conformal_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray | None:
+    """Return the (n, 2) least-squares conformal map, of the sheet's area; None where it has no solution."""
+    rim = rim_first(rings)[0]
+    start = rim[np.argmax(np.linalg.norm(vertices[rim] - vertices[rim].mean(axis=0), axis=1))]
+    end = rim[np.argmax(np.linalg.norm(vertices[rim] - vertices[start], axis=1))]
+    apart = float(np.linalg.norm(vertices[end] - vertices[start]))
+    try:
+        chart, _ = igl.lscm(vertices, triangles, np.array([start, end]), np.array([[0.0, 0.0], [apart, 0.0]]))
+    except RuntimeError:
+        return None
+    chart = np.ascontiguousarray(chart)
+    return _of_its_area(vertices, triangles, chart) if np.isfinite(chart).all() else None
+
+
+def convex_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray:
+    """Return the (n, 2) map whose rim is a circle and whose vertices are means of their neighbors: no flips.
+
+    Tutte 1963 (Proc. LMS 13:743); holes are closed by a vertex in their middle, so that the theorem applies.
+    """
+    rim, *holes = rim_first(rings)
+    count = len(vertices) + len(holes)
+    fans = [np.stack([np.roll(h, -1), h, np.full(len(h), len(vertices) + k)], axis=1) for k, h in enumerate(holes)]
+    closed = np.concatenate([triangles, *fans])
+    ends = np.concatenate([closed[:, [0, 1]], closed[:, [1, 2]], closed[:, [2, 0]]]).T
+    links = scipy.sparse.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(count, count)).tocsr()
+    links = ((links + links.T) > 0).astype(np.float64)
+    laplacian = (scipy.sparse.diags_array(np.asarray(links.sum(axis=1)).ravel()) - links).tocsr()
+    step = np.linalg.norm(vertices[rim] - np.roll(vertices[rim], 1, axis=0), axis=1)
+    angle = 2 * np.pi * np.cumsum(step) / step.sum()
+    chart = np.zeros((count, 2))
+    chart[rim] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    used = np.unique(closed)
+    free = used[~np.isin(used, rim)]
+    if len(free):
+        solve = scipy.sparse.linalg.splu(laplacian[free][:, free].tocsc()).solve
+        chart[free] = solve(-(laplacian[free][:, rim] @ chart[rim]))
+    if chart_areas(chart, triangles).sum() < 0:
+        chart[:, 0] *= -1
+    return _of_its_area(vertices, triangles, chart[: len(vertices)])
+
+
+def relax_rigidly(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
+    """Return the (n, 2) chart at rest of the energy that is as rigid as possible; a triangle may be flipped.
+
+    Liu et al. 2008 (CGF 27:1495): each triangle turns to fit, the chart fits all turned ones, in turn.
+    """
+    data = igl.ARAPData()
+    data.max_iter = 100
+    igl.arap_precomputation(vertices, triangles, 2, triangles[:1, 0].astype(np.int32), data)
+    fixed, before = chart[triangles[0, 0]][np.newaxis], np.inf
+    for _ in range(ROUNDS):
+        chart = np.ascontiguousarray(igl.arap_solve(fixed, data, chart))
+        energy = _rigid_energy(vertices, triangles, chart)
+        if before - energy <= AT_REST * energy:
+            break
+        before = energy
+    return chart
+
+
+def relax_without_flips(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
+    """Return the (n, 2) chart at rest of the symmetric Dirichlet energy, which no flipped triangle can have.
+
+    Rabinovich et al. 2017 (ACM TOG 36:16), from a chart without flips.
+    """
+    data = igl.slim_precompute(
+        np.asfortranarray(vertices),
+        np.asfortranarray(triangles.astype(np.int32)),
+        np.asfortranarray(chart),
+        igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
+        np.empty(0, np.int32),
+        np.empty((0, 2), order="F"),
+        0.0,
+    )
+    before = np.inf
+    for _ in range(SAFE_ROUNDS):
+        chart = np.ascontiguousarray(igl.slim_solve(data, 10))
+        energy = _rigid_energy(vertices, triangles, chart)
+        if abs(before - energy) <= AT_REST * energy:
+            break
+        before = energy
+    return chart
+
+
+def _of_its_area(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> FloatArray:
+    """Return a chart scaled to the area of its sheet."""
+    area = np.abs(chart_areas(chart, triangles)).sum()
+    return np.asarray(chart * np.sqrt(triangle_areas(vertices, triangles).sum() / area))
+
+
+def _rigid_energy(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> float:
+    """Return the area-weighted mean square of the stretches' distance from 1; a flip counts by its mirror image."""
+    values, area = triangle_stretch(vertices, triangles, chart), triangle_areas(vertices, triangles)
+    smaller = np.where(chart_areas(chart, triangles) < 0, -values[:, 1], values[:, 1])
+    away = np.nan_to_num((values[:, 0] - 1) ** 2 + (smaller - 1) ** 2)
+    return float(away @ area / area.sum())

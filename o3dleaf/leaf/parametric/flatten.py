@@ -1,0 +1,164 @@
+"""`flatten_sheet`: the chart of a sheet, a map to the plane that keeps lengths as well as any can."""
+
+import igl
+import numpy as np
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
+from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
+from o3dleaf.leaf.chart.flattening.overlap import Overlap, find_overlap
+from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
+from o3dleaf.leaf.chart.flattening.untangle import untangle
+from o3dleaf.surface.repair.simplify import simplify_mesh
+
+TRIANGLES = 6000
+"""Of the mesh that is flattened: a blade's bends are far wider than its triangles then, and noise is averaged out."""
+WORST = (0.5, 2.0)
+"""Stretch beyond which a texture has no meaning: it would be half or twice as wide as measured."""
+WORST_SHARE = 0.01
+"""Of the area, beyond `WORST`, that is refused: less is a fold of a few triangles at a rough margin."""
+OVERLAP = 1e-3
+"""Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""
+
+
+def flatten_sheet(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (n, 2) near-isometric chart of a sheet, as `lay_flat` does, or refuse it where it lies over itself.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+        In any unit, which is the chart's.
+    triangles : (m, 3) ndarray of int
+        A connected, oriented, manifold mesh of genus 0 with a boundary: a disc, with holes or without.
+
+    Raises
+    ------
+    ReconstructionError
+        If it is no such mesh, or has no chart of low distortion that lies flat without overlap; with the place.
+    """
+    rings = require_sheet(vertices, triangles)
+    chart = lay_flat(vertices, triangles)
+    overlap = find_overlap(chart, triangles, rings)
+    if overlap is not None and overlap.share > OVERLAP:
+        raise overlap_error(overlap, vertices, triangles)
+    return chart
+
+
+def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -> ReconstructionError:
+    """Return the refusal of a sheet that lies over itself when laid flat."""
+    return ReconstructionError(
+        f"chart: laid flat, the sheet lies over itself on {100 * overlap.share:.2g} % of its area, most at "
+        f"{_place(vertices, triangles, overlap.worst)}, as a leaf that winds round does; cut the scan there"
+    )
+
+
+def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return the (n, 2) near-isometric chart of a sheet, of its area, its triangles counter-clockwise as on the sheet.
+
+    A conformal map (Lévy et al. 2002, ACM TOG 21:362) relaxed as rigidly as possible (Liu et al. 2008, CGF
+    27:1495), on at most `TRIANGLES` triangles of the sheet; what lies between is carried along by closest points.
+    No triangle of that mesh is flipped, but it may lie over itself: `find_overlap`. `turn_chart` turns it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+        In any unit, which is the chart's.
+    triangles : (m, 3) ndarray of int
+        A connected, oriented, manifold mesh of genus 0 with a boundary: a disc, with holes or without.
+
+    Raises
+    ------
+    ReconstructionError
+        If it is no such mesh, or has no chart of low distortion; with the place.
+    """
+    coarsening, flattening, carrying = progress.split(1, 2, 1)
+    with coarsening:
+        require_sheet(vertices, triangles)
+        coarse, faces = coarsen(*_used_alone(vertices, triangles))
+        rings = require_sheet(coarse, faces)
+    with flattening:
+        chart = _embed(coarse, faces, rings)
+        chart *= np.sqrt(triangle_areas(coarse, faces).sum() / chart_areas(chart, faces).sum())
+        _require_low_distortion(coarse, faces, chart)
+    with carrying:
+        return chart if coarse is vertices else carry(coarse, faces, chart, vertices)
+
+
+def carry(vertices: FloatArray, triangles: IntArray, values: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the (k, c) values at the closest points of a mesh to (k, 3) points, linear in each triangle."""
+    _, face, foot = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, triangles)
+    first, second, third = (vertices[triangles[face, corner]] for corner in range(3))
+    a, b, c = second - first, third - first, foot - first
+    aa, ab, bb, ac, bc = (np.einsum("ij,ij->i", *pair) for pair in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    whole = aa * bb - ab * ab
+    whole[whole <= 0] = np.inf
+    s, t = (bb * ac - ab * bc) / whole, (aa * bc - ab * ac) / whole
+    weights = np.stack([1 - s - t, s, t], axis=1)
+    return np.asarray(np.einsum("ij,ijc->ic", weights, values[triangles[face]]))
+
+
+def _used_alone(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without vertices that no triangle names, itself if there are none."""
+    if len(np.unique(triangles)) == len(vertices):
+        return vertices, triangles
+    return drop_unused_vertices(vertices, triangles)
+
+
+def coarsen(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return a mesh of at most `TRIANGLES` triangles, or those given; the border stays."""
+    if len(triangles) <= TRIANGLES:
+        return vertices, triangles
+    return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=TRIANGLES))
+
+
+def _embed(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray:
+    """Return a chart without flipped triangles: relaxed from the conformal map or, failing that, from a convex one."""
+    start = conformal_chart(vertices, triangles, rings)
+    if start is not None:
+        chart = untangle(relax_rigidly(vertices, triangles, start), triangles)
+        if chart is not None and _far_share(vertices, triangles, chart) <= WORST_SHARE:
+            return chart
+    safe = relax_without_flips(vertices, triangles, convex_chart(vertices, triangles, rings))
+    chart = untangle(relax_rigidly(vertices, triangles, safe), triangles)
+    if chart is not None and _far_share(vertices, triangles, chart) <= _far_share(vertices, triangles, safe):
+        return chart
+    flipped = np.flatnonzero(~(chart_areas(safe, triangles) > 0))
+    if len(flipped):
+        raise ReconstructionError(
+            f"chart: the sheet cannot be laid flat at {_place(vertices, triangles, int(flipped[0]))}: "
+            f"{len(flipped)} of its triangles have no area; remesh or clean the surface there"
+        )
+    return safe
+
+
+def _far_share(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> float:
+    """Return the share of the area whose stretch is beyond `WORST`."""
+    return float(_far(vertices, triangles, chart)[1])
+
+
+def _far(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> tuple[FloatArray, float]:
+    """Return how far each triangle is beyond isometry, as a logarithm, and the share of the area beyond `WORST`."""
+    area = triangle_areas(vertices, triangles)
+    scale = np.sqrt(area.sum() / np.abs(chart_areas(chart, triangles)).sum())
+    values = np.nan_to_num(scale * triangle_stretch(vertices, triangles, chart), nan=1.0)
+    beyond = (values[:, 1] < WORST[0]) | (values[:, 0] > WORST[1])
+    away = np.maximum(values[:, 0], 1 / np.maximum(values[:, 1], 1e-12))
+    return np.where(beyond, away, 0.0) * area, float(area[beyond].sum() / area.sum())
+
+
+def _require_low_distortion(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> None:
+    weight, share = _far(vertices, triangles, chart)
+    if share > WORST_SHARE:
+        raise ReconstructionError(
+            f"chart: {100 * share:.2g} % of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
+            f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: it is closed there like a bag "
+            "or a tube, not a blade; cut the scan there, or reconstruct it without a chart"
+        )
+
+
+def _place(vertices: FloatArray, triangles: IntArray, triangle: int) -> str:
+    """Return the middle of a triangle as text."""
+    return place_of(vertices[triangles[triangle]].mean(axis=0))

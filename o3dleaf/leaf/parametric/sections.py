@@ -1,0 +1,95 @@
+"""Straight sections across an outline in the plane, and a curve drawn through their middles."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.ops
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+
+
+def outline_of(chart: FloatArray, rim: IntArray) -> Any:
+    """Return the polygon (shapely) within the rim of a chart, its holes filled: the largest part of it."""
+    shape = shapely.make_valid(shapely.Polygon(chart[rim]))
+    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
+    parts += [p for whole in shapely.get_parts(shape) for p in shapely.get_parts(whole) if p.geom_type == "Polygon"]
+    return shapely.Polygon(shapely.get_exterior_ring(max(parts, key=lambda part: float(part.area))))
+
+
+def fill_bays(outline: Any) -> Any:
+    """Return an outline whose bays are filled where its widest inner circle cannot enter: bites, sinuses, a notch."""
+    radius = float(shapely.maximum_inscribed_circle(outline).length)
+    closed = outline.buffer(radius, quad_segs=16).buffer(-radius, quad_segs=16).union(outline)
+    largest = max(shapely.get_parts(closed), key=lambda part: float(part.area))
+    return shapely.Polygon(largest.exterior)
+
+
+def within(outline: Any, curve: FloatArray) -> FloatArray:
+    """Return a curve (k, 2) without what lies outside an outline at either of its ends."""
+    parts = shapely.get_parts(shapely.intersection(shapely.LineString(curve), outline))
+    line = shapely.LineString(curve)
+    inside = [part for part in parts if part.geom_type == "LineString" and part.length > 0.01 * line.length]
+    if not inside:
+        return curve
+    at = [float(line.project(shapely.Point(end))) for part in inside for end in (part.coords[0], part.coords[-1])]
+    return np.asarray(shapely.get_coordinates(shapely.ops.substring(line, min(at), max(at))))
+
+
+def cut_across(outline: Any, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the middles (k, 2) and lengths (k,) of the sections through points (k, 2) along unit normals (k, 2).
+
+    Of a section in several parts the one nearest to its point counts; where there is none, the point with length 0.
+    """
+    reach = float(np.hypot(*np.ptp(np.asarray(outline.exterior.coords), axis=0)))
+    ends = np.stack([points - reach * normals, points + reach * normals], axis=1)
+    parts, owner = shapely.get_parts(shapely.intersection(shapely.linestrings(ends), outline), return_index=True)
+    lines = (shapely.get_type_id(parts) == shapely.GeometryType.LINESTRING) & ~shapely.is_empty(parts)
+    parts, owner = parts[lines], owner[lines]
+    away = shapely.distance(parts, shapely.points(points[owner]))
+    order = np.lexsort((away, owner))
+    nearest = order[np.unique(owner[order], return_index=True)[1]]
+    middles, lengths = points.copy(), np.zeros(len(points))
+    middles[owner[nearest]] = shapely.get_coordinates(shapely.line_interpolate_point(parts[nearest], 0.5, True))
+    lengths[owner[nearest]] = shapely.length(parts[nearest])
+    return middles, lengths
+
+
+def leave_along(outline: Any, start: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the (2,) point at which a straight way from a point leaves the outline; the point where it is outside."""
+    reach = float(np.hypot(*np.ptp(np.asarray(outline.exterior.coords), axis=0)))
+    way = shapely.LineString([start, start + reach * direction / np.linalg.norm(direction)])
+    parts = shapely.get_parts(shapely.intersection(way, outline))
+    inside = [part for part in parts if part.geom_type == "LineString" and not part.is_empty]
+    if not inside:
+        return np.asarray(start)
+    first = min(inside, key=lambda part: float(part.distance(shapely.Point(start))))
+    ends = np.asarray(first.coords)
+    return np.asarray(ends[np.argmax(np.linalg.norm(ends - start, axis=1))])
+
+
+def reached(curve: FloatArray) -> FloatArray:
+    """Return the (k,) lengths of a polyline up to each of its points (k, 2)."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+
+
+def resample(curve: FloatArray, count: int) -> FloatArray:
+    """Return (count, 2) points of a polyline at equal steps of its length."""
+    at = reached(curve)
+    places = np.linspace(0, at[-1], count)
+    return np.stack([np.interp(places, at, curve[:, axis]) for axis in range(2)], axis=1)
+
+
+def normals_of(curve: FloatArray) -> FloatArray:
+    """Return the (k, 2) unit normals of a polyline, to the left of its direction."""
+    tangent = np.gradient(curve, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
+
+def smooth_curve(points: FloatArray, weights: FloatArray, stiffness: float, order: int) -> FloatArray:
+    """Return (W + μ DᵀD)⁻¹ W p, D the differences of an order: points (k, 2) on a smoother curve (Whittaker 1923)."""
+    rough = np.diff(np.eye(len(points)), order, axis=0)
+    weight = np.diag(weights)
+    return np.asarray(np.linalg.solve(weight + stiffness * rough.T @ rough, weight @ points))
