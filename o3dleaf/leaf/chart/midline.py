@@ -40,9 +40,9 @@ WIDER = 1.25
 less is a tie, and the base is the lower end. Nearer to the ends the width is that of a cut, a bite or a tip."""
 NOTCH = 0.01
 """Share of the blade's area that is cut out of one end for it to be the base: the sinus of a heart, a concave cut."""
-TRUST = 12
+TRUST = 24
 """Power of a section's length over that of its neighbors with which it counts: where a tenth of the width is missing,
-a quarter; where half is, nothing."""
+a twelfth; where a quarter is, a thousandth."""
 BRIDGED = 3.0
 """Widths along the blade over which a margin that is eaten or hidden is bridged."""
 
