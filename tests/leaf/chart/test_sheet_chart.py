@@ -56,6 +56,15 @@ def test_a_petiole_is_named_and_cut_off_or_kept_on_request():
     assert np.linalg.norm(kept.vertices[np.argmin(kept.uv[:, 0])] - rolled(np.array([[-5.0, 0]]), radius=120.0)) < 5
 
 
+def test_a_point_given_as_the_base_wins_over_the_petiole():
+    flat, triangles = triangulated(stalked(), 0.9)
+    tip = rolled(np.array([[100.0, 0.0]]), radius=120.0)[0]
+    chart = chart_sheet(rolled(flat, radius=120.0), triangles, base=tip)
+    assert chart.petiole is not None
+    assert np.linalg.norm(chart.vertices[np.argmin(chart.uv[:, 0])] - tip) < 1.5
+    assert any("point given" in note for note in chart.notes)
+
+
 def test_the_same_sheet_gives_the_same_bits(long_blade):
     _, sheet, triangles = long_blade
     first, second = chart_sheet(sheet, triangles), chart_sheet(sheet.copy(order="F"), triangles.copy())
