@@ -675,3 +675,25 @@ STRETCH_OF_A_LATTICE = 1e-9
 
 MOVED_READ_OUT = 1e-9
 """Coordinates of 500 turned and shifted round at 1e-13, and no point lies so near to a limit."""
+
+# --- the chart of a sheet ---
+
+CHORDS_OF_A_ROLL = 6e-3
+"""Stretch of triangles of 2.5 on a roll of radius 15, whose edges are chords: (2.5/15)^2/24 = 1e-3 short of the arcs,
+some triangles long and thin at the border; a chart that shears shows as a tenth."""
+
+CARRIED_STRETCH = 5e-3
+"""Of a fine chart from the coarse mesh's closest points: found 1e-3; points of the wrong triangle make a tenth."""
+
+MOVED_SHEET = 1e-4
+"""Lengths of edges of 2 to 3 in charts of one sheet in two places: relaxed to a ten-thousandth of the energy."""
+
+MIDWAY = 0.08
+"""Of the width, from the true midrib: found 0.02, and 0.045 where a quarter of the width is gone over two widths;
+half-way between the margins that are left is 0.12 off there, and 0.25 at the bite."""
+
+MIDRIB_END = 0.1
+"""Of the width, from the middle of the base and from the tip: found 0.075; a corner of the base is 0.5 off."""
+
+MOVED_MIDRIB = 1e-6
+"""Of a leaf of 120, for sums in another order; not in the box's own axes a curve is off by a tenth."""
