@@ -5,5 +5,7 @@
 `margin_tips`     sharp tips restored
 `sample_region`   what a planar sample covers
 `sample_spacing`  how it is spaced, place by place
+`chords`          a closed curve as chords
+`sheet_band`      the band between a lattice and the margin
 `sheet_mesh`      the plane inside a margin as triangles, cut along it
 """

@@ -1,4 +1,4 @@
-"""Rings of a covered region as smooth curves: smoothed without shrinking, grown to where the leaf ends, tips restored."""
+"""Rings of a covered region as curves: smoothed without shrinking, and grown to where the leaf ends."""
 
 from dataclasses import dataclass
 
@@ -66,7 +66,9 @@ def smooth(values: FloatArray, width: float) -> FloatArray:
     return twice
 
 
-def margin_ring(ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing) -> tuple[FloatArray, FloatArray]:
+def margin_ring(
+    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing
+) -> tuple[FloatArray, FloatArray]:
     """Return the smoothed ring (k, 2) and how far (k,) the leaf goes on beyond it, to its right.
 
     By Pick's theorem, and Euler's formula for a random sample, the triangles of n points of which b lie on the
