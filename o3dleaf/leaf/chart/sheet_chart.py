@@ -11,10 +11,10 @@ from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
-from o3dleaf.leaf.parametric.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
-from o3dleaf.leaf.parametric.midline import Midline, find_midline
-from o3dleaf.leaf.parametric.petiole import Petiole, find_petiole
-from o3dleaf.leaf.parametric.turn import facing, turn_chart
+from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
+from o3dleaf.leaf.chart.midline import Midline, find_midline
+from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
+from o3dleaf.leaf.chart.turn import facing, turn_chart
 
 LARGEST_FLAP = 0.1
 """Share of the area that may go where the chart lies over itself; of more it is open which layer is the leaf."""

@@ -5,7 +5,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.axis.sections import reached
-from o3dleaf.leaf.parametric.midline import Midline
+from o3dleaf.leaf.chart.midline import Midline
 
 UP = np.array([0.0, 0.0, 1.0])
 UNDECIDED = 0.1

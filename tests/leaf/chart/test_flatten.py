@@ -9,7 +9,7 @@ from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, stretch_quantiles, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
-from o3dleaf.leaf.parametric.flatten import flatten_sheet
+from o3dleaf.leaf.chart.flatten import flatten_sheet
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, rolled, triangulated
 

@@ -3,7 +3,7 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from o3dleaf.leaf.parametric.midline import find_midline
+from o3dleaf.leaf.chart.midline import find_midline
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, sickle, triangulated
 

@@ -3,7 +3,7 @@ import pytest
 import shapely
 
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.leaf.parametric.petiole import find_petiole
+from o3dleaf.leaf.chart.petiole import find_petiole
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
-from o3dleaf.leaf.parametric.sheet_chart import chart_sheet
+from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, rolled, sickle, stalked, triangulated
 
