@@ -8,10 +8,10 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
-from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
 from o3dleaf.leaf.chart.midline import Midline, find_midline
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.turn import facing, turn_chart

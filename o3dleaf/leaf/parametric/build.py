@@ -5,11 +5,11 @@ import numpy as np
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.macro.robust import MAD
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
-from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 

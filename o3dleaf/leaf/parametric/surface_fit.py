@@ -18,10 +18,10 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
+from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
-from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.surface.cloud.downsample import thin

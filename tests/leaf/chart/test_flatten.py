@@ -4,12 +4,12 @@ import shapely
 
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.leaf.chart.flatten import flatten_sheet
 from o3dleaf.leaf.chart.flattening.embedding import convex_chart, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, stretch_quantiles, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
-from o3dleaf.leaf.chart.flatten import flatten_sheet
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, rolled, triangulated
 
