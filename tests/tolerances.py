@@ -597,10 +597,6 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
-<<<<<<< HEAD
-
-=======
->>>>>>> w-lead
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -631,8 +627,6 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
-<<<<<<< HEAD
-=======
 # --- sheets ---
 
 OPEN_SHEET_NEAR = 1.0
@@ -663,4 +657,3 @@ ON_MARGIN = 0.02
 
 RIM_DISTANCE = 0.1
 """Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
->>>>>>> w-lead
