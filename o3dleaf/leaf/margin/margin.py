@@ -208,7 +208,10 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
         area = largest(inside.difference(band) if number else inside.union(band))
         if area.is_empty:
             continue  # a hole that is none once the leaf around it is whole
-        curves.append(_finished(area, local, tips=not number))
+        curve = _finished(area, local, tips=not number)
+        if len(curve) < 3:
+            continue  # the same, once it is smooth
+        curves.append(curve)
     if not curves:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")
     return curves
