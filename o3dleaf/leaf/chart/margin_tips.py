@@ -8,7 +8,7 @@ from o3dleaf.leaf.chart.margin_curve import STEP, Spacing
 
 REACH = 3.0
 """A tip is looked for where the curve turns within so many spacings to both sides: what smoothing has rounded."""
-SHARPEST, BLUNTEST = np.radians(5.0), np.radians(100.0)
+SHARPEST, BLUNTEST = np.radians(5.0), np.radians(80.0)
 """Angles of tips. Sharper ones are parallel flanks to a fit of a few points; blunter ones are rounded by less than the
 noise of the margin."""
 FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
