@@ -566,7 +566,7 @@ MARGIN_HELD_RANDOM = 0.9
 """The same of random samples: 0.96 and more, but 0.90 in a notch of five spacings; without growth 0.7."""
 
 TIP_LOST = 80.0
-"""Spacings times degrees: a random sample of a tip of 10° ends 3.4 before it in the mean; found 62, without tips 120."""
+"""Spacings times degrees: a random sample of a tip of 10° ends 3.4 before it in the mean; found 62."""
 
 MARGIN_TURNED = 6e-3
 """A turned ring begins elsewhere, so that its steps and its tips do: found 3e-3; a margin two spacings off 2e-2."""
