@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import scipy.ndimage
+import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
@@ -34,6 +35,8 @@ two, and neither teeth nor lobes. By the order of the differences that are kept 
 BENDS = 5.0
 """Square of the length over the area from which a blade's own bend is known well enough to go on at its ends."""
 ROUNDS = 16
+LONGER = 1.1
+"""Times the first axis that the curve may get; beyond it winds about a fork of the blade, and what was before is kept."""
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
 WIDER = 1.25
@@ -146,8 +149,11 @@ def _settle(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     """Return the curve at rest mid-way between the margins; its first end stays if `fixed`."""
     count = _stations(outline, curve)
     curve = resample(curve, count)
+    longest = LONGER * reached(curve)[-1]
     for _ in range(ROUNDS):
         moved = _recenter(outline, curve, fixed=fixed)
+        if reached(moved)[-1] > longest or not shapely.LineString(moved).is_simple:
+            break
         count = _stations(outline, moved)
         moved, before = resample(moved, count), resample(curve, count)
         curve = moved
@@ -170,6 +176,10 @@ def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
     at = reached(curve)
+    # Half a width a round: from a first axis on the margin to the middle, and not into another lobe.
+    move = middles - curve
+    far = np.linalg.norm(move, axis=1) / (outline.area / at[-1] / 2)
+    middles = curve + move / np.maximum(far, 1)[:, np.newaxis]
     left = np.minimum(at, at[-1] - at)
     held = (left >= widths) & (widths > 0)
     if held.sum() < 8:
