@@ -20,6 +20,7 @@ from o3dleaf.leaf.chart.axis.sections import (
     reached,
     resample,
     smooth_curve,
+    triangulate_inside,
     within,
 )
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
@@ -36,7 +37,7 @@ BENDS = 5.0
 """Square of the length over the area from which a blade's own bend is known well enough to go on at its ends."""
 ROUNDS = 16
 LONGER = 1.1
-"""Times the first axis that the curve may get; beyond it winds about a fork of the blade, and what was before is kept."""
+"""Times the first axis that the curve may get; beyond, it winds about a fork of the blade, and what was is kept."""
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
 WIDER = 1.25
@@ -112,9 +113,10 @@ def find_midline(
         The middle of the cut at which a petiole was taken off, in the chart: the base, exactly.
     """
     rim = rim_first(require_sheet(vertices, triangles))[0]
-    margin, ways = outline_of(chart, rim), Ways(chart, triangles)
+    margin = outline_of(chart, rim)
     outline = fill_bays(margin)
-    area = np.abs(chart_areas(chart, triangles))
+    ways = Ways(*triangulate_inside(outline))
+    area = np.abs(chart_areas(ways.vertices, ways.triangles))
     if junction is not None:
         curve, fixed = _from_start(outline, ways, area, junction), True
     else:

@@ -24,6 +24,10 @@ LEAVES = {
     "sickle": ARC,
     "bitten": (blade().difference(shapely.Point(60, 6).buffer(6)), straight(120)),
     "one margin gone over two widths": (blade(200, 20).difference(shapely.box(50, 5, 90, 20)), straight(200)),
+    "torn along the margin": (
+        blade(200, 16).difference(shapely.box(140, -6.5, 170, -5).union(shapely.box(168, -9, 170, -5))),
+        straight(200),
+    ),
     "hole": (blade(width=20).difference(shapely.Point(50, 2).buffer(4)), straight(120)),
 }
 
