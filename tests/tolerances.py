@@ -572,5 +572,4 @@ MIDRIB_END = 0.1
 
 MOVED_MIDRIB = 0.02
 """Of a leaf 12 wide: it is at rest within 0.036, and the lattice that it starts from does not turn with it; found
-0.0015.
-A mirror image that is drawn otherwise is a millimeter off."""
+0.0015. A mirror image that is drawn otherwise is a millimeter off."""

@@ -72,7 +72,7 @@ TIPS = {
     "long drawn tip": shapely.Polygon([(0, -15), (40, -20), (80, -4), (140, 0), (80, 4), (40, 20), (0, 15)]),
     "ellipse": ellipse(100, 50),
     "lobed": lobed(),
-    "spike in the margin": ellipse(100, 50).union(shapely.box(98, -1, 106, 1)),
+    "shred at the margin": ellipse(100, 50).union(shapely.box(98, -1, 120, 1)),
 }
 
 
