@@ -49,7 +49,7 @@ def finger(radius=1.0, length=30.0):
     )
     tip = len(tube) + len(disc)
     i = np.arange(16)
-    cap = np.stack([at(i + 1, 40), at(i, 40), np.full(16, tip)], axis=1)
+    cap = np.stack([at(i, 40), at(i + 1, 40), np.full(16, tip)], axis=1)
     vertices = np.concatenate([tube, disc, [[0, 0, -length]]])
     triangles = np.concatenate([walls[:, ::-1], plate, cap])
     first = np.arange(len(vertices))
