@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 import numpy as np
+import open3d as o3d
 import pytest
 from scipy.spatial import Delaunay, cKDTree
 
