@@ -21,10 +21,10 @@ def extract_windows(
     leaf: TexturedBlade, spacing: float, windows: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
 ) -> LabelledMesh:
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
-    lattice, outline = leaf_lattice(leaf, spacing), leaf.blade.outline
+    lattice, cut = leaf_lattice(leaf, spacing), leaf.cuts_edges
     plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-    area = footprint(sides_of(outline.rounded if closed else outline.polygon), *plane, None)
-    root = Level(extract_tile(leaf.values, lattice, sharpen=lattice.shape[:2]), area, area.box, closed)
+    area = footprint(sides_of(leaf.edge_curve(closed=closed)), *plane, None)
+    root = Level(extract_tile(leaf.values, lattice, sharpen=lattice.shape[:2]), area, area.box, closed, cut=cut)
     for region, step in windows:
         _insert(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), leaf.values)
     vertices, triangles, labels = extract_levels(root, leaf.values)

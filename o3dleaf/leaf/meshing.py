@@ -82,11 +82,11 @@ class MeshPlan:
         with counting:
             started = time.perf_counter()
             plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-            self.outline = leaf.blade.outline.rounded if closed else leaf.blade.outline.polygon
-            if closed and box is not None:
-                self.outline = shapely.box(*box.ravel()) & self.outline
-            area = footprint(sides_of(self.outline), *plane, None if closed else box)
-            self.assembly = Assembly(self.tile, area, closed=closed, reduced=reduced)
+            self.outline, cut = leaf.edge_curve(closed=closed), leaf.cuts_edges
+            if box is not None and (closed or cut):
+                self.outline, box = shapely.box(*box.ravel()) & self.outline, None
+            area = footprint(sides_of(self.outline), *plane, box)
+            self.assembly = Assembly(self.tile, area, closed=closed, cut=cut, reduced=reduced)
             self._counting = time.perf_counter() - started
 
     def __repr__(self) -> str:

@@ -159,7 +159,8 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     """
     places = np.empty_like(flat)
     run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
-    labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
+    if not leaf.cuts_edges:
+        labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
     return remesh_charted(Charted.of(places, flat, triangles, labels), LeafTarget(leaf, outline, tile), target_edge)
 
 

@@ -4,6 +4,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks
@@ -50,6 +51,16 @@ class TexturedBlade:
     def unit(self) -> str | None:
         """Unit of length of world points: the scan's."""
         return self.blade.unit
+
+    @property
+    def cuts_edges(self) -> bool:
+        """Whether triangles are cut along the outline; else open meshes keep whole cells, as the paper's do."""
+        return self.blade.open_edges == "cut"
+
+    def edge_curve(self, *, closed: bool) -> shapely.Polygon:
+        """Return the curve in the plane (along, across) that an open or a closed surface of the leaf ends on."""
+        outline = self.blade.outline
+        return outline.rounded if closed or self.cuts_edges else outline.polygon
 
     @property
     def heights(self) -> FloatArray:

@@ -72,8 +72,7 @@ class SurfaceIndex:
     def build(cls, leaf: TexturedBlade, *, closed: bool = False) -> "SurfaceIndex":
         """Sample the tile, lay the cells, and put up the rim, of the leaf or of the closed solid."""
         tile = TileSamples.sample(leaf, closed=closed)
-        outline = leaf.blade.outline
-        solid = LeafSolid(outline.rounded if closed else outline.polygon, tile.filled)
+        solid = LeafSolid(leaf.edge_curve(closed=closed), tile.filled)
         strips, strip_boxes = rim_strips(leaf, solid, STRIP_STEPS * tile.step)
         cells = CellTree.build(leaf, solid, tile)
         low, high = cells.cells.centers.min(axis=0), cells.cells.centers.max(axis=0)

@@ -141,5 +141,5 @@ class MeasuredLeaf(TexturedBlade):
             return self
         if what == "distance":
             return self.index_of(closed=closed).signed_distance
-        outline = self.blade.outline.polygon
+        outline = self.edge_curve(closed=False)
         return mask_sampler(self, self.solid_index.solid if closed else LeafSolid(outline, None))

@@ -9,6 +9,7 @@ import shapely
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.distance.boxes import grow_tree
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.strip_loops import Strips
@@ -21,14 +22,14 @@ ROOT_ITERATIONS = 4
 
 
 def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, FloatArray]:
-    """Return the middles (n, 2) and half edges (n, 2) of equal pieces of a polygon's edges, at most `step` long."""
-    ring = shapely.get_coordinates(polygon.exterior)
-    edges = np.diff(ring, axis=0)
+    """Return the middles (n, 2) and half edges (n, 2) of equal pieces, at most `step` long, of all its rings."""
+    sides = sides_of(polygon)
+    starts, edges = sides[:, :2], sides[:, 2:] - sides[:, :2]
     counts = np.maximum(np.ceil(np.linalg.norm(edges, axis=1) / step), 1).astype(np.int64)
     number = np.repeat(np.arange(len(edges)), counts)
     within = np.arange(len(number)) - np.repeat(np.cumsum(counts) - counts, counts)
     half = edges[number] / (2 * counts[number, np.newaxis])
-    return ring[number] + (2 * within[:, np.newaxis] + 1) * half, half
+    return starts[number] + (2 * within[:, np.newaxis] + 1) * half, half
 
 
 def rim_strips(leaf: TexturedBlade, solid: LeafSolid, step: float) -> tuple[Strips, npt.NDArray[np.float32]]:

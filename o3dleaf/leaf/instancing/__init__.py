@@ -7,6 +7,7 @@ A tile is periodic along the first two axes, and a function takes flat coordinat
 `footprint`    cells of the plane inside the outline, and distances of columns to its edge
 `placement`    the part of a tile that one place uses: whole cells inside the outline, or a solid that it cuts
 `reduced`      a tile simplified or remeshed, its border locked
+`cut`          the same with its triangles cut along a smooth margin, and the wall over it
 `components`   the components that a placement falls into, and the sides that its triangles face
 `windows`      all places, two rows at a time
 `assembly`     numbers for every vertex and triangle of the whole, before one of them is written

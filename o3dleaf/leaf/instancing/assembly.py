@@ -94,11 +94,15 @@ class Assembly:
         footprint: Footprint,
         *,
         closed: bool,
+        cut: bool = False,
         reduced: ReducedTile | None = None,
         keep_fragments: bool = False,
         max_vertices: int = MAX_VERTICES,
     ) -> None:
-        """Count what there will be; `reduced` stands for the tiles that the outline does not cut.
+        """Count what there will be.
+
+        Triangles are `cut` along the outline, or open sheets keep whole cells and a solid is marched there;
+        `reduced` stands for the tiles that the outline does not cut.
 
         Raises
         ------
@@ -108,7 +112,7 @@ class Assembly:
             If there are more than `max_vertices`.
         """
         self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
-        self._placer = TilePlacer(tile, footprint, closed=closed, reduced=reduced)
+        self._placer = TilePlacer(tile, footprint, closed=closed, cut=cut, reduced=reduced)
         self._whole_rank: npt.NDArray[np.int32] | None = None
         self._counts: dict[Place, TileCounts] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]

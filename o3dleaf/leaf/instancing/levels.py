@@ -50,6 +50,8 @@ class Level:
     ratio : int
         Steps to one of the parent's, along every axis: what keeps corners apart is the diagonal of a square.
     children : list of Level
+    cut : bool
+        Whether triangles are cut along the outline; see `Assembly`.
     """
 
     tile: Tile
@@ -58,6 +60,7 @@ class Level:
     closed: bool = False
     ratio: int = 1
     children: list["Level"] = field(default_factory=list)
+    cut: bool = False
 
 
 def extract_levels(root: Level, values: Values) -> tuple[FloatArray, IntArray, Labels]:
@@ -94,7 +97,7 @@ def _with_children(level: Level, values: Values) -> LatticeMesh:
         if not footprint.contains(hole + OUTWARD):
             raise InputError("levels: a window reaches the rim, or its parent's edge; make it smaller or move it")
         footprint = footprint.without(hole)
-    assembly = Assembly(level.tile, footprint, closed=level.closed, keep_fragments=True)
+    assembly = Assembly(level.tile, footprint, closed=level.closed, cut=level.cut, keep_fragments=True)
     arrays = Arrays(assembly)
     with progress.silent():
         assembly.emit(arrays, lambda flat: flat)

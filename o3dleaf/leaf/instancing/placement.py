@@ -22,6 +22,7 @@ from o3dleaf.leaf.instancing.rim_loops import (
     use_by_distance,
 )
 from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.tile_loops import ABOVE
 from o3dleaf.surface.isosurface.polygonize import lattice_positions
 
 Nodes = npt.NDArray[np.int32]
@@ -109,6 +110,11 @@ class Placement:
         return np.concatenate([np.zeros(plain, dtype=bool), self.cut_on_rim])
 
     @property
+    def rim_sides(self) -> npt.NDArray[np.uint8]:
+        """(e,) the air that each vertex of the rim looks at, `ABOVE` where nobody asks."""
+        return np.full(len(self.rim_names), ABOVE, dtype=np.uint8)
+
+    @property
     def present(self) -> BoolArray:
         """(n + e,) which of the tile's vertices and the rim's own ones are there."""
         used = np.ones(len(self.tile.edges), dtype=bool) if self.used is None else self.used
@@ -117,7 +123,7 @@ class Placement:
     def positions(self, rows: IntArray) -> FloatArray:
         """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
         tile, count = self.tile, len(self.tile.edges)
-        nx, ny, nz = tile.lattice.shape
+        nx, ny, _ = tile.lattice.shape
         start = self.place[0] * nx, self.place[1] * ny, 0
         places, of_tile = np.zeros((len(rows), 3)), rows < count
         inner, rim = rows[of_tile], rows[~of_tile] - count
@@ -127,9 +133,14 @@ class Placement:
             positions = tile.lattice.positions(places)
             positions[~of_tile] = self.inner[rim] + [shift[0], shift[1], 0.0]
             return positions
-        window = (nx + 1, ny + 1, nz)
-        places[~of_tile] = lattice_positions(self.rim_names[rim], self.rim_fractions[rim], window, start)
+        places[~of_tile] = self.rim_places(rim)
         return tile.lattice.positions(places)
+
+    def rim_places(self, rows: IntArray) -> FloatArray:
+        """Return the lattice coordinates (m, 3) of some of the rim's own vertices."""
+        nx, ny, nz = self.tile.lattice.shape
+        start = self.place[0] * nx, self.place[1] * ny, 0
+        return lattice_positions(self.rim_names[rows], self.rim_fractions[rows], (nx + 1, ny + 1, nz), start)
 
     def node_numbers(
         self, own_numbers: VertexNumbers | None, neighbors: dict[int, tuple["Placement", VertexNumbers]]
@@ -147,7 +158,7 @@ class Placement:
         if own_numbers is not None:
             numbers[:vertices] = own_numbers[:vertices]
             numbers[vertices + len(beyond) :][: self.rim_own] = own_numbers[vertices:]
-        names, shifts = self._rim_beyond
+        names, shifts = self.rim_beyond
         for shift, (other, given) in neighbors.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)
             numbers[vertices + rows] = given[beyond[rows, 0]]
@@ -163,7 +174,8 @@ class Placement:
         return in_tile(self.rim_names[: self.rim_own], self.tile.lattice.shape)[0]
 
     @cached_property
-    def _rim_beyond(self) -> tuple[IntArray, IntArray]:
+    def rim_beyond(self) -> tuple[IntArray, IntArray]:
+        """Names, in their own tiles, and shifts of the rim's vertices that are not this tile's."""
         return in_tile(self.rim_names[self.rim_own :], self.tile.lattice.shape)
 
     def component_roots(self) -> IntArray:

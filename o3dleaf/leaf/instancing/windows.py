@@ -1,10 +1,12 @@
 """The plane row by row: what of the tile is in each place of the outline, kept for two rows of places at a time."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple, TypeVar, cast
 
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.instancing.components import PlacedTile, find_components
+from o3dleaf.leaf.instancing.cut.cut_tile import place_cut
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
 from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
@@ -46,12 +48,17 @@ class TilePlacer:
     footprint : Footprint
     closed : bool
         Whether the outline cuts a solid, or two sheets.
+    cut : bool
+        Whether triangles are cut along the outline; else sheets are whole cells, and a solid is marched.
     reduced : ReducedTile, optional
         What stands for the tiles that the outline does not cut.
     """
 
-    def __init__(self, tile: Tile, footprint: Footprint, *, closed: bool, reduced: ReducedTile | None) -> None:
-        self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
+    def __init__(
+        self, tile: Tile, footprint: Footprint, *, closed: bool, cut: bool, reduced: ReducedTile | None
+    ) -> None:
+        self.tile, self.footprint, self.reduced = tile, footprint, reduced
+        self._placed_alone = partial(place_cut, walled=closed) if cut else place_solid if closed else place_sheets
         nx, ny, _ = tile.lattice.shape
         (first_i, first_j), (last_i, last_j) = footprint.box.tolist()
         # Vertices in the last column belong to the tile that begins there.
@@ -72,7 +79,7 @@ class TilePlacer:
 
     def _place(self, place: Place) -> PlacedTile | None:
         """Return the tile in one place with its components; those of the whole tile are found once."""
-        placement = (place_solid if self.closed else place_sheets)(self.tile, self.footprint, place)
+        placement = self._placed_alone(self.tile, self.footprint, place)
         if placement is None:
             return None
         if not placement.is_whole:

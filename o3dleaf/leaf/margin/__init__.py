@@ -6,5 +6,6 @@
 `sample_region`   what a planar sample covers
 `sample_spacing`  how it is spaced, place by place
 `taper`           thickness that falls towards the margin
+`taper_loops`     the distance to the margin by a grid of cells, and the profile of the edge
 `sheet_mesh`      the plane inside a margin as triangles, cut along it
 """

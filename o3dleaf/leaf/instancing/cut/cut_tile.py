@@ -1,0 +1,164 @@
+"""The placement of a tile that a margin cuts: its triangles clipped along it, alone or with the wall of the solid."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.cut.clip_loops import (
+    CutVertices,
+    MarginColumns,
+    clip_triangles,
+    list_cuts,
+    place_cuts,
+    use_by_sign,
+)
+from o3dleaf.leaf.instancing.cut.wall_loops import put_up_wall
+from o3dleaf.leaf.instancing.footprint import Footprint
+from o3dleaf.leaf.instancing.placement import NO_NODES, Placement, sheets_over
+from o3dleaf.leaf.instancing.rim_loops import TileVertices, use_by_cells
+from o3dleaf.leaf.instancing.tile import Tile
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CutPlacement(Placement):
+    """A tile cut along a margin in one place; its rim's vertices are those of the cut, named by edges of triangles.
+
+    Attributes
+    ----------
+    cut_places : (e, 3) ndarray
+        Their places in the window, in steps of the lattice.
+    cut_shifts : (e,) ndarray
+        The neighbor that each belongs to (bits: along, across), this tile's first.
+    """
+
+    cut_places: FloatArray
+    cut_shifts: IntArray
+
+    @property
+    def rim_sides(self) -> npt.NDArray[np.uint8]:
+        """(e,) the air that each vertex of the cut looks at."""
+        first = self.rim_names // (4 * len(self.tile.edges)) >> 2
+        return np.asarray(self.tile.sides[first])
+
+    def rim_places(self, rows: IntArray) -> FloatArray:
+        """Return the lattice coordinates (m, 3) of some of the cut's own vertices."""
+        nx, ny, _ = self.tile.lattice.shape
+        return np.asarray(self.cut_places[rows] + [self.place[0] * nx, self.place[1] * ny, 0])
+
+    @cached_property
+    def own_rim(self) -> IntArray:
+        """(e,) names, rising, of the cut's vertices that are this tile's."""
+        return self.rim_names[: self.rim_own]
+
+    @cached_property
+    def rim_beyond(self) -> tuple[IntArray, IntArray]:
+        """Names, in their own tiles, and shifts of the others."""
+        return self.rim_names[self.rim_own :], self.cut_shifts[self.rim_own :]
+
+
+def place_cut(tile: Tile, footprint: Footprint, place: tuple[int, int], *, walled: bool) -> Placement | None:
+    """Return the tile cut along the outline, closed by its wall or open there; None where there is nothing of it."""
+    shape = np.array(tile.lattice.shape[:2])
+    low = np.array(place) * shape
+    distance = footprint.distances(low, low + shape + 1)
+    in_window = footprint.in_holes(low - 1, low + shape)
+    if in_window.any() and (distance > 0).all():
+        return sheets_over(tile, ~in_window, place)
+    return cut_tile(tile, distance, place, in_window, walled=walled)
+
+
+def cut_tile(
+    tile: Tile, distance: FloatArray, place: tuple[int, int], in_window: BoolArray, *, walled: bool
+) -> Placement | None:
+    """Return the tile where the `distance` of columns (nx + 1, ny + 1) is positive, cut where it is zero.
+
+    Parameters
+    ----------
+    tile : Tile
+    distance : (nx + 1, ny + 1) ndarray
+    place : (2,) tuple of int
+    in_window : (nx + 1, ny + 1) ndarray of bool
+        Cells that are left out, whole ones; the row and the column before the tile first.
+    walled : bool
+        Whether the wall closes it to a solid, or it is open there.
+
+    Raises
+    ------
+    ReconstructionError
+        If the wall has a gap.
+    """
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    inside = distance > 0
+    if inside.all():
+        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
+    if not inside.any():
+        return None
+    corners = np.stack([inside[:-1, :-1], inside[1:, :-1], inside[:-1, 1:], inside[1:, 1:]])
+    kept, cut = np.asarray(corners.all(axis=0)), corners.any(axis=0)
+    columns = MarginColumns(distance, np.flatnonzero(cut & ~kept))
+    vertices = TileVertices(tile.lattice.shape, tile.edges, tile.fractions, tile.beyond[:, 0] * 4 + tile.beyond[:, 1])
+    used = np.empty(len(tile.edges), dtype=bool)
+    use_by_sign(vertices, distance, used)
+    if in_window.any():
+        beside = np.empty_like(used)
+        use_by_cells(tile.edges, tile.lattice.shape, ~in_window, beside)
+        used &= beside
+        kept &= ~in_window[1:, 1:]
+    found, shifts = _cut_vertices(tile, vertices, columns)
+    nodes, on_wall = _cut_triangles(tile, vertices, columns, found, walled=walled)
+    return CutPlacement(
+        tile,
+        place,
+        used,
+        kept,
+        nodes,
+        found.names,
+        np.empty(0),
+        int(found.first[1]),
+        on_wall,
+        cut_places=found.places,
+        cut_shifts=shifts,
+    )
+
+
+def _cut_vertices(tile: Tile, vertices: TileVertices, columns: MarginColumns) -> tuple[CutVertices, IntArray]:
+    """Return the vertices of the cut, and the neighbors that they belong to."""
+    listed = vertices, tile.nodes, tile.cells, columns
+    count = list_cuts(*listed, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+    names, shifts = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    list_cuts(*listed, names, shifts)
+    order = np.lexsort((names, shifts))
+    names, shifts = names[order], shifts[order]
+    fresh = np.ones(count, dtype=bool)
+    fresh[1:] = (names[1:] != names[:-1]) | (shifts[1:] != shifts[:-1])
+    names, shifts = names[fresh], shifts[fresh]
+    first = np.searchsorted(shifts, np.arange(5))
+    found = CutVertices(names, first, np.empty((len(names), 3)), np.empty((len(names), 2), dtype=np.int64))
+    place_cuts(vertices, columns.distance, found)
+    return found, shifts
+
+
+def _cut_triangles(
+    tile: Tile, vertices: TileVertices, columns: MarginColumns, found: CutVertices, *, walled: bool
+) -> tuple[npt.NDArray[np.int32], BoolArray | None]:
+    """Return the clipped triangles and those of the wall, and which ones are the wall's."""
+    most = int(np.diff(tile.cells)[columns.cells].sum())
+    clipped, borders = np.empty((2 * most, 3), dtype=np.int32), np.empty((most, 2), dtype=np.int64)
+    ends = np.empty(len(columns.cells) + 1, dtype=np.int64)
+    count = clip_triangles(vertices, tile.nodes, tile.cells, columns, found, clipped, borders, ends)
+    faces = clipped[:count].copy()
+    if not walled:
+        return faces, None
+    wall = np.empty((3 * int(ends[-1]), 3), dtype=np.int64)
+    places = found.places * np.array(tile.lattice.spacing)
+    count = put_up_wall(tile.lattice.shape[1], columns, borders[: ends[-1]], ends, places, found.planes, wall)
+    if count < 0:
+        raise ReconstructionError("the wall over the outline has a gap at this spacing; use another spacing")
+    start = len(tile.edges) + len(tile.beyond)
+    nodes = np.concatenate([faces, (wall[:count] + start).astype(np.int32)])
+    return nodes, np.arange(len(nodes)) >= len(faces)

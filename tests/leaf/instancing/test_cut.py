@@ -1,0 +1,208 @@
+"""Triangles cut along a margin: open sheets and the closed solid end on the same curve, wherever it runs."""
+
+import numpy as np
+import pytest
+
+from o3dleaf import mesh_report
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.io.mesh_stream import Arrays
+from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly
+from o3dleaf.leaf.instancing.components import RIM
+from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
+from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.instancing.levels import Level, extract_levels
+from o3dleaf.leaf.instancing.reduced import reduce_tile
+from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.surface.isosurface.polygonize import METHODS
+from tile_fields import LATTICE, PERIOD, area, layer, outline, solid_layer
+from tolerances import CHORD_AREA
+
+both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
+
+
+def ring(points):
+    points = np.asarray(points, dtype=float)
+    return np.hstack([points, np.roll(points, -1, axis=0)])
+
+
+def eaten():
+    """The outline with a hole in it."""
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    return np.concatenate([outline(), ring(np.column_stack([2.3 + np.cos(angle), 0.2 + 0.9 * np.sin(angle)]))])
+
+
+def plane_of(lattice, sides):
+    return footprint(sides, np.array(lattice.origin[:2]), np.array(lattice.spacing[:2]), None)
+
+
+def cut(tile, sides, *, closed, batch_size=BATCH_SIZE, **given):
+    assembly = Assembly(tile, plane_of(tile.lattice, sides), closed=closed, cut=True, **given)
+    arrays = Arrays(assembly)
+    assembly.emit(arrays, lambda flat: flat, batch_size)
+    return assembly, arrays
+
+
+def facets(found, keep=None):
+    """The triangles by the bits of their corners, each from its first corner in order."""
+    corners = found.vertices[found.triangles if keep is None else found.triangles[keep]]
+    rows = [[corner.tobytes() for corner in triangle] for triangle in corners]
+    return sorted(tuple(row[(k := row.index(min(row))) :] + row[:k]) for row in rows)
+
+
+@both
+@pytest.mark.parametrize("sides", [outline(), eaten()], ids=["whole", "eaten"])
+@pytest.mark.parametrize("field", [layer, solid_layer])
+def test_the_solid_is_closed_and_without_its_wall_it_is_the_two_sheets(method, sides, field):
+    tile, holes = extract_tile(field, LATTICE, method), len(sides) > 90
+    (_, solid), (_, sheets) = (cut(tile, sides, closed=closed) for closed in (True, False))
+    assert facets(solid, solid.labels != RIM) == facets(sheets)
+    report = mesh_report((solid.vertices, solid.triangles))
+    assert (report.components, report.boundary_edges, report.genus) == (1, 0, int(holes))
+    assert report.watertight
+    assert report.oriented
+    thickness = 2 * 0.1037
+    expected = thickness * (area(outline()) - (area(eaten()[90:]) if holes else 0))
+    assert report.volume == pytest.approx(expected, rel=0.02)
+    report = mesh_report((sheets.vertices, sheets.triangles))
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_loops, report.self_intersections) == (2, 4 if holes else 2, 0)
+
+
+def chord_area(plane):
+    """The area inside the chords that join where the margin crosses the sides of cells, cell by cell."""
+    low, high = plane.box
+    distance = plane.distances(low, high + 1)
+    total = 0.0
+    for i, j in np.ndindex(distance.shape[0] - 1, distance.shape[1] - 1):
+        corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+        kept = []
+        for n, here in enumerate(corners):
+            there = corners[(n + 1) % 4]
+            if distance[here] > 0:
+                kept.append(here)
+            if (distance[here] > 0) != (distance[there] > 0):
+                share = distance[here] / (distance[here] - distance[there])
+                kept.append(tuple(np.array(here) + share * (np.array(there) - here)))
+        if kept:
+            total += area(ring(kept))
+    return total * plane.spacing.prod()
+
+
+@both
+def test_the_sheets_cover_what_the_chords_of_the_margin_enclose(method):
+    def flat(points):
+        return 0.1037 - np.abs(points[:, 2])
+
+    tile = extract_tile(flat, LATTICE, method)
+    _, found = cut(tile, eaten(), closed=False)
+    expected = chord_area(plane_of(LATTICE, eaten()))
+    report = mesh_report((found.vertices, found.triangles))
+    assert report.area == pytest.approx(2 * expected, rel=CHORD_AREA)
+    assert expected == pytest.approx(area(outline()) - area(eaten()[90:]), rel=2e-3)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("across", [0.16, 0.6])
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 4])
+def test_a_strip_far_away_has_its_area(closed, across, turn):
+    """Some hundred tiles to the left of the first one."""
+    middle = np.array([-120.37, -77.11])
+    corners = np.array([[-2.0, -across / 2], [2.0, -across / 2], [2.0, across / 2], [-2.0, across / 2]])
+    sides = ring(corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]] + middle)
+    tile = extract_tile(solid_layer, LATTICE)
+    _, found = cut(tile, sides, closed=closed)
+    report = mesh_report((found.vertices, found.triangles))
+    assert report.manifold
+    assert report.oriented
+    assert report.components == (1 if closed else 2)
+    if closed:
+        assert report.watertight
+        assert report.genus == 0
+    else:
+        assert report.area / 2 == pytest.approx(4.0 * across, rel=0.05)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (2, 1)])
+def test_one_cell_to_a_period_is_enough(closed, shape):
+    nx, ny = shape
+    lattice = TileLattice((0.1, -0.2, -0.4), (PERIOD / nx, PERIOD / ny, 0.8 / 30), (nx, ny, 31))
+    _, found = cut(extract_tile(solid_layer, lattice), 3 * outline(), closed=closed)
+    report = mesh_report((found.vertices, found.triangles))
+    assert report.manifold
+    assert (report.components, report.boundary_loops, report.genus) == ((1, 0, 0) if closed else (2, 2, 0))
+
+
+def hairy(points):
+    """The layer with hairs that lean over its outline, thinner than a step across and farther apart than the air."""
+    x, y, z = points.T
+    hairs = [
+        0.05 - np.hypot((x - a - 0.9 * z) % PERIOD - 0.6, (y - b + 0.5 * z) % PERIOD - 0.6)
+        for a, b in ((0, 0), (0.31, 0.5), (0.7, 0.23))
+    ]
+    return np.maximum(solid_layer(points), np.minimum(np.maximum.reduce(hairs), 0.35 - z))
+
+
+@both
+def test_hairs_that_the_margin_cuts_end_on_it(method):
+    tile = extract_tile(hairy, LATTICE, method)
+    everything = {"keep_fragments": True}
+    (_, solid), (_, sheets) = (cut(tile, eaten(), closed=closed, **everything) for closed in (True, False))
+    assert facets(solid, solid.labels != RIM) == facets(sheets)
+    report = mesh_report((solid.vertices, solid.triangles))
+    assert (report.boundary_edges, report.manifold, report.oriented) == (0, True, True)
+    assert report.self_intersections == 0
+    assert mesh_report((sheets.vertices, sheets.triangles)).manifold
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_batches_threads_and_reduced_tiles_change_nothing_at_the_margin(closed):
+    tile, threads = extract_tile(layer, LATTICE), get_num_threads()
+    whole = cut(tile, eaten(), closed=closed)[1]
+    try:
+        set_num_threads(3)
+        again = cut(tile, eaten(), closed=closed, batch_size=100)[1]
+    finally:
+        set_num_threads(threads)
+    for name in ("vertices", "triangles", "labels"):
+        assert np.array_equal(getattr(whole, name), getattr(again, name))
+    _, reduced = cut(tile, eaten(), closed=closed, reduced=reduce_tile(tile, lambda *mesh: mesh))
+    assert len(reduced.triangles) == len(whole.triangles)
+    report = mesh_report((reduced.vertices, reduced.triangles))
+    assert report.manifold
+    assert report.boundary_loops == (0 if closed else 4)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_window_beside_the_margin_leaves_it_as_it_is(closed):
+    """In a tile that the margin cuts, too."""
+    tile = extract_tile(layer, LATTICE)
+    finer = TileLattice(LATTICE.origin, tuple(np.array(LATTICE.spacing) / 2), (48, 40, 61))
+    plane = plane_of(LATTICE, eaten())
+    window = Level(extract_tile(layer, finer), plane, 2 * np.array([[-40, -6], [-30, 6]]), ratio=2)
+    vertices, triangles, labels = extract_levels(Level(tile, plane, plane.box, closed, 1, [window], cut=True), layer)
+    report = mesh_report((vertices, triangles))
+    assert report.manifold
+    assert report.oriented
+    assert (report.components, report.boundary_loops) == ((1, 0) if closed else (2, 4))
+    plain = cut(tile, eaten(), closed=closed)[1]
+    edge = {row.tobytes() for row in plain.vertices}
+    assert all(row.tobytes() in edge for row in vertices[vertices[:, 0] > 0])
+    assert set(np.unique(labels)) == ({0, 1, 2} if closed else {0, 1})
+
+
+def test_ears_of_a_polygon_cover_it():
+    rng = np.random.default_rng(0)
+    for count in (3, 4, 7, 30):
+        angle = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.5, count)) / count
+        corners = (rng.uniform(0.5, 2, count) * [np.cos(angle), np.sin(angle)]).T
+        triangles = np.empty((count, 3), dtype=np.int64)
+        found = cut_ears(corners, np.arange(count), np.full(count, -1), triangles, 0)
+        assert found == count - 2
+        a, b, c = corners[triangles[:found]].transpose(1, 0, 2)
+        twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        assert twice.sum() / 2 == pytest.approx(
+            np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1)) / 2
+        )
+        assert np.all(twice > 0)

@@ -1,0 +1,108 @@
+"""The taper of the thickness towards the margin: a function of the distance, smooth, from the floor to 1."""
+
+import numpy as np
+import pytest
+import shapely
+
+from margin_fields import leaf_shape
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
+from o3dleaf.leaf.margin.taper import Taper
+from tolerances import TAPER_ROUNDING, TAPER_SLOPE
+
+
+def places(shape, count=20_000, seed=0):
+    """Points about a shape, as many of them near its margin."""
+    rng = np.random.default_rng(seed)
+    low, high = np.reshape(shape.bounds, (2, 2))
+    anywhere = rng.uniform(low - 1, high + 1, (count, 2))
+    at = shapely.get_coordinates(shape.boundary.interpolate(rng.random(count), normalized=True))
+    return np.concatenate([anywhere, at + rng.normal(0, 0.1, at.shape)])
+
+
+def exact(shape, radius, least, points):
+    """The literal twin: the formula, and the cubic below it, of the distance that shapely finds."""
+    inside = shapely.contains_xy(shape, *points.T)
+    depth = np.where(inside, shapely.distance(shape.boundary, shapely.points(points)), 0) / radius
+    circle = np.sqrt(1 - (1 - np.clip(depth, 0, 1)) ** 2)
+    height = min(2 * least, (1 + least) / 2)
+    blend = 1 - np.sqrt(1 - height**2)
+    slope = blend * (1 - blend) / height
+    s = depth / blend
+    cubic = least + (3 * (height - least) - slope) * s**2 + (slope - 2 * (height - least)) * s**3
+    return np.where(depth >= 1, 1, np.where(depth >= blend, circle, cubic)), depth
+
+
+@pytest.mark.parametrize(("radius", "least"), [(0.3, 0.1), (0.05, 0.02), (1.5, 0.5)])
+def test_it_is_the_profile_of_the_distance(radius, least):
+    shape = leaf_shape()
+    points = places(shape)
+    found = Taper(shape, radius, least).values(points)
+    expected, depth = exact(shape, radius, least, points)
+    assert np.abs(found - expected).max() < TAPER_ROUNDING
+    assert np.all(found[depth >= 1] == 1)
+    assert np.all(found[depth <= 0] == least)
+    assert found.min() >= least
+
+
+def test_it_rises_with_the_depth_and_has_no_jump_of_slope():
+    """On a half plane, where the distance is smooth: differences of the slope fall with the step everywhere."""
+    shape = shapely.box(0, -50, 50, 50)
+    for least in (0.02, 0.1, 0.5):
+        taper = Taper(shape, 2.0, least)
+        jumps = []
+        for count in (4001, 16001):
+            # The bend above the floor is least² of the radius wide.
+            depth = 4 * least**2 * np.linspace(-1, 4, count)
+            thickness, *gradient = taper.jet(np.column_stack([depth, 0 * depth])).T
+            assert np.all(np.diff(thickness) >= 0)
+            assert np.all(gradient[1] == 0)
+            assert np.all(gradient[0] >= 0)
+            jumps.append(np.abs(np.diff(gradient[0])).max())
+        assert jumps[1] < 0.3 * jumps[0]
+
+
+def test_its_gradient_is_the_limit_of_differences():
+    shape, radius, step = leaf_shape(), 0.4, 1e-6
+    taper, points = Taper(shape, radius), places(shape, 5000, seed=1)
+    found = taper.jet(points)[:, 1:]
+    ahead, behind = (
+        np.stack([taper.values(points + sign * step * np.eye(2)[axis]) for axis in range(2)], axis=1)
+        for sign in (1, -1)
+    )
+    differences = (ahead - behind) / (2 * step)
+    off = np.linalg.norm(found - differences, axis=1)
+    # But on the ridge, where two sides of the margin are equally near.
+    assert np.mean(off > TAPER_SLOPE) < 1e-3
+    assert np.mean(np.linalg.norm(found, axis=1) > 0.1) > 0.2
+
+
+def test_a_hole_and_a_notch_have_an_edge_too():
+    shape = leaf_shape()
+    taper = Taper(shape, 0.2)
+    rim = shapely.get_coordinates(shape.interiors[0])
+    outward = rim - rim.mean(axis=0)
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    assert np.all(taper.values(rim - 0.01 * outward) == taper.least)
+    assert np.all(taper.values(rim + 0.21 * outward) == 1)
+    assert np.all(taper.values(rim + 0.1 * outward) < 1)
+
+
+def test_it_does_not_depend_on_threads_or_on_the_turn_of_rings():
+    shape, points = leaf_shape(), places(leaf_shape(), 40_000)
+    found, threads = [], get_num_threads()
+    try:
+        for count in (1, 3):
+            set_num_threads(count)
+            found.append(Taper(shape, 0.3).jet(points))
+    finally:
+        set_num_threads(threads)
+    assert np.array_equal(*found)
+    turned = shapely.Polygon(shape.exterior.coords[::-1], [ring.coords[::-1] for ring in shape.interiors])
+    assert np.abs(Taper(turned, 0.3).values(points) - found[0][:, 0]).max() < TAPER_ROUNDING
+
+
+@pytest.mark.parametrize("given", [(0.0, 0.1), (-1.0, 0.1), (0.3, 0.0), (0.3, 0.7)])
+def test_what_is_no_taper_is_refused(given):
+    with pytest.raises(InputError, match=r"radius|least"):
+        Taper(leaf_shape(), *given)
