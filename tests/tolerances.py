@@ -544,6 +544,13 @@ NOISY_SURFACE = 0.3
 RIM_AREA = 0.05
 """Half a spacing along the rim of half a sphere of 6,000 points is 2.5 % of its area."""
 
+CUT_SHARE = 0.1
+"""Share of the points that may be cut out where a sheet of 10,000 has one side: a strip of four spacings across a ring
+is 0.02, under noise, where neighborhoods are wider, 0.084 was found; cutting all that noise opposes takes 0.2."""
+
+OPPOSED_LEFT = 0.01
+"""Share of normals that neighbors oppose once sheets are cut apart: none found but under noise; a seam has 0.02."""
+
 ALMOST_ALL = 0.999
 """Share of normals on the right side: found 1.0000, and 0.9991 at the bare edges of two sheets; one wrong patch of a
 thousandth of the points is too much."""
