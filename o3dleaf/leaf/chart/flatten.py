@@ -6,7 +6,8 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.mesh_arrays import IntArray, mesh_arrays, triangle_areas
+from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
+from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import Overlap, find_overlap
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
@@ -55,6 +56,7 @@ def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -
     )
 
 
+@single_threaded_blas()
 def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     """Return the (n, 2) near-isometric chart of a sheet, of its area, its triangles counter-clockwise as on the sheet.
 
@@ -77,7 +79,7 @@ def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     coarsening, flattening, carrying = progress.split(1, 2, 1)
     with coarsening:
         require_sheet(vertices, triangles)
-        coarse, faces = coarsen(vertices, triangles)
+        coarse, faces = coarsen(*_used_alone(vertices, triangles))
         rings = require_sheet(coarse, faces)
     with flattening:
         chart = _embed(coarse, faces, rings)
@@ -98,6 +100,13 @@ def carry(vertices: FloatArray, triangles: IntArray, values: FloatArray, points:
     s, t = (bb * ac - ab * bc) / whole, (aa * bc - ab * ac) / whole
     weights = np.stack([1 - s - t, s, t], axis=1)
     return np.asarray(np.einsum("ij,ijc->ic", weights, values[triangles[face]]))
+
+
+def _used_alone(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without vertices that no triangle names, itself if there are none."""
+    if len(np.unique(triangles)) == len(vertices):
+        return vertices, triangles
+    return drop_unused_vertices(vertices, triangles)
 
 
 def coarsen(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:

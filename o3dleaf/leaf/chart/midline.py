@@ -4,13 +4,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy.ndimage
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.axis.ends import long_axis, slice_axis, symmetry_axis
 from o3dleaf.leaf.chart.axis.sections import (
     cut_across,
-    end_width,
     fill_bays,
     leave_along,
     normals_of,
@@ -27,14 +28,24 @@ from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 STATIONS_PER_WIDTH = 8
 STATIONS = (40, 600)
 """Of the curve, least and most; eight a width show every bend that a blade's margins can have."""
-STIFFNESS = 16.0
+STIFFNESS = {2: 16.0, 3: 64.0}
 """Of the curve, against the middles of sections an eighth of a width apart: it follows what is longer than a width or
-two, and neither teeth nor lobes."""
+two, and neither teeth nor lobes. By the order of the differences that are kept small."""
+BENDS = 5.0
+"""Square of the length over the area from which a blade's own bend is known well enough to go on at its ends."""
 ROUNDS = 16
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
 WIDER = 1.25
-"""Times the other that an end's fifth is wide to be the base by that; less is a tie, and the lower end is the base."""
+"""Times the other end's that the width about a fifth of the length inside is at the base, or else the mean to the end;
+less is a tie, and the base is the lower end. Nearer to the ends the width is that of a cut, a bite or a tip."""
+NOTCH = 0.01
+"""Share of the blade's area that is cut out of one end for it to be the base: the sinus of a heart, a concave cut."""
+TRUST = 24
+"""Power of a section's length over that of its neighbors with which it counts: where a tenth of the width is missing,
+a twelfth; where a quarter is, a thousandth."""
+BRIDGED = 3.0
+"""Widths along the blade over which a margin that is eaten or hidden is bridged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +81,7 @@ class Midline:
         return float(np.quantile(self.widths, 0.95))
 
 
+@single_threaded_blas()
 def find_midline(
     vertices: FloatArray,
     triangles: IntArray,
@@ -80,8 +92,10 @@ def find_midline(
 ) -> Midline:
     """Return the midrib of a blade in its chart.
 
-    An axis is moved, station by station, to the middle between the margins until it rests, and goes on straight to the
-    outline at either end: to the middle of a cut base, into a sharp tip.
+    An axis is moved, station by station, to the middle between the margins until it rests, and goes on to the outline
+    at either end: to the middle of a cut base, into a sharp tip. Bays that the blade's widest circle cannot enter are
+    filled for it, and a stretch that is narrower than what is before and behind it is bridged: what is eaten or hidden
+    of a margin does not move the midrib.
 
     Parameters
     ----------
@@ -91,32 +105,26 @@ def find_midline(
     chart : (n, 2) ndarray
     base : (3,) ndarray, optional
         A point of the world near the base.
-    junction : (3,) ndarray, optional
-        The middle of the section at which a petiole was cut off: the base, exactly.
+    junction : (2,) ndarray, optional
+        The middle of the cut at which a petiole was taken off, in the chart: the base, exactly.
     """
     rim = rim_first(require_sheet(vertices, triangles))[0]
     margin, ways = outline_of(chart, rim), Ways(chart, triangles)
     outline = fill_bays(margin)
     area = np.abs(chart_areas(chart, triangles))
     if junction is not None:
-        start = _on_rim(vertices, chart, rim, junction)
-        curve, fixed = _from_start(outline, ways, area, start), True
+        curve, fixed = _from_start(outline, ways, area, junction), True
     else:
         curve, fixed = _unknown_base(outline, ways, area), False
     curve = _settle(outline, curve, fixed=fixed)
     if fixed:
         notes = ["the base is where the petiole was cut off"]
     else:
-        curve, note = _from_base(vertices, chart, outline, curve, base)
+        curve, note = _from_base(vertices, chart, margin, curve, base)
         notes = [note]
     curve = resample(within(margin, curve), len(curve))
     _, widths = cut_across(margin, curve, normals_of(curve))
     return Midline(curve, widths, curve[0], curve[-1], tuple(notes))
-
-
-def _on_rim(vertices: FloatArray, chart: FloatArray, rim: IntArray, point: FloatArray) -> FloatArray:
-    """Return the place in the chart of the rim's vertex nearest to a point of the world."""
-    return np.asarray(chart[rim[np.argmin(np.linalg.norm(vertices[rim] - point, axis=1))]])
 
 
 def _from_start(outline: Any, ways: Ways, area: FloatArray, start: FloatArray) -> FloatArray:
@@ -155,44 +163,46 @@ def _stations(outline: Any, curve: FloatArray) -> int:
 
 
 def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
-    """Return the curve through the middles of its sections, smoothed, and straight on to the outline at its ends.
+    """Return the curve through the middles of its sections, smoothed, and on to the outline at its ends.
 
-    Sections nearer to an end than half their length show that end's own outline, not the margins.
+    Sections nearer to an end than their length show that end's own outline, not the margins; there the curve goes
+    on as it bends before.
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
     at = reached(curve)
     left = np.minimum(at, at[-1] - at)
-    held = (left >= widths / 2) & (widths > 0)
-    if held.sum() < 4:
+    held = (left >= widths) & (widths > 0)
+    if held.sum() < 8:
         held = (left >= 0.25 * at[-1]) & (widths > 0)
-    if held.sum() < 2:
+    if held.sum() < 3:
         return curve
-    first, last = np.flatnonzero(held)[[0, -1]]
-    inner = slice(first, last + 1)
-    targets, weights = middles[inner], held[inner].astype(np.float64)
+    weights = held * _trust(outline, widths, at[-1])
     if fixed:
-        targets, weights = np.concatenate([curve[:first], middles[inner]]), np.pad(weights, (first, 0))
-        targets[0], weights[0] = curve[0], 1e3
-    if len(targets) < 3:
-        return curve
-    smooth = smooth_curve(targets, weights, _stiffness(outline, at[-1], len(curve)))
-    reach = max(2, min(len(smooth) - 1, STATIONS_PER_WIDTH // 2))
-    end = leave_along(outline, smooth[-1], smooth[-1] - smooth[-1 - reach])
-    if fixed:
-        smooth[0] = curve[0]
-        return np.concatenate([smooth, end[np.newaxis]])
-    start = leave_along(outline, smooth[0], smooth[0] - smooth[reach])
-    return np.concatenate([start[np.newaxis], smooth, end[np.newaxis]])
+        middles[0], weights[0] = curve[0], 1e3
+    # What is kept beyond the ends' own outline: the direction and, of a long blade, the bend.
+    order = 3 if at[-1] ** 2 >= BENDS * outline.area else 2
+    smooth = smooth_curve(middles, weights, _stiffness(outline, at[-1], len(curve), order), order)
+    end = leave_along(outline, smooth[-2], smooth[-1] - smooth[-2])
+    start = curve[0] if fixed else leave_along(outline, smooth[1], smooth[0] - smooth[1])
+    return within(outline, np.concatenate([start[np.newaxis], smooth[1:-1], end[np.newaxis]]))
 
 
-def _stiffness(outline: Any, length: float, count: int) -> float:
+def _trust(outline: Any, widths: FloatArray, length: float) -> FloatArray:
+    """Return the (k,) weights of sections: small where they are shorter than those before and after them."""
+    span = 1 + round(BRIDGED * outline.area / length / (length / (len(widths) - 1)))
+    # With nothing outside the ends a taper is its own closing, as a cut is.
+    usual = scipy.ndimage.grey_closing(np.pad(widths, span), size=span)[span:-span]
+    return np.asarray(np.maximum((widths / np.maximum(usual, np.finfo(float).tiny)) ** TRUST, 1e-4))
+
+
+def _stiffness(outline: Any, length: float, count: int, order: int) -> float:
     """Return the stiffness for stations whose step is not an eighth of the mean width."""
     per_width = outline.area / length / (length / (count - 1))
-    return float(STIFFNESS * (per_width / STATIONS_PER_WIDTH) ** 4)
+    return float(STIFFNESS[order] * (per_width / STATIONS_PER_WIDTH) ** (2 * order))
 
 
 def _from_base(
-    vertices: FloatArray, chart: FloatArray, outline: Any, curve: FloatArray, hint: FloatArray | None
+    vertices: FloatArray, chart: FloatArray, margin: Any, curve: FloatArray, hint: FloatArray | None
 ) -> tuple[FloatArray, str]:
     """Return the curve in the order that begins at the base, and how that was told."""
     ends = [vertices[np.argmin(np.linalg.norm(chart - end, axis=1))] for end in (curve[0], curve[-1])]
@@ -200,10 +210,25 @@ def _from_base(
         first, second = (float(np.linalg.norm(end - hint)) for end in ends)
         why = "the base is the end nearer to the point given"
     else:
-        second, first = end_width(outline, curve), end_width(outline, curve[::-1])
-        why = "the base is the wider end"
-        if max(first, second) < WIDER * min(first, second):
-            first, second = ends[0][2], ends[1][2]
-            why = "the base is the lower end: both are about as wide"
+        first, second, why = _by_shape(margin, curve, float(ends[0][2]), float(ends[1][2]))
     turned = first > second
     return (curve[::-1].copy() if turned else curve), f"{why}, at {place_of(ends[int(turned)])}"
+
+
+def _by_shape(margin: Any, curve: FloatArray, first: float, second: float) -> tuple[float, float, str]:
+    """Return how little either end looks like the base, and by what: width, a notch, width to the end, height."""
+    outline = fill_bays(margin)
+    _, widths = cut_across(outline, curve, normals_of(curve))
+    fifth = max(1, len(widths) // 5)
+    inside = slice(round(0.15 * len(widths)), round(0.25 * len(widths)) + 1)
+    width = float(np.median(widths[inside])), float(np.median(widths[::-1][inside]))
+    filled = np.maximum(widths - cut_across(margin, curve, normals_of(curve))[1], 0)
+    notch = tuple(float(each[:fifth].sum() / widths.sum()) for each in (filled, filled[::-1]))
+    mean = float(widths[:fifth].mean()), float(widths[-fifth:].mean())
+    if max(width) >= WIDER * min(width):
+        return width[1], width[0], "the base is the wider end"
+    if max(notch) >= NOTCH and max(notch) >= 3 * min(notch):
+        return notch[1], notch[0], "the base is the end that is notched or cut out"
+    if max(mean) >= WIDER * min(mean):
+        return mean[1], mean[0], "the base is the end that stays wide"
+    return first, second, "the base is the lower end: both are about as wide"

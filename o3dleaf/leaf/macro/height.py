@@ -12,7 +12,7 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-from o3dleaf.leaf.macro.robust import RobustChoice, choose_with_balls
+from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly, choose_with_balls
 
 KERNEL = "cubic"
 
@@ -76,7 +76,7 @@ class HeightMap:
         choosing, fitting = progress.split(20 if is_robust else 0, 1)
         with choosing:
             if is_robust:
-                points_per_ball, choice = choose_with_balls(points, phi, points_per_ball, overlap)
+                points_per_ball, choice = choose_with_balls(points, phi, points_per_ball, overlap, choose_robustly)
                 value, weights = choice.smoothing, choice.weights
         with fitting:
             interpolant = PUInterpolant.fit(

@@ -8,7 +8,7 @@ the leaf must be left out to see them.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -205,7 +205,7 @@ def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
     return trials.choice(trials.best)
 
 
-Choose: TypeAlias = Callable[[Cover, FloatArray, Polyharmonic], RobustChoice]
+Choice = TypeVar("Choice", bound=RobustChoice)
 
 
 def choose_with_balls(
@@ -213,8 +213,8 @@ def choose_with_balls(
     kernel: Polyharmonic,
     size: tuple[int, int],
     overlap: float,
-    choose: Choose = choose_robustly,
-) -> tuple[tuple[int, int], RobustChoice]:
+    choose: Callable[[Cover, FloatArray, Polyharmonic], Choice],
+) -> tuple[tuple[int, int], Choice]:
     """Return a robust choice, and the size of balls that are wide enough for its bandwidth."""
     plane = np.ascontiguousarray(leaf_points[:, :2])
     bounds = np.array([plane.min(axis=0), plane.max(axis=0)])

@@ -17,10 +17,14 @@ MIN_EIGENVALUE = 0.1
 """Least eigenvalue of the second derivatives in the surface's metric: 0 at a focus, where steps would have no end."""
 MAX_ROUNDS = 60
 """Newton's method from a sample takes three or four rounds; what takes more lies near a focus, or beyond."""
-STALLED = 1e-7
+STALLED = 1e-9
 """Step, of the samples' distance, from which one that does not shrink is rounding."""
 STALE = 0.1
 """Step, of the samples' distance, after which the second derivatives are found anew."""
+ROUNDING = 1e-10
+"""Of |r|²: less does not tell whether a step led away, but then the step is short enough to be trusted."""
+SLOW = 0.1
+"""Share of the last step at which they are found anew too: near a focus small changes of them matter."""
 CANDIDATES = 6
 """Blocks whose best samples are compared; sheets that touch give two or three."""
 APART = 4.0
@@ -198,7 +202,7 @@ def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
                 p, q, length, square, _ = newton_step(x, y, z, j, jets, i, bends, max_step)
                 heights[i] = height_over(x, y, z, j, jets)
                 floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
-                if square > before[i] + floor * floor and last[i] > STALLED * step:
+                if square > before[i] * (1.0 + ROUNDING) + floor * floor:
                     moves[i, 0], moves[i, 1], last[i] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * last[i]
                     feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
                     again[renewed] = i
@@ -210,7 +214,7 @@ def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
                 moves[i, 0], moves[i, 1], last[i], before[i] = p, q, length, square
                 if settled:
                     converged[i] = True
-                elif length > STALE * step:
+                elif length > STALE * step or SLOW < rate < 0.99:
                     again[renewed] = i
                     renewed += 1
                 else:

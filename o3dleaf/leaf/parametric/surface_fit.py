@@ -6,6 +6,7 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
+from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
@@ -23,6 +25,8 @@ from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.surface.cloud.downsample import thin
+
+RobustSmoothing: TypeAlias = SmoothingValue | Literal["robust"]
 
 KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
@@ -93,9 +97,9 @@ class SurfaceFit:
 
 
 def fit_chart_surface(
-    points: FloatArray, mesh: ChartMesh, *, smoothing: SmoothingValue | str | None = "robust", unit: str | None = None
+    points: FloatArray, mesh: ChartMesh, *, smoothing: RobustSmoothing | None = "robust", unit: str | None = None
 ) -> SurfaceFit:
-    r"""Return the smooth surface through points: the least of Huber's loss and of its bending, the points at their feet.
+    r"""Return the surface through points that has the least of Huber's loss and of bending, the points at their feet.
 
     .. math:: \min_S \sum_k c_k\,\mathrm{huber}_δ(|x_k - S(u_k, v_k)|) + s\,θ J(S)
 
@@ -170,16 +174,16 @@ class _Problem:
             unit=self.unit,
         )
 
-    def choose(self, flat: FloatArray, smoothing: SmoothingValue | str | None) -> "_Problem":
+    def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
-        if smoothing in {None, "robust"}:
+        if smoothing is None or smoothing == "robust":
             choose = partial(choose_by_place, half_width=self.width / 2)
             balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose)
-            chosen = replace(self, smoothing=choice.smoothing, balls=balls, choice=choice)
-            return replace(chosen, weights=choice.factors * choice.weights)
-        plane, heights = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
-        spline = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing).local
-        return replace(self, smoothing=float(spline.smoothing.value))
+            weights = choice.factors * choice.weights
+            return replace(self, smoothing=choice.smoothing, balls=balls, choice=choice, weights=weights)
+        plane, residuals = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
+        heights = PUInterpolant.fit(plane, residuals, kernel=self.kernel, degree=1, smoothing=smoothing)
+        return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
 
     def reweighted(self, heights: FloatArray) -> "_Problem":
         """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
@@ -194,10 +198,10 @@ class _Problem:
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
     laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
-    relaxed = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
-    if (chart_areas(relaxed, laid.triangles) <= 0).any():
+    chart = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
+    if (chart_areas(chart, laid.triangles) <= 0).any():
         return laid, near
-    relaxed = replace(laid, chart=_turned_onto(relaxed, laid.chart))
+    relaxed = replace(laid, chart=_turned_onto(chart, laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
 
 

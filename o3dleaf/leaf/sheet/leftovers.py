@@ -127,11 +127,20 @@ def place_of(points: FloatArray) -> str:
     return " ".join(f"{x:.4g}" for x in middle)
 
 
-def tell_averaging(points: FloatArray, width: FloatArray, base: float) -> tuple[str, ...]:
-    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
+def tell_averaging(
+    points: FloatArray, width: FloatArray, base: float, passes: FloatArray, apart: float
+) -> tuple[str, ...]:
+    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`.
+
+    At the places `passes` (k, 3) two layers `apart` were taken for noise.
+    """
     notes = []
     if base > 0:
         notes.append(f"noise: points were averaged over {base:.3g} to lay the sheet through them")
+    if len(passes):
+        notes.append(
+            f"two layers {apart:.3g} apart lie within the noise and were averaged to one, around {place_of(passes)}"
+        )
     wide = width > base
     if wide.any():
         share = 100 * wide.mean()

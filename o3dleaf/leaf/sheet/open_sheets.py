@@ -5,13 +5,14 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.leaf.sheet.average import average_across, thin
 from o3dleaf.leaf.sheet.gluing import glue_sheets
-from o3dleaf.leaf.sheet.stars import triangulate
+from o3dleaf.leaf.sheet.stars import SLOPE, triangulate
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
@@ -29,6 +30,12 @@ BRIDGE = 6.5
 away, ten spacings, for a part of the same scan."""
 DENSEST = 3.0
 """Times the median that the spacing may be locally: of stragglers it means nothing."""
+BESIDE = 2.0
+"""Spacings from a line where sheets branch within which planes are found of points from more than one of them."""
+FLAT = float(np.sin(np.radians(25.0)))
+"""Sine of the angle that neighbors may lie off the tangent planes beside such a line: less than half a right angle."""
+TOUCH, ALONG = 0.5, 4
+"""Share of the gap's radius within which a rim touches what is more than so many edges off along the sheet."""
 VOTES, SIZE = 0.1, 0.1
 """What a missing star, and a circumradius of the largest, count against a triangle, beside 1 - cos of its bends."""
 
@@ -39,8 +46,8 @@ class OpenSheets:
 
     Attributes
     ----------
-    points : (n, 3) ndarray
-        All points of the cloud, averaged.
+    points, normals : (n, 3) ndarrays
+        All points of the cloud, averaged, and the normals there, of either sign.
     vertices, triangles : (v, 3), (m, 3) ndarrays
         Manifold, oriented, of genus 0; vertices are some of the points, doubled along cuts.
     piece : (m,) ndarray
@@ -56,6 +63,7 @@ class OpenSheets:
     """
 
     points: FloatArray
+    normals: FloatArray
     vertices: FloatArray
     triangles: IntArray
     piece: IntArray
@@ -65,26 +73,66 @@ class OpenSheets:
     gap: float
 
     @classmethod
-    def of(cls, points: FloatArray, width: FloatArray, spacing: float) -> "OpenSheets":
-        """Average points (n, 3) across the surface over a width (n,) and triangulate them."""
+    def of(
+        cls, points: FloatArray, width: FloatArray, spacing: float, branches: FloatArray | None = None
+    ) -> "OpenSheets":
+        """Average points (n, 3) across the surface over a width (n,) and triangulate them.
+
+        Within two spacings of places (k, 3) where sheets branch planes are found of points from more than one of them,
+        and no vertex is made; across, what lies flat is joined, and no wide gap.
+        """
         averaged, normals = average_across(points, width, PLANE * spacing)
         rows = thin(averaged, np.maximum(APART * spacing, APART_PER_WIDTH * width))
-        vertices, normals = np.ascontiguousarray(averaged[rows]), np.ascontiguousarray(normals[rows])
+        far = np.full(len(rows), np.inf) if branches is None else cKDTree(branches).query(averaged[rows], workers=-1)[0]
+        rows, far = rows[far > BESIDE * spacing], far[far > BESIDE * spacing]
+        vertices, upright = np.ascontiguousarray(averaged[rows]), np.ascontiguousarray(normals[rows])
         local = OrientedCloud.of(vertices).point_spacing
         local = np.clip(local, np.median(local), DENSEST * np.median(local))
-        triangles, votes, radius = triangulate(vertices, normals, BRIDGE * local)
+        slope = np.where(far < (BESIDE + BRIDGE) * spacing, FLAT, SLOPE)
+        triangles, votes, radius = triangulate(vertices, upright, BRIDGE * local, slope)
         size = radius / (GAP * local[triangles].max(axis=1))
+        across = (size > 1) & (slope[triangles] < SLOPE).any(axis=1)
+        triangles, votes, size = triangles[~across], votes[~across], size[~across]
         kept = _within_gaps(triangles, size <= 1)
         triangles, votes, size = triangles[kept], votes[kept], size[kept]
         across = unit_normals(vertices, triangles)
         glued, source, cut = glue_sheets(triangles, across, VOTES * (3 - votes) + SIZE * size)
         middles = vertices[triangles.ravel()[cut]].mean(axis=1) if len(cut) else np.empty((0, 3))
         piece, areas = _rank(vertices[source], glued)
-        return cls(averaged, vertices[source], glued, piece, areas, middles, spacing, GAP * float(np.median(local)))
+        return cls(
+            averaged, normals, vertices[source], glued, piece, areas, middles, spacing, GAP * float(np.median(local))
+        )
 
     def sheet(self, number: int = 0) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles of one sheet."""
         return drop_unused_vertices(self.vertices, self.triangles[self.piece == number])
+
+    def rim(self) -> FloatArray:
+        """Return the vertices (k, 3) on the rims of the largest sheet."""
+        vertices, triangles = self.sheet()
+        edges = EdgeTable.of(triangles)
+        return np.asarray(vertices[np.unique(edges.ends[edges.count == 1])])
+
+    def contacts(self) -> FloatArray:
+        """Return the places (k, 3) where the rim of the largest sheet comes near parts that are far off along it.
+
+        There sheets branch, for only two of them can be joined; or margins of the leaf touch.
+        """
+        vertices, triangles = self.sheet()
+        edges = EdgeTable.of(triangles)
+        rim = np.unique(edges.ends[edges.count == 1]).astype(np.int64)
+        near = cKDTree(vertices[rim]).sparse_distance_matrix(cKDTree(vertices), TOUCH * self.gap, output_type="ndarray")
+        count, ends = len(vertices), np.concatenate([edges.ends, edges.ends[:, ::-1]]).astype(np.int64)
+        step = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count)).tocsr()
+        ring = (
+            step[rim]
+            + coo_array((np.ones(len(rim), bool), (np.arange(len(rim)), rim)), shape=(len(rim), count)).tocsr()
+        )
+        for _ in range(ALONG - 1):
+            ring = ring + ring @ step
+        i, j = np.asarray(near["i"], np.int64), np.asarray(near["j"], np.int64)
+        apart = np.asarray(~ring.astype(bool).tocsr()[i, j]).ravel() if len(i) else np.zeros(0, bool)
+        return np.asarray(vertices[np.unique(rim[i[apart]])])
 
     @cached_property
     def off(self) -> FloatArray:

@@ -1,6 +1,6 @@
 """From any scan of a leaf to one open sheet: a mesh without handles, averaged where the scan is no sheet."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +10,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
@@ -20,6 +20,7 @@ from o3dleaf.leaf.sheet.widths import (
     WIDEST,
     Layers,
     find_layers,
+    find_passes,
     noise_width,
     same_facing,
     widen,
@@ -45,12 +46,14 @@ SAMPLE = 400
 """Vertices at which the thickness of a closed surface is measured."""
 MEETING = 3.0
 """Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
+FEWEST_CONTACTS = 8
+"""Places where a rim touches another part at least, for sheets to branch there."""
 LINK = 3.0
 """Spacings within which places of layers are one layer."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class OpenSheet:
     """An open sheet through a scan, from which a chart is made; smoother than the scan, and never far from it.
 
     Attributes
@@ -77,7 +80,7 @@ class Sheet:
     notes: tuple[str, ...]
 
 
-def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> Sheet:
+def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
     """Return the open sheet through a scan, whatever its curls, folds, gaps and holes.
 
     Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
@@ -107,14 +110,13 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     with cleaning:
         scan = OrientedCloud.of(points).points
         used = usable_rows(scan)
-        some = used[thinned(len(used), -(-len(used) // MOST))]
     with finding:
-        found = _sheet_of(scan, some, one_sheet=one_sheet)
+        found = _sheet_of(scan, used, one_sheet=one_sheet)
+        found = _with_strays(found, scan, used)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing)
         if piece is None or piece == 1:
-            return _told(found, leftovers.tell())
-        rows = leftovers.piece(piece)
-        return _told(_sheet_of(scan, rows[thinned(len(rows), -(-len(rows) // MOST))], one_sheet=one_sheet), ())
+            return replace(found, notes=found.notes + leftovers.tell())
+        return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
 
 
 class _Solved(NamedTuple):
@@ -126,12 +128,17 @@ class _Solved(NamedTuple):
     rows: IntArray
 
 
-def _told(sheet: Sheet, notes: tuple[str, ...]) -> Sheet:
-    return Sheet(sheet.vertices, sheet.triangles, sheet.rows, sheet.spacing, sheet.scale, sheet.notes + notes)
+def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
+    """Return a sheet with those points that were not `used` (k,), as outliers or repeated, but lie on it."""
+    rest = np.setdiff1d(np.flatnonzero(np.isfinite(scan).all(axis=1)), used)
+    if len(rest):
+        rest = rest[distance_to_mesh(sheet.vertices, sheet.triangles, scan[rest]) <= OFF * sheet.spacing]
+    return replace(sheet, rows=np.sort(np.concatenate([sheet.rows, rest])))
 
 
-def _sheet_of(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> Sheet:
-    """Return the sheet through the points `some` (k,) of a scan (n, 3)."""
+def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet:
+    """Return the sheet through the points `pool` (k,) of a scan (n, 3)."""
+    some = pool[thinned(len(pool), -(-len(pool) // MOST))]
     solved = _solve(scan, some, one_sheet=one_sheet)
     sheets, spacing = solved.sheets, solved.sheets.spacing
     vertices, triangles = sheets.sheet()
@@ -150,16 +157,12 @@ def _sheet_of(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> Sheet:
             f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {place_of(vertices)}; "
             "give the points of a leaf, closer together"
         )
-    rows = _spread(scan, solved.rows, held)
-    wide = solved.width > solved.base
-    notes = tell_averaging(scan[solved.rows], solved.width, solved.base) + tell_cuts(sheets.cut, flaps)
+    rows = pool[held[cKDTree(scan[solved.rows]).query(scan[pool], workers=-1)[1]]]
+    passes, apart = find_passes(scan[solved.rows], sheets)
+    joined = len(passes) > 0 or bool((solved.width > solved.base).any())
+    notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes, apart) + tell_cuts(sheets.cut, flaps)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
-    return Sheet(vertices, triangles, rows, whole, float(solved.width.max()) if wide.any() else 0.0, notes)
-
-
-def _spread(scan: FloatArray, some: IntArray, held: BoolArray) -> IntArray:
-    """Return the rows of a scan whose nearest point of `some` (k,) is `held` (k,)."""
-    return np.flatnonzero(held[cKDTree(scan[some]).query(scan, workers=-1)[1]])
+    return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
 
 
 def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
@@ -176,7 +179,7 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     layers = Layers.none()
     sheets = OpenSheets.of(cloud.points, width, spacing)
     if not one_sheet:
-        _refuse_layers(sheets)
+        _refuse_layers(cloud.points, sheets)
         return _Solved(sheets, width, base, some)
     fewer = _thin_sides(sheets)
     if fewer > 1 and len(some) // fewer >= FEWEST:
@@ -189,7 +192,21 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
         width = widen(cloud.points, np.full(len(cloud), base), layers)
         sheets = OpenSheets.of(cloud.points, width, spacing)
         progress.report(round_ + 1, ROUNDS)
-    return _Solved(sheets, width, base, some)
+    return _Solved(_part_branches(cloud.points, width, sheets), width, base, some)
+
+
+def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) -> OpenSheets:
+    """Return the sheets without vertices near lines where they branch, if one comes off the inside of the largest.
+
+    Beside such a line the planes through the points lie askew; triangles from both sides of it find together.
+    """
+    contacts = sheets.contacts()
+    if len(contacts) < FEWEST_CONTACTS:
+        return sheets
+    parted = OpenSheets.of(points, width, sheets.spacing, contacts)
+    gained = parted.areas[1:].max(initial=0.0) - sheets.areas[1:].max(initial=0.0)
+    inside = cKDTree(parted.rim()).query(contacts, workers=-1)[0] > parted.gap
+    return parted if gained >= FEWEST * sheets.spacing**2 and 2 * inside.sum() > len(inside) else sheets
 
 
 def _thin_sides(sheets: OpenSheets) -> int:
@@ -205,13 +222,15 @@ def _thin_sides(sheets: OpenSheets) -> int:
     return int(np.ceil((thick / (MEETING * sheets.spacing)) ** 2)) if np.isfinite(thick) else 1
 
 
-def _refuse_layers(sheets: OpenSheets) -> None:
+def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
     """Raise `ReconstructionError` where layers lie over the largest sheet."""
     layers = Layers.none().after(*find_layers(sheets), LINK * sheets.spacing)
-    if len(layers.places):
+    passes, apart = find_passes(points, sheets)
+    places = np.concatenate([layers.places, passes])
+    if len(places):
         raise ReconstructionError(
-            f"scan: is no single sheet: at {len(layers.places)} places, most around {place_of(layers.places)}, another "
-            f"layer lies up to {layers.need.max():.3g} off; allow them to be averaged into one sheet, or cut them out"
+            f"scan: is no single sheet: at {len(places)} places, most around {place_of(places)}, another layer lies up "
+            f"to {max(apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out"
         )
     if len(sheets.cut):
         raise ReconstructionError(

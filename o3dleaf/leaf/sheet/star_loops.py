@@ -19,7 +19,7 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
 
     `points` are sorted by cells of an edge no less than twice the largest `reach` (n,), the largest circumradius of
     a point's triangles; those of the triangles are written to `radius` (n, 24). Neighbors count that lie less than
-    asin(`slope`) off both tangent planes; they are laid into the plane at their true distance.
+    asin(`slope`), (n,), off both tangent planes; they are laid into the plane at their true distance.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
     every = np.arange(len(points))
@@ -36,7 +36,11 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
             count = 0
             for run in range(runs):
                 for j in range(lows[run], highs[run]):
-                    if j != i and count < MAX_NEAR and lay_out(points, normals, i, j, reach[i], slope, place):
+                    if (
+                        j != i
+                        and count < MAX_NEAR
+                        and lay_out(points, normals, i, j, reach[i], slope[i], slope[j], place)
+                    ):
                         s, t = 0.0, 0.0
                         for a in range(3):
                             s += place[a] * one[a]
@@ -70,7 +74,7 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
 
 
 @njit(nogil=True, cache=True)
-def lay_out(points, normals, i, j, reach, slope, place):
+def lay_out(points, normals, i, j, reach, here, there, place):
     """Write where j lies as seen from i, and how far; return whether it is a neighbor on the same sheet."""
     square, up, down = 0.0, 0.0, 0.0
     for a in range(3):
@@ -79,7 +83,7 @@ def lay_out(points, normals, i, j, reach, slope, place):
         up += place[a] * normals[i, a]
         down += place[a] * normals[j, a]
     place[3] = np.sqrt(square)
-    return 0.0 < place[3] <= 2 * reach and abs(up) <= slope * place[3] and abs(down) <= slope * place[3]
+    return 0.0 < place[3] <= 2 * reach and abs(up) <= here * place[3] and abs(down) <= there * place[3]
 
 
 @njit(nogil=True, cache=True)

@@ -15,7 +15,9 @@ STEEP = 0.4
 BLOCK = 16
 
 
-def triangulate(points: FloatArray, normals: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+def triangulate(
+    points: FloatArray, normals: FloatArray, reach: FloatArray, slope: FloatArray | float = SLOPE
+) -> tuple[IntArray, IntArray, FloatArray]:
     """Return triangles (m, 3) between points (n, 3), in how many stars of their corners each is, and circumradii (m,).
 
     Around each point the neighbors are laid into its tangent plane, where the Delaunay triangles form its star. Those
@@ -27,12 +29,14 @@ def triangulate(points: FloatArray, normals: FloatArray, reach: FloatArray) -> t
         Normals of either sign.
     reach : (n,) ndarray
         Largest circumradius of the triangles at each point.
+    slope : float or (n,) ndarray
+        Sine of the angle that neighbors may lie off the tangent plane.
 
     References
     ----------
     Gopi, Krishnan and Silva (2000), Surface reconstruction based on lower dimensional localized Delaunay triangulation.
     """
-    corners, radius = _stars(points, normals, reach)
+    corners, radius = _stars(points, normals, reach, np.broadcast_to(slope, len(points)))
     center, slot = np.nonzero(corners[:, :, 0] >= 0)
     made = np.sort(np.column_stack([center, corners[center, slot]]), axis=1)
     n = np.int64(len(points))
@@ -49,16 +53,18 @@ def triangulate(points: FloatArray, normals: FloatArray, reach: FloatArray) -> t
     return triangles[chosen], votes[chosen], circumradius[chosen]
 
 
-def _stars(points: FloatArray, normals: FloatArray, reach: FloatArray) -> tuple[IntArray, FloatArray]:
+def _stars(
+    points: FloatArray, normals: FloatArray, reach: FloatArray, slope: FloatArray
+) -> tuple[IntArray, FloatArray]:
     """Return the other corners (n, 24, 2) of the triangles of each point's star, -1 for none, and circumradii."""
     cells = Cells.sort(points, 2 * float(reach.max()))
     order = cells.order
     sorted_points, sorted_normals = np.ascontiguousarray(points[order]), np.ascontiguousarray(normals[order])
-    sorted_reach, lists = reach[order], (cells.number, cells.first, cells.last, cells.shape)
+    sorted_reach, sorted_slope, lists = reach[order], slope[order], (cells.number, cells.first, cells.last, cells.shape)
     corners, radius = np.empty((len(points), MAX_STAR, 2), np.int64), np.zeros((len(points), MAX_STAR))
 
     def task(start: int, stop: int) -> None:
-        find_stars(sorted_points, sorted_normals, sorted_reach, SLOPE, *lists, start, stop, corners, radius)
+        find_stars(sorted_points, sorted_normals, sorted_reach, sorted_slope, *lists, start, stop, corners, radius)
 
     run_blocks(task, len(cells.number), BLOCK)
     named, back = np.where(corners >= 0, order[corners], -1), np.empty_like(order)

@@ -51,23 +51,11 @@ def cut_across(outline: Any, points: FloatArray, normals: FloatArray) -> tuple[F
     order = np.lexsort((away, owner))
     nearest = order[np.unique(owner[order], return_index=True)[1]]
     middles, lengths = points.copy(), np.zeros(len(points))
-    middles[owner[nearest]] = shapely.get_coordinates(shapely.line_interpolate_point(parts[nearest], 0.5, True))
+    middles[owner[nearest]] = shapely.get_coordinates(
+        shapely.line_interpolate_point(parts[nearest], 0.5, normalized=True)
+    )
     lengths[owner[nearest]] = shapely.length(parts[nearest])
     return middles, lengths
-
-
-def end_width(outline: Any, curve: FloatArray) -> float:
-    """Return the mean width of the first fifth of an outline along a curve, what is cut out of its end filled."""
-    fifth = max(1, len(curve) // 5)
-    way = curve[min(fifth + 1, len(curve) - 1)] - curve[fifth - 1]
-    way /= np.linalg.norm(way)
-    side = np.array([-way[1], way[0]])
-    reach = 2 * float(np.hypot(*np.ptp(np.asarray(outline.exterior.coords), axis=0)))
-    at = curve[fifth]
-    beyond = shapely.Polygon(at + np.array([side, side - way, -side - way, -side]) * reach)
-    parts = shapely.get_parts(outline.intersection(beyond))
-    end = min(parts, key=lambda part: float(part.distance(shapely.Point(curve[0]))))
-    return float(end.convex_hull.area / reached(curve[: fifth + 1])[-1])
 
 
 def leave_along(outline: Any, start: FloatArray, direction: FloatArray) -> FloatArray:
@@ -102,8 +90,8 @@ def normals_of(curve: FloatArray) -> FloatArray:
     return np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
 
 
-def smooth_curve(points: FloatArray, weights: FloatArray, stiffness: float) -> FloatArray:
-    """Return (W + μ DᵀD)⁻¹ W p, D the second differences: points (k, 2) that bend less (Whittaker 1923)."""
-    second = np.diff(np.eye(len(points)), 2, axis=0)
+def smooth_curve(points: FloatArray, weights: FloatArray, stiffness: float, order: int) -> FloatArray:
+    """Return (W + μ DᵀD)⁻¹ W p, D the differences of an order: points (k, 2) on a smoother curve (Whittaker 1923)."""
+    rough = np.diff(np.eye(len(points)), order, axis=0)
     weight = np.diag(weights)
-    return np.asarray(np.linalg.solve(weight + stiffness * second.T @ second, weight @ points))
+    return np.asarray(np.linalg.solve(weight + stiffness * rough.T @ rough, weight @ points))
