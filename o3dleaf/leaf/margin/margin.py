@@ -29,6 +29,8 @@ from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
 BLOCK = 65536
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
+LEAST_HOLE = 6.0
+"""Cells that a hole has at least, once the leaf has grown into it: less is one point that is not there by chance."""
 TOLD = 0.002
 """Share of the points that may lie outside without a note."""
 
@@ -207,7 +209,9 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
         inside, band = polygon_of(curve), grown(curve, growth)
         area = largest(inside.difference(band) if number else inside.union(band))
         if area.is_empty:
-            continue  # a hole that is none once the leaf around it is whole
+            continue
+        if number and area.area < LEAST_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
+            continue  # no hole, once the leaf around it is whole
         curves.append(_finished(area, local, tips=not number))
     if not curves:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")

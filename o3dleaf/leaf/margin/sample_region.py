@@ -142,13 +142,15 @@ def _missing(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray) -> Floa
 
     n points of which b lie on the border of one piece have 2 n − b − 2 triangles (Euler), two to a cell; in a lattice
     all are half a cell, and their area is n − b/2 − 1 cells (Pick). So half a cell is missing at each point of the
-    border, and what a triangle there is smaller than half a cell, as flat ones are.
+    border, and what a triangle there is smaller than half a cell, as flat ones are. Larger ones lie in pockets that
+    were filled: their area is the leaf's.
     """
     used, inner = _inner(mesh, kept)
     border = used & ~inner
     triangles = mesh.triangles[kept]
     at_border = (~np.append(kept, False)[mesh.neighbors[kept]]).any(axis=1)
-    small = np.where(at_border, 0.5 * (spacing[triangles] ** 2).mean(axis=1) - mesh.areas[kept], 0.0)
+    half = 0.5 * (spacing[triangles] ** 2).mean(axis=1)
+    small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
     weight = border[triangles].astype(float)
     weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
     missing: FloatArray = np.where(border, 0.5 * spacing**2, 0.0)
