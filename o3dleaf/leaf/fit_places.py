@@ -61,7 +61,7 @@ def find_places(points: FloatArray, chosen: BoolArray, spacing: float) -> tuple[
     shares = np.bincount(group) / len(few)
     largest = [number for number in np.argsort(-shares, kind="stable")[:PLACES] if shares[number] >= LEAST]
     whole = len(rows) / len(points)
-    decimals = int(np.ceil(-np.log10(spacing)))
+    decimals = int(np.ceil(-np.log10(spacing or 1.0)))
     return tuple(Place(_middle(few[group == number], decimals), float(shares[number] * whole)) for number in largest)
 
 
