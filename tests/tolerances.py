@@ -360,6 +360,7 @@ RIDGE_PITCH = 1e-3
 
 ONE_LEAF_OF_RIDGES = 0.07
 """Ridges of a scanned patch wander and differ in height: found 0.026, and 0.063 at most on ten larger patches."""
+
 # --- leaf: the surface ---
 
 PROJECTED = 1e-11
@@ -543,6 +544,13 @@ NOISY_SURFACE = 0.3
 RIM_AREA = 0.05
 """Half a spacing along the rim of half a sphere of 6,000 points is 2.5 % of its area."""
 
+CUT_SHARE = 0.1
+"""Share of the points that may be cut out where a sheet of 10,000 has one side: a strip of four spacings across a ring
+is 0.02, under noise, where neighborhoods are wider, 0.084 was found; cutting all that noise opposes takes 0.2."""
+
+OPPOSED_LEFT = 0.01
+"""Share of normals that neighbors oppose once sheets are cut apart: none found but under noise; a seam has 0.02."""
+
 ALMOST_ALL = 0.999
 """Share of normals on the right side: found 1.0000, and 0.9991 at the bare edges of two sheets; one wrong patch of a
 thousandth of the points is too much."""
@@ -575,6 +583,16 @@ LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
+
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -597,6 +615,7 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
+
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -627,15 +646,6 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
-# --- sheets ---
-
-OPEN_SHEET_NEAR = 1.0
-"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
-on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
-
-OPEN_SHEET_AREA = 0.02
-"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
-of the leaf, or noise as it is, makes 5 % and more."""
 
 # --- the margin ---
 
@@ -652,8 +662,73 @@ MARGIN_AREA = 1e-3
 """Issue 15 has 1 %: share of a sheet of 40 with a tip of 20 degrees, a notch and a hole, at steps of 0.1 to 0.4; found
 5e-4. Whole cells lose 6 to 25 %."""
 
-ON_MARGIN = 0.02
-"""Of the step: a chord of a step lies this near a margin of radius 1 at steps up to 0.15 (step²/8 r)."""
+ON_MARGIN = (0.2, 0.5)
+"""Of the step: 99 % of a mesh's edge, and all of it, from an outline with corners, which are cut off; found 0.09 and
+0.3. Whole cells end up to a step and more inside."""
 
-RIM_DISTANCE = 0.1
-"""Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
+RIM_DISTANCE = 1e-5
+"""Signed distance beside the rim of a slab's hole; the ends of its strips, by four steps of regula falsi, leave 2e-6.
+Without the hole's strips it is off by 0.2."""
+
+# --- the read-out of a fit ---
+
+NOISE_OF_NEIGHBORS = 0.08
+"""Noise and spacing of 600 points and more: found 0.06 at most, of a lens 12 spacings wide; the standard deviation
+about planes is 0.18 off at half a spacing."""
+
+SHARE_OF_A_SAMPLE = 0.04
+"""Of points known by their places: those within the noise of a limit may fall on either side; found 0.02."""
+
+STRETCH_OF_A_LATTICE = 1e-9
+"""Products and roots of the exact Jacobian; the mean of the two directions is off by a tenth."""
+
+MOVED_READ_OUT = 1e-9
+"""Coordinates of 500 turned and shifted round at 1e-13, and no point lies so near to a limit."""
+
+# --- the chart of a sheet ---
+
+CHORDS_OF_A_ROLL = 6e-3
+"""Stretch of triangles of 2.5 on a roll of radius 15, whose edges are chords: (2.5/15)^2/24 = 1e-3 short of the arcs,
+some triangles long and thin at the border; a chart that shears shows as a tenth."""
+
+CARRIED_STRETCH = 5e-3
+"""Of a fine chart from the coarse mesh's closest points: found 1e-3; points of the wrong triangle make a tenth."""
+
+MOVED_SHEET = 1e-4
+"""Lengths of edges of 2 to 3 in charts of one sheet in two places: relaxed to a ten-thousandth of the energy."""
+
+MIDWAY = 0.08
+"""Of the width, from the true midrib: found 0.02, and 0.045 where a quarter of the width is gone over two widths;
+half-way between the margins that are left is 0.12 off there, and 0.25 at the bite."""
+
+MIDRIB_END = 0.1
+"""Of the width, from the middle of the base and from the tip: found 0.075; a corner of the base is 0.5 off."""
+
+MOVED_MIDRIB = 1e-6
+"""Of a leaf of 120, for sums in another order; not in the box's own axes a curve is off by a tenth."""
+
+# --- leaf: the margin in the chart ---
+
+MARGIN_AREA_RANDOM = 0.02
+"""Of random samples of 2000 points, found up to 0.015, four times as dense at one end; without growth 0.03 to 0.06."""
+
+MARGIN_HELD = 0.96
+"""Share of the margin within a spacing: 1.00, but 0.97 where scan lines stand across a notch."""
+
+MARGIN_HELD_RANDOM = 0.9
+"""The same of random samples: 0.96 and more, but 0.90 in a notch of five spacings; without growth 0.7."""
+
+TIP_LOST = 80.0
+"""Spacings times degrees: a random sample of a tip of 10° ends 3.4 before it in the mean; found 62."""
+
+MARGIN_TURNED = 6e-3
+"""A turned ring begins elsewhere, so that its steps and its tips do: found 3e-3; a margin two spacings off 2e-2."""
+
+CUT_SHEET_AREA = 1e-3
+"""What `triangulate` promises of any polygon at any step; found 4e-4."""
+
+ON_THE_MARGIN = 1e-14
+"""Of the coordinates: one interpolation on a side, found 4e-16 of them."""
+
+CUT_SHEET_ANGLE = 20.0
+"""Degrees; found 22. Without clearance of the lattice from the margin 2."""

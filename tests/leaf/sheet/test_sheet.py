@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 import numpy as np
+import open3d as o3d
 import pytest
 from scipy.spatial import Delaunay, cKDTree
 
@@ -15,11 +16,11 @@ from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.open_sheets import unit_normals
-from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
+from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles
-from tests.tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING
+from tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING
 
 STEP = 0.6
 Shape = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -103,7 +104,7 @@ def test_a_hole_of_ten_spacings_stays_and_a_gap_does_not():
     assert rims(*_mesh(find_sheet(points[far > 1.5 * STEP]))) == 1
 
 
-def _mesh(sheet: Sheet):
+def _mesh(sheet: OpenSheet):
     return sheet.vertices, sheet.triangles
 
 
@@ -339,3 +340,20 @@ def test_of_two_layers_the_one_that_hangs_on_a_rim_is_cut_off():
     assert np.allclose(gone[:, 2], 0.5)
     assert len(gone) == len(rest)
     assert len(left)
+
+
+@pytest.mark.parametrize(
+    ("scan", "held"),
+    [
+        ("wheat/wheat_leaf.ply", 0.995),
+        ("leaves/soybean_with_normals.ply", 0.99),
+        ("leaves/tomato_leaflet_two_layers.ply", 0.93),
+        ("leaves/rice_noisy.ply", 0.995),
+    ],
+)
+def test_a_real_leaf_is_one_open_sheet_that_holds_its_points(scan, held, real_scan):
+    points = np.asarray(o3d.io.read_point_cloud(str(real_scan(scan))).points)
+    sheet = find_sheet(points)
+    assert_open_sheet(*_mesh(sheet))
+    assert len(sheet.rows) > held * len(points)
+    assert rims(*_mesh(sheet)) <= 3
