@@ -544,6 +544,13 @@ NOISY_SURFACE = 0.3
 RIM_AREA = 0.05
 """Half a spacing along the rim of half a sphere of 6,000 points is 2.5 % of its area."""
 
+CUT_SHARE = 0.1
+"""Share of the points that may be cut out where a sheet of 10,000 has one side: a strip of four spacings across a ring
+is 0.02, under noise, where neighborhoods are wider, 0.084 was found; cutting all that noise opposes takes 0.2."""
+
+OPPOSED_LEFT = 0.01
+"""Share of normals that neighbors oppose once sheets are cut apart: none found but under noise; a seam has 0.02."""
+
 ALMOST_ALL = 0.999
 """Share of normals on the right side: found 1.0000, and 0.9991 at the bare edges of two sheets; one wrong patch of a
 thousandth of the points is too much."""
@@ -655,11 +662,13 @@ MARGIN_AREA = 1e-3
 """Issue 15 has 1 %: share of a sheet of 40 with a tip of 20 degrees, a notch and a hole, at steps of 0.1 to 0.4; found
 5e-4. Whole cells lose 6 to 25 %."""
 
-ON_MARGIN = 0.02
-"""Of the step: a chord of a step lies this near a margin of radius 1 at steps up to 0.15 (step²/8 r)."""
+ON_MARGIN = (0.2, 0.5)
+"""Of the step: 99 % of a mesh's edge, and all of it, from an outline with corners, which are cut off; found 0.09 and
+0.3. Whole cells end up to a step and more inside."""
 
-RIM_DISTANCE = 0.1
-"""Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
+RIM_DISTANCE = 1e-5
+"""Signed distance beside the rim of a slab's hole; the ends of its strips, by four steps of regula falsi, leave 2e-6.
+Without the hole's strips it is off by 0.2."""
 
 # --- the read-out of a fit ---
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import shapely
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_number, as_points, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -118,7 +118,8 @@ class Margin:
         spacing : float, optional
             The least spacing to resolve: denser places are taken to be no denser. Default: the sample's own.
         fill_holes : float, optional
-            Holes of up to this diameter are filled. Default: none.
+            Holes of up to this diameter are filled. By default those no wider than the widest gap over which pieces of
+            the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from holes.
         unit : str, optional
 
         Raises
@@ -129,10 +130,11 @@ class Margin:
             If no area is left.
         """
         points = as_points(uv, "uv", dim=2, least=3)
-        limit = 0.0 if fill_holes is None else require_positive(fill_holes, "fill_holes")
+        given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
         region = cover_sample(np.unique(points, axis=0))
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
+        limit = region.widest if given is None else given
         outer, *inner = _rings(region, local)
         holes = [_hole(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)

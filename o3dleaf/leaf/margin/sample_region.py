@@ -47,6 +47,8 @@ class SampleRegion:
         Area of the leaf beyond the triangles at each point of their border; 0 for the others.
     bridged : int
         Number of pieces that were joined over gaps wider than chance.
+    widest : float
+        Length of the longest triangle over such a gap; 0: there was none.
     left_out : (k,) int ndarray
         The points in no triangle kept.
     """
@@ -56,6 +58,7 @@ class SampleRegion:
     spacing: FloatArray
     missing: FloatArray
     bridged: int
+    widest: float
     left_out: IntArray
 
 
@@ -85,11 +88,11 @@ def cover_sample(points: FloatArray) -> SampleRegion:
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    kept, bridged = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
+    kept, bridged, widest = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
-    return SampleRegion(points, mesh.triangles[kept], spacing, _missing(mesh, kept, spacing), bridged, left_out)
+    return SampleRegion(points, mesh.triangles[kept], spacing, _missing(mesh, kept, spacing), bridged, widest, left_out)
 
 
 def _triangulate(points: FloatArray) -> _Triangulation:
@@ -200,8 +203,8 @@ def _small(mesh: _Triangulation, chosen: BoolArray, cells: FloatArray, most: flo
     return chosen & small
 
 
-def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int]:
-    """Return the triangles with those that bridge pieces, and how many pieces of `PIECE` points these have joined."""
+def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+    """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
     for corner in range(3):
@@ -216,4 +219,5 @@ def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: f
     joined = kept | bridge
     pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
     after = _labels(mesh, joined)[kept & np.isin(labels, pieces)]
-    return joined, len(pieces) - len(np.unique(after))
+    bridged = len(pieces) - len(np.unique(after))
+    return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0
