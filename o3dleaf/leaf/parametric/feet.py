@@ -26,7 +26,7 @@ LONGEST_STEP = 32.0
 
 
 @dataclass(frozen=True, eq=False)
-class Feet:
+class ChartFeet:
     """Closest points of a surface.
 
     Attributes
@@ -106,7 +106,7 @@ def jets_of(balls: SheetBalls, plane: FloatArray, order: int) -> FloatArray:
     return jets
 
 
-def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float) -> Feet:
+def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float) -> ChartFeet:
     """Return the feet of points (n, 3) that Newton's method finds from `starts` (n, 2)."""
     found = _empty(len(points))
 
@@ -117,7 +117,7 @@ def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: f
     return found
 
 
-def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> Feet:
+def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> ChartFeet:
     """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them."""
     found = _empty(len(points))
 
@@ -138,12 +138,12 @@ def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> Fee
     return found
 
 
-def _empty(count: int) -> Feet:
-    return Feet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
+def _empty(count: int) -> ChartFeet:
+    return ChartFeet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
 
 
 def _newton(  # noqa: PLR0917 - a surface, points and where to write
-    balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float, max_step: float, found: Feet, first: int
+    balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float, max_step: float, found: ChartFeet, first: int
 ) -> None:
     """Write the feet of a block into `found` from row `first` on."""
     rows = slice(first, first + len(points))

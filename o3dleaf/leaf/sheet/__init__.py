@@ -7,6 +7,7 @@
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
 `leftovers`      pieces, layers and branchings that a sheet leaves out
+`sheet`          `find_sheet`: the one sheet of a leaf
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars
 `gluing_loops`   the compiled loops of gluing
