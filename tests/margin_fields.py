@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 
 from leaf_fields import leaf_of
+from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.distance.measured_leaf import MeasuredLeaf
-from o3dleaf.leaf.macro.outline import in_polygon
 
 
 @dataclass(frozen=True)

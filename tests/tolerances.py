@@ -360,6 +360,7 @@ RIDGE_PITCH = 1e-3
 
 ONE_LEAF_OF_RIDGES = 0.07
 """Ridges of a scanned patch wander and differ in height: found 0.026, and 0.063 at most on ten larger patches."""
+
 # --- leaf: the surface ---
 
 PROJECTED = 1e-11
@@ -575,6 +576,16 @@ LARGEST_STEP_OF_A_BAR = 0.2
 """Share of a stage's bar that one step of it may be, of small clouds, whose steps are single blocks: found 0.19, 0.20;
 a band drawn in silence makes 0.4, balls fitted in silence 0.38."""
 
+# --- sheets ---
+
+OPEN_SHEET_NEAR = 1.0
+"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
+on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
+
+OPEN_SHEET_AREA = 0.02
+"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
+of the leaf, or noise as it is, makes 5 % and more."""
+
 # --- steps of meshes ---
 
 SPACING_OF_A_LATTICE = 0.1
@@ -597,6 +608,7 @@ THINNED_AREA = 0.005
 SINGLE_PRECISION = 1e-7
 """Meters, of points within 1 m written as float32: half of 2⁻²³. Their pose, in float64, shifts them by 5,000 km, which
 float32 would round to a quarter of a meter."""
+
 # --- the chart's surface ---
 
 CHART_ROUNDING = 1e-10
@@ -627,15 +639,6 @@ DIFFERENCED_GRADIENT = 1e-3
 
 SIGNED_VS_FOOT = 5e-3
 """In mm, of a sheet 0.4 thick: the distance's refinement and the projection stop at about a thousandth of it."""
-# --- sheets ---
-
-OPEN_SHEET_NEAR = 1.0
-"""Spacings that a point may be off its sheet, five deviations of noise beside: of triangles up to three spacings wide
-on a radius of ten the sagitta is 0.1, and what is on no triangle has a vertex within half a spacing; 0.6 found."""
-
-OPEN_SHEET_AREA = 0.02
-"""Share that a sheet may be larger than its scan: noise that was averaged leaves 0.4 %; a doubled patch of a twentieth
-of the leaf, or noise as it is, makes 5 % and more."""
 
 # --- the margin ---
 
@@ -657,3 +660,66 @@ ON_MARGIN = 0.02
 
 RIM_DISTANCE = 0.1
 """Of the sampling's step: signed distance beside a hole's rim, against a fine mesh's."""
+
+# --- the read-out of a fit ---
+
+NOISE_OF_NEIGHBORS = 0.08
+"""Noise and spacing of 600 points and more: found 0.06 at most, of a lens 12 spacings wide; the standard deviation
+about planes is 0.18 off at half a spacing."""
+
+SHARE_OF_A_SAMPLE = 0.04
+"""Of points known by their places: those within the noise of a limit may fall on either side; found 0.02."""
+
+STRETCH_OF_A_LATTICE = 1e-9
+"""Products and roots of the exact Jacobian; the mean of the two directions is off by a tenth."""
+
+MOVED_READ_OUT = 1e-9
+"""Coordinates of 500 turned and shifted round at 1e-13, and no point lies so near to a limit."""
+
+# --- the chart of a sheet ---
+
+CHORDS_OF_A_ROLL = 6e-3
+"""Stretch of triangles of 2.5 on a roll of radius 15, whose edges are chords: (2.5/15)^2/24 = 1e-3 short of the arcs,
+some triangles long and thin at the border; a chart that shears shows as a tenth."""
+
+CARRIED_STRETCH = 5e-3
+"""Of a fine chart from the coarse mesh's closest points: found 1e-3; points of the wrong triangle make a tenth."""
+
+MOVED_SHEET = 1e-4
+"""Lengths of edges of 2 to 3 in charts of one sheet in two places: relaxed to a ten-thousandth of the energy."""
+
+MIDWAY = 0.08
+"""Of the width, from the true midrib: found 0.02, and 0.045 where a quarter of the width is gone over two widths;
+half-way between the margins that are left is 0.12 off there, and 0.25 at the bite."""
+
+MIDRIB_END = 0.1
+"""Of the width, from the middle of the base and from the tip: found 0.075; a corner of the base is 0.5 off."""
+
+MOVED_MIDRIB = 1e-6
+"""Of a leaf of 120, for sums in another order; not in the box's own axes a curve is off by a tenth."""
+
+# --- leaf: the margin in the chart ---
+
+MARGIN_AREA_RANDOM = 0.03
+"""Of random samples of 3000 points, found up to 0.025 where four times as dense at one end; without growth 0.06."""
+
+MARGIN_HELD = 0.95
+"""Share of the margin within a spacing: 0.99 and more, but 0.97 where scan lines stand across a deep sinus."""
+
+MARGIN_HELD_RANDOM = 0.9
+"""The same of random samples: found 0.93 and more; without growth 0.6."""
+
+TIP_LOST = 80.0
+"""Spacings times degrees: a random sample of a tip of 10° ends 3.4 before it in the mean; found 5."""
+
+MARGIN_TURNED = 6e-3
+"""A turned ring begins elsewhere, so that its steps and its tips do: found 3e-3; a margin two spacings off 2e-2."""
+
+CUT_SHEET_AREA = 1e-3
+"""What `triangulate` promises of any polygon at any step; found 4e-4."""
+
+ON_THE_MARGIN = 1e-14
+"""Of the coordinates: one interpolation on a side, found 4e-16 of them."""
+
+CUT_SHEET_ANGLE = 20.0
+"""Degrees; found 22. Without clearance of the lattice from the margin 2."""

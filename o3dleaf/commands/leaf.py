@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.job import (
     ColumnsOption,
     LongJob,
@@ -27,9 +27,13 @@ if TYPE_CHECKING:
     import open3d as o3d
 
     from o3dleaf.leaf.blade.blade import Blade
+    from o3dleaf.leaf.ct.volume import Volume
+    from o3dleaf.leaf.fit_quality import FitQuality
     from o3dleaf.leaf.mesh_step import MeshStep
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
+    from o3dleaf.leaf.texture.patches import PatchBlend
+    from o3dleaf.leaf.texture.tiling import TiledField
 
 MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
@@ -106,6 +110,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         "Draw a map of the leaf's distortion: along, across, shear, thickness, area or volume.",
         choices="o3dleaf.output.view.maps:MEASURES",
     )
+    fit_map: bool = option(False, "Draw a map of the residuals: where the leaf does not hold the scan.")
     method: str = option(
         "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonize:METHODS"
     )
@@ -114,7 +119,12 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     def outputs(self) -> list[tuple[Path, Names]]:
         """Return the files that are written, those beside the mesh too."""
-        beside = {".png": self.picture, ".json": True, ".distortion.png": self.distortion is not None}
+        beside = {
+            ".png": self.picture,
+            ".json": True,
+            ".distortion.png": self.distortion is not None,
+            ".fit.png": self.fit_map,
+        }
         return [*super().outputs(), *((self.beside(suffix), ()) for suffix, wanted in beside.items() if wanted)]
 
     def beside(self, suffix: str) -> Path:
@@ -144,42 +154,72 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         """Write mesh, picture, summary and model, and return the summary."""
         from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
-        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+        from o3dleaf.leaf.fit_quality import FitQuality
         from o3dleaf.output.report.summary import summarize, warnings_of
         from o3dleaf.output.view.leaf_picture import render_leaf
-        from o3dleaf.output.view.maps import render_distortion
 
         with journal.stage("read"):
             scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
-        leaf = surface = None
-        if patch is None:
-            blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
-            step = self.step_for(scan, None)
+        blade, leaf = self.build(scan, midrib, patch)
+        step = self.step_for(scan, None if leaf is None else leaf.thickness)
+        surface = None
+        if leaf is None:
             mesh = self.write_sheet(blade, step.length)
         else:
-            leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
-            blade, step = leaf.blade, self.step_for(scan, leaf.thickness)
             write = self.write_windows if self.fine else self.write_leaf
             mesh, surface = write(leaf, step.length)
             self.write_more(leaf, step.length)
         if self.model is not None:
             with journal.stage("write model"):
                 write_model(leaf or blade, self.model)
+        with journal.stage("measure fit"):
+            fit = FitQuality.of(blade, scan)
         if self.picture:
             with journal.stage("draw picture"):
-                render_leaf(leaf or blade, mesh, self.beside(".png"), self.region_of(blade))
+                render_leaf(leaf or blade, mesh, self.beside(".png"), self.region_of(blade), fit.warnings)
+        self.draw_maps(blade, scan, fit)
+        with journal.stage("check mesh"):
+            summary = summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan, fit=fit)
+        summary["mesh_step"] = {"length": step.length, "reason": step.reason}
+        write_json(summary, self.beside(".json"))
+        for line in (*fit.lines(), *(f"warning: {warning}" for warning in warnings_of(summary))):
+            journal.note(line)
+        return summary
+
+    def build(
+        self,
+        scan: "o3d.geometry.PointCloud",
+        midrib: "o3d.geometry.PointCloud | None",
+        patch: "Volume | TiledField | PatchBlend | None",
+    ) -> "tuple[Blade, MultiscaleLeaf | None]":
+        """Return the blade, and the multi-scale leaf where there is a patch; of a scan that is refused, show where."""
+        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+        from o3dleaf.output.view.leaf_picture import render_refusal
+
+        try:
+            if patch is None:
+                return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
+            leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
+        except ReconstructionError as cause:
+            if cause.places is None or not self.picture:
+                raise
+            path = self.beside(".refused.png")
+            render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
+            raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
+        return leaf.blade, leaf
+
+    def draw_maps(self, blade: "Blade", scan: "o3d.geometry.PointCloud", fit: "FitQuality") -> None:
+        """Draw the maps that are wanted."""
+        from o3dleaf.output.view.maps import render_distortion, render_residuals
+
         if self.distortion is not None:
             with journal.stage("draw distortion"):
                 render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
-        with journal.stage("check mesh"):
-            summary = summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan)
-        summary["mesh_step"] = {"length": step.length, "reason": step.reason}
-        write_json(summary, self.beside(".json"))
-        for warning in warnings_of(summary):
-            journal.note(f"warning: {warning}")
-        return summary
+        if self.fit_map:
+            with journal.stage("draw fit"):
+                render_residuals(blade, scan, self.beside(".fit.png"), fit=fit)
 
     def line(self, summary: dict[str, Any]) -> str:
         """Return what was built."""

@@ -1,5 +1,11 @@
 """Errors and warnings; every message says the cause and then the cure."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
 
 class O3DLeafError(Exception):
     """Base of every error that o3dleaf raises on purpose; the command line prints it in one line."""
@@ -22,7 +28,17 @@ class OrientationError(InputError):
 
 
 class ReconstructionError(O3DLeafError):
-    """A stage of the reconstruction ran but its result is not a usable surface."""
+    """A stage of the reconstruction ran but its result is not a usable surface.
+
+    Attributes
+    ----------
+    places : (k, 3) ndarray or None
+        Where in the world, if that is known: a picture of the scan can show it.
+    """
+
+    def __init__(self, message: str, places: "npt.NDArray[np.float64] | None" = None) -> None:
+        super().__init__(message)
+        self.places = places
 
 
 class MemoryBudgetError(O3DLeafError, MemoryError):

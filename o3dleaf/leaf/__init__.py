@@ -22,6 +22,9 @@ Composed, they are one implicit function of the whole leaf.
 `fit_quality`     what a blade holds of its scan
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
+`fit_noise`       the noise of a scan, by which a fit is judged
+`fit_places`      where a blade does not hold its scan
+`fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
 `mesh_step`       the step of a mesh where none was asked for
 `paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf

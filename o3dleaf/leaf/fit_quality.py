@@ -1,23 +1,26 @@
 """The read-out of a fit: what a blade holds of its scan and what it does not, by share and by place."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import measure_in_words
-from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
-from o3dleaf.leaf.macro.robust import plane_noise
+from o3dleaf.leaf.blade.outline_area import places_inside
+from o3dleaf.leaf.fit_noise import local_noise
+from o3dleaf.leaf.fit_places import Place, find_places, tell_places
 
 FAR = 3.0
 """Noise deviations beyond which a point is not held: of normal errors one in 370 lies there."""
+LEAST_FAR = 0.3
+"""Spacings within which a point is held whatever the noise: half of what a mesh of a scan is asked to be right to."""
 MAX_FAR = 0.01
 """Share of points not held above which it is told: four times what normal errors leave there."""
 OUTSIDE = 1.0
@@ -32,21 +35,12 @@ STRETCH = 0.05
 """Stretch of the texture above which it is told: below, it is less than what patches of one leaf differ by."""
 QUANTILES = (0.01, 0.99)
 """Of the area, between which the stretch is measured."""
-JOINED = 4.0
-"""Spacings between points of one place."""
-PLACES = 3
-"""Places that are named, the largest first."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A place in the world, (x, y, z), and its share of the scan's points or of the blade's area."""
-
-    center: tuple[float, ...]
-    share: float
-
-    def __str__(self) -> str:
-        return f"{100 * self.share:.2g} % at " + " ".join(f"{part:.4g}" for part in self.center)
+SLACK = 2.0
+"""Steps between the places at which a blade is measured that it may be nearer to a point than the nearest of them."""
+MOST_UNEVEN = 3.0
+"""Times the mean spacing that the median one is at most: of a scan that lies elsewhere it would be anything."""
+NEIGHBORS = 8
+"""Points in the disc whose area tells the spacing around a place; their number's median is a third less in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,41 +49,51 @@ class FitQuality:
 
     Attributes
     ----------
-    flat : (n, 3) ndarray
-        Flat coordinates of the scan's points; the third are the residuals, heights above the blade, in `unit`.
-    noise, spacing : float
-        Standard deviation of the points about their local planes, and 1/√(points per area), in `unit`.
+    plane : (n, 2) ndarray
+        (along, across) of the scan's points.
+    distance : (n,) ndarray
+        Of the points from the blade, above it > 0: the residuals, in `unit`.
+    is_far, is_outside : (n,) ndarrays of bool
+        Whether a point lies farther off the blade than `limit`; beside it, beyond its margin or in a hole, by more
+        than a spacing and three noise deviations. No point is both.
+    noise, spacing, limit : float
+        Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
+        median over the blade; and `FAR` noise deviations, at least `LEAST_FAR` spacings; in `unit`.
     residuals : tuple of four floats
-        |residual| of half of the points, of 95 % and 99 % of them, and the largest, in `unit`.
+        |residual| that half of the points stay below, 95 % and 99 % of them, and the largest; of those not outside.
     far, outside, gaps : float
-        Share of the points farther from the blade than `FAR` deviations (or `FAR` times what half of the points stay
-        within, if that is more), share of points beside it by more than a spacing, and share of the blade's area
-        farther than `GAP` spacings from every point.
-    far_places, gap_places : tuple of Place
-        The largest places of both.
+        Share of the points that are far, share of them outside, and share of the blade's area farther than `GAP`
+        spacings from every point.
+    far_places, outside_places, gap_places : tuple of Place
+        The largest places of each.
     area : (2,) tuple of float
         Of the blade in the world and in its plane, in `unit` squared.
-    along, across, singular : (2,) tuples of float
+    along, across, stretch : (2,) tuples of float
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
-        direction: more than 1 % of the area has less, and less than 1 % more.
+        direction: 1 % of the area has less, and 1 % more.
     holes : tuple of dict
-        The holes of the scan: place, area, diameter, and whether they were filled.
+        Holes of the scan: place in the world, area, diameter, and whether they were filled.
     unit : str or None
     """
 
-    flat: FloatArray
+    plane: FloatArray
+    distance: FloatArray
+    is_far: BoolArray
+    is_outside: BoolArray
     noise: float
     spacing: float
+    limit: float
     residuals: tuple[float, ...]
     far: float
     outside: float
     gaps: float
     far_places: tuple[Place, ...]
+    outside_places: tuple[Place, ...]
     gap_places: tuple[Place, ...]
     area: tuple[float, float]
     along: tuple[float, float]
     across: tuple[float, float]
-    singular: tuple[float, float]
+    stretch: tuple[float, float]
     holes: tuple[dict[str, Any], ...]
     unit: str | None
 
@@ -104,80 +108,157 @@ class FitQuality:
             In the blade's unit.
         """
         points = points_of(scan, "scan", least=3)
-        flat, distortion = blade.flatten(points), blade.distortion()
-        polygon = blade.outline.polygon
-        area = float(polygon.area * distortion.area.mean()), float(polygon.area)
-        spacing, noise = float(np.sqrt(area[0] / len(points))), plane_noise(points)
-        sizes = np.abs(flat[:, 2])
-        beside = shapely.distance(polygon, shapely.points(flat[:, :2])) > OUTSIDE * spacing
-        middle, *upper = np.quantile(sizes, (0.5, 0.95, 0.99, 1)).tolist()
-        far = (sizes > FAR * max(noise, middle)) & ~beside
-        empty = cKDTree(flat[~beside, :2]).query(distortion.plane, workers=-1)[0] > GAP * spacing
-        world = blade.lift(np.column_stack([distortion.plane, np.zeros(len(distortion.plane))]))
+        places = places_inside(blade.outline, SAMPLE_COUNT)
+        distortion = blade.distortion(places)
+        world = _on(blade, places)
+        stretch = _stretch(distortion)
+        step = float(np.sqrt(blade.outline.area / len(places))) * stretch[1]
+        plane, distance, feet = _feet(blade, points, world, SLACK * step)
+        spacing, noise = (
+            _spacing(feet, world, distortion.area * blade.outline.area / len(places)),
+            local_noise(feet, distance),
+        )
+        limit = max(FAR * noise, LEAST_FAR * spacing)
+        is_outside = _outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
+        is_far = (np.abs(distance) > limit) & ~is_outside
+        in_gap = cKDTree(points).query(world, workers=-1)[0] > np.hypot(GAP * spacing, limit)
+        kept = np.abs(distance[~is_outside]) if not is_outside.all() else np.abs(distance)
         return cls(
-            flat=flat,
+            plane=plane,
+            distance=distance,
+            is_far=is_far,
+            is_outside=is_outside,
             noise=noise,
             spacing=spacing,
-            residuals=(middle, *upper),
-            far=float(far.mean()),
-            outside=float(beside.mean()),
-            gaps=float(empty.mean()),
-            far_places=_places(points, far, JOINED * spacing),
-            gap_places=_places(world, empty, JOINED * spacing),
-            area=area,
+            limit=limit,
+            residuals=tuple(np.quantile(kept, (0.5, 0.95, 0.99, 1)).tolist()),
+            far=float(is_far.mean()),
+            outside=float(is_outside.mean()),
+            gaps=float(np.average(in_gap, weights=distortion.area)),
+            far_places=find_places(points, is_far, spacing),
+            outside_places=find_places(points, is_outside, spacing),
+            gap_places=find_places(world, in_gap, max(spacing, step)),
+            area=(float(blade.outline.area * distortion.area.mean()), float(blade.outline.area)),
             along=_range(distortion.along),
             across=_range(distortion.across),
-            singular=_stretch(distortion),
-            holes=tuple(getattr(blade.outline, "holes", ())),
+            stretch=stretch,
+            holes=_holes(blade),
             unit=blade.unit,
         )
 
     def __repr__(self) -> str:
         state = "; ".join(self.warnings) or "good"
-        return f"FitQuality({len(self.flat):,} points: {state})"
+        return f"FitQuality({len(self.plane):,} points: {state})"
+
+    @property
+    def coverage(self) -> float:
+        """Share of the blade's area that is in no gap of the scan."""
+        return 1.0 - self.gaps
 
     @property
     def warnings(self) -> list[str]:
         """What is not held, one line each with how much and where; empty for a good fit."""
-        unit, lines = f" {self.unit}" if self.unit else "", []
+        lines = []
         if self.far > MAX_FAR:
-            limit = FAR * max(self.noise, self.residuals[0])
             lines.append(
-                f"{100 * self.far:.2g} % of the points lie more than {limit:.2g}{unit} from the blade: {_list(self.far_places)}"
+                f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
+                f"{tell_places(self.far_places)}"
             )
         if self.outside > MAX_OUTSIDE:
-            lines.append(f"{100 * self.outside:.2g} % of the points lie beside the blade, outside its margin")
+            lines.append(
+                f"{_percent(self.outside)} of the points lie beside the blade, outside its margin, "
+                f"{tell_places(self.outside_places)}"
+            )
         if self.gaps > MAX_GAPS:
             lines.append(
-                f"{100 * self.gaps:.2g} % of the blade is farther than {GAP * self.spacing:.2g}{unit} from every point: "
-                f"{_list(self.gap_places)}"
+                f"{_percent(self.gaps)} of the blade is farther than {self._length(GAP * self.spacing)} from every "
+                f"point, {tell_places(self.gap_places)}"
             )
-        if self.singular[0] < 1 - STRETCH or self.singular[1] > 1 + STRETCH:
+        if self.stretch[0] < 1 - STRETCH or self.stretch[1] > 1 + STRETCH:
             lines.append(
-                f"the blade cannot be laid flat without stretch: lengths on it are {self.singular[0]:.3g} to "
-                f"{self.singular[1]:.3g} of those of the texture, along the midrib {self.along[0]:.3g} to {self.along[1]:.3g}"
+                f"the texture is stretched: lengths on the blade are {_span(self.stretch)} of those in its plane, "
+                f"along the midrib {_span(self.along)}"
             )
         return lines
 
     def lines(self) -> list[str]:
         """Return what was measured, a line each, for a terminal."""
-        unit = f" {self.unit}" if self.unit else ""
-        half, most, nearly, largest = (f"{value:.2g}{unit}" for value in self.residuals)
-        kept = [hole for hole in self.holes if not hole.get("filled")]
+        half, most, nearly, largest = map(self._length, self.residuals)
+        world, flat = (measure_in_words(area, self.unit, power=2) for area in self.area)
+        filled = sum(hole["filled"] for hole in self.holes)
+        residuals = f"half below {half}, 95 % below {most}, 99 % below {nearly}, largest {largest}"
+        holes = f"{len(self.holes) - filled} holes kept, {filled} filled"
         return [
-            f"residuals: half below {half}, 95 % below {most}, 99 % below {nearly}, largest {largest}",
-            f"area {measure_in_words(self.area[0], self.unit, power=2)}, {measure_in_words(self.area[1], self.unit, power=2)} flat; "
-            f"{len(kept)} holes kept, {len(self.holes) - len(kept)} filled",
+            f"residuals: {residuals}; noise {self._length(self.noise)}",
+            f"blade: {world}, {flat} laid flat; {_percent(self.coverage)} covered by the scan; {holes}",
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all but the points as plain values, for a summary."""
-        table = {name: value for name, value in asdict(self).items() if name != "flat"}
-        return table | {"points": len(self.flat), "warnings": self.warnings}
+        """Return all but what belongs to single points as plain values, for a summary."""
+        names = ("half", "95 %", "99 %", "largest")
+        return {
+            "points": len(self.plane),
+            "noise": self.noise,
+            "spacing": self.spacing,
+            "residuals": dict(zip(names, self.residuals, strict=True)),
+            "far": {"limit": self.limit, "share": self.far, "places": _listed(self.far_places)},
+            "outside": {"share": self.outside, "places": _listed(self.outside_places)},
+            "coverage": self.coverage,
+            "gaps": {"share": self.gaps, "places": _listed(self.gap_places)},
+            "holes": list(self.holes),
+            "area": {"blade": self.area[0], "chart": self.area[1]},
+            "stretch": {"along": list(self.along), "across": list(self.across), "any": list(self.stretch)},
+            "warnings": self.warnings,
+        }
+
+    def _length(self, length: float) -> str:
+        return measure_in_words(length, self.unit, digits=2)
 
 
-def _list(places: tuple[Place, ...]) -> str:
-    return ", ".join(str(place) for place in places)
+def _on(blade: Blade, plane: FloatArray) -> FloatArray:
+    """Return the points of a blade (n, 3) at (n, 2) places."""
+    return blade.lift(np.column_stack([plane, np.zeros(len(plane))]))
+
+
+def _feet(
+    blade: Blade, points: FloatArray, world: FloatArray, slack: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the (along, across) of points, their signed distances from the blade, and their feet in the world.
+
+    A height along a direction D is that far off along the normal N: times D · N, where the blade is straight. It is no
+    nearer than the nearest of the blade's points `world`, less `slack`.
+    """
+    flat = blade.flatten(points)
+    plane = flat[:, :2]
+    lifted = blade.lift_with_jacobian(np.column_stack([plane, np.zeros(len(plane))]))
+    first, second, direction = (lifted.columns[:, k] for k in range(3))
+    cross = np.cross(first, second)
+    size = np.linalg.norm(cross, axis=1)
+    known = size > 0
+    upright = np.ones(len(points))
+    upright[known] = np.abs(np.einsum("ni,ni->n", direction[known], cross[known])) / size[known]
+    nearest = cKDTree(world).query(points, workers=-1)[0] - slack
+    return plane, np.copysign(np.maximum(np.abs(flat[:, 2] * upright), nearest), flat[:, 2]), lifted.world
+
+
+def _spacing(feet: FloatArray, world: FloatArray, area: FloatArray) -> float:
+    """Return 1/√(points per area), the median over a blade with points `world` that stand for an `area` each."""
+    count = min(NEIGHBORS, len(feet))
+    radius = cKDTree(feet).query(world, k=[count], workers=-1)[0][:, 0]
+    order = np.argsort(radius, kind="stable")
+    share = np.cumsum(area[order])
+    middle = radius[order[np.searchsorted(share, share[-1] / 2)]]
+    mean = np.sqrt(share[-1] / len(feet))
+    return float(min(middle * np.sqrt(np.pi / (count - 1 / 3)), MOST_UNEVEN * mean))
+
+
+def _outside(blade: Blade, plane: FloatArray, slack: float) -> BoolArray:
+    """Return which of the (n, 2) places lie beside the blade by more than `slack`."""
+    outside = ~blade.outline.contains(plane)
+    polygon = blade.outline.polygon
+    shapely.prepare(polygon)
+    outside[outside] = ~shapely.dwithin(polygon, shapely.points(plane[outside]), slack)
+    return outside
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -187,24 +268,34 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def _stretch(distortion: Distortion) -> tuple[float, float]:
-    """Return the least and the greatest stretch in the plane, of 99 % of the area each."""
-    first, second, shear = distortion.along, distortion.across, np.sin(distortion.shear)
-    mean, half = (first**2 + second**2) / 2, np.hypot((first**2 - second**2) / 2, first * second * shear)
+    """Return the least and the greatest singular value of the plane's map to the world, of 99 % of the area each."""
+    first, second = distortion.along, distortion.across
+    mean, shear = (first**2 + second**2) / 2, first * second * np.sin(distortion.shear)
+    half = np.hypot((first**2 - second**2) / 2, shear)
     low, _ = _range(np.sqrt(np.maximum(mean - half, 0.0)))
     _, high = _range(np.sqrt(mean + half))
     return low, high
 
 
-def _places(points: FloatArray, chosen: BoolArray, joined: float) -> tuple[Place, ...]:
-    """Return the largest groups of the chosen points, each less than `joined` from the next: middle and share."""
-    rows = np.flatnonzero(chosen)
-    if not len(rows):
+def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
+    """Return the holes that the outline of a blade knows, with their places in the world."""
+    holes = getattr(blade.outline, "holes", ())
+    if not holes:
         return ()
-    tree = cKDTree(points[rows])
-    _, group = connected_components(tree.sparse_distance_matrix(tree, joined), directed=False)
-    places = []
-    for number in np.argsort(-np.bincount(group), kind="stable")[:PLACES]:
-        members = points[rows[group == number]]
-        nearest = members[np.argmin(np.linalg.norm(members - members.mean(axis=0), axis=1))]
-        places.append(Place(tuple(nearest.tolist()), len(members) / len(points)))
-    return tuple(places)
+    centers = _on(blade, np.array([hole.place for hole in holes])).tolist()
+    return tuple(
+        {"place": center, "area": hole.area, "diameter": hole.diameter, "filled": hole.filled}
+        for hole, center in zip(holes, centers, strict=True)
+    )
+
+
+def _listed(places: tuple[Place, ...]) -> list[dict[str, Any]]:
+    return [place.to_dict() for place in places]
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.4g} %"
+
+
+def _span(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:.3g} to {pair[1]:.3g}"

@@ -20,6 +20,7 @@ from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.leaf.macro.robust import RobustChoice
+from o3dleaf.leaf.margin.margin import Hole, Margin
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.splines import VectorSplines
@@ -37,11 +38,13 @@ CLASSES: dict[str, type[Any]] = {
         Cover,
         HeightMap,
         HeightMapBlade,
+        Hole,
         LeafFrame,
         LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,
         LocalSplines,
+        Margin,
         MultiscaleLeaf,
         ParametricBlade,
         PatchBlend,

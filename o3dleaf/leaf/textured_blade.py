@@ -55,7 +55,7 @@ class TexturedBlade:
     @property
     def cuts_edges(self) -> bool:
         """Whether triangles are cut along the outline; else open meshes keep whole cells, as the paper's do."""
-        return getattr(self.blade, "open_edges", "cells") == "cut"
+        return self.blade.open_edges == "cut"
 
     def edge_curve(self, *, closed: bool) -> shapely.Polygon:
         """Return the curve in the plane (along, across) that an open or a closed surface of the leaf ends on."""

@@ -11,7 +11,7 @@ from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.lifted import Lifted
-from o3dleaf.leaf.blade.outline_area import Outline
+from o3dleaf.leaf.blade.outline_area import Outline, places_inside
 
 SAMPLE_COUNT = 20_000
 """Places of the blade at which its map is measured."""
@@ -36,9 +36,12 @@ class Blade(ABC):
     open_edges : {"cells", "cut"}
         How a mesh of two open sheets ends: with the last whole cells of its lattice inside the outline, as the
         paper's, or cut along it.
+    notes : tuple of str
+        What of the scan was left out, cut off, filled or averaged, one line each.
     """
 
     outline: Outline
+    notes: tuple[str, ...] = ()
     open_edges: ClassVar[OpenEdges] = "cells"
 
     @property
@@ -140,8 +143,4 @@ class Blade(ABC):
 
     def _places(self, count: int) -> FloatArray:
         """Return about `count` (along, across) on a square grid inside the outline."""
-        low, high = self.outline.bounds
-        step = float(np.sqrt(self.outline.area / count))
-        along, across = (np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))
-        grid = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
-        return grid[self.outline.contains(grid)]
+        return places_inside(self.outline, count)

@@ -52,6 +52,15 @@ def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.b
     return inside
 
 
+def places_inside(outline: Outline, count: int) -> FloatArray:
+    """Return about `count` places (along, across) on a square grid inside an outline."""
+    low, high = outline.bounds
+    step = float(np.sqrt(outline.area / count))
+    along, across = (np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True))
+    grid = np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.asarray(grid[outline.contains(grid)])
+
+
 def sides_of(area: shapely.Geometry) -> FloatArray:
     """Return the sides (s, 4) of all rings of an area.
 

@@ -7,6 +7,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
+from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import Overlap, find_overlap
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
@@ -55,6 +56,7 @@ def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -
     )
 
 
+@single_threaded_blas()
 def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     """Return the (n, 2) near-isometric chart of a sheet, of its area, its triangles counter-clockwise as on the sheet.
 

@@ -7,6 +7,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of, require_sheet
@@ -47,6 +48,7 @@ class Chart:
     notes: tuple[str, ...]
 
 
+@single_threaded_blas()
 def chart_sheet(
     vertices: FloatArray,
     triangles: IntArray,
@@ -74,38 +76,59 @@ def chart_sheet(
     ReconstructionError
         If it cannot be laid flat, with the place.
     """
-    vertices, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+    vertices, triangles = drop_unused_vertices(np.asarray(vertices, dtype=np.float64), np.asarray(triangles, np.int64))
     finding, flattening, turning = progress.split(1, 5, 2)
+    hint = None if base is None else np.asarray(base, dtype=np.float64)
+    notes, end = [], np.zeros(len(vertices), dtype=bool)
     with finding:
         require_sheet(vertices, triangles)
         petiole, blade = _split_petiole(vertices, triangles)
-    notes = []
-    cut = petiole is not None and not keep_petiole
     if petiole is not None:
-        notes.append(f"{petiole}: {'cut off' if cut else 'kept as part of the blade'}")
-    if cut:
-        vertices, triangles = drop_unused_vertices(vertices, triangles[blade])
+        notes.append(f"{petiole}: {'kept as part of the blade' if keep_petiole else 'cut off'}")
+        hint = np.array(petiole.end) if hint is None else hint
+        if not keep_petiole:
+            end = _at_cut(vertices, triangles, blade, petiole)
+            vertices, triangles, used = _part(vertices, triangles, blade)
+            end = end[used]
     upright, note = facing(vertices, triangles, up)
     notes.append(note)
     with flattening:
         flat = lay_flat(vertices, triangles)
-        kept, cut_off = _single_layer(vertices, triangles, flat)
-    if cut_off:
-        notes.append(cut_off)
-        used = np.unique(triangles[kept])
-        vertices, triangles = drop_unused_vertices(vertices, triangles[kept])
-        flat = flat[used]
+        kept, flaps = _single_layer(vertices, triangles, flat)
+        vertices, triangles, used = _part(vertices, triangles, kept)
+        flat, end = flat[used], end[used]
+        notes += [flaps] if flaps else []
     with turning:
-        junction = np.array(petiole.junction) if petiole is not None and cut else None
-        hint = np.asarray(base, dtype=np.float64) if base is not None else None
-        if hint is None and petiole is not None:
-            hint = np.array(petiole.end)
+        junction = flat[end].mean(axis=0) if end.any() and _begins_there(vertices, end, hint) else None
         midline = find_midline(vertices, triangles, flat, base=hint, junction=junction)
         uv, midline, bend = turn_chart(flat, midline, mirrored=not upright)
     if not upright:
         triangles = triangles[:, ::-1].copy()
     notes += [*midline.notes, *([bend] if bend else [])]
     return Chart(vertices, triangles, uv, midline, petiole, stretch_quantiles(vertices, triangles, uv), tuple(notes))
+
+
+def _part(vertices: FloatArray, triangles: IntArray, kept: BoolArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the sheet of some triangles, and which of the old vertices its own are."""
+    return *drop_unused_vertices(vertices, triangles[kept]), np.unique(triangles[kept])
+
+
+def _at_cut(vertices: FloatArray, triangles: IntArray, blade: BoolArray, petiole: Petiole) -> BoolArray:
+    """Return which (n,) vertices lie on the cut between blade and petiole."""
+    shared = np.zeros(len(vertices), dtype=bool)
+    shared[np.intersect1d(triangles[blade], triangles[~blade])] = True
+    away = np.linalg.norm(vertices - np.array(petiole.junction), axis=1)
+    # Shreds that the cut parted from the blade lie elsewhere.
+    return np.asarray(shared & (away <= max(3 * petiole.width, float(away[shared].min(initial=np.inf)))))
+
+
+def _begins_there(vertices: FloatArray, end: BoolArray, hint: FloatArray | None) -> bool:
+    """Return whether the blade begins at the cut: not if a point given is nearer to what is farthest from the cut."""
+    if hint is None:
+        return True
+    cut = vertices[end].mean(axis=0)
+    other = vertices[np.argmax(np.linalg.norm(vertices - cut, axis=1))]
+    return bool(np.linalg.norm(hint - cut) <= np.linalg.norm(hint - other))
 
 
 def _split_petiole(vertices: FloatArray, triangles: IntArray) -> tuple[Petiole | None, BoolArray]:

@@ -58,7 +58,7 @@ class Hole:
 
 
 class Margin:
-    """The outline of the leaf in the chart (u, v): a smooth closed curve where the leaf ends, not through its last points.
+    """The outline of the leaf in the chart (u, v): a smooth closed curve where the leaf ends.
 
     Attributes
     ----------
@@ -192,8 +192,11 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
     """Return the curves (k, 2) where the leaf ends: the outer one first, counter-clockwise, then those of holes."""
     fuse = FUSE * float(np.median(region.spacing))
     triangles = shapely.polygons(region.points[region.triangles])
-    covered = largest(shapely.orient_polygons(shapely.union_all(triangles).buffer(fuse, join_style="mitre")))
-    covered = shapely.orient_polygons(covered)
+    try:
+        union = shapely.coverage_union_all(triangles)
+    except shapely.GEOSException:  # flat triangles of a lattice overlap by a rounding; this takes ten times as long
+        union = shapely.union_all(triangles)
+    covered = shapely.orient_polygons(largest(union.buffer(fuse, join_style="mitre")))
     rings = [covered.exterior, *covered.interiors]
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
@@ -224,11 +227,7 @@ def _finished(area: shapely.Polygon, local: Spacing, *, tips: bool) -> FloatArra
     """Return the outer ring of an area without creases, in steps of a fraction of the spacing; a simple curve."""
     ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
     curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
-    if tips:
-        pointed = with_tips(curve, local)
-        if shapely.Polygon(pointed).is_valid:
-            curve = pointed
-    return curve
+    return with_tips(curve, local) if tips else curve
 
 
 def _simple(curve: FloatArray) -> FloatArray:

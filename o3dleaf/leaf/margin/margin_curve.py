@@ -1,4 +1,4 @@
-"""Rings of a covered region as smooth curves: smoothed without shrinking, grown to where the leaf ends, tips restored."""
+"""Rings of a covered region as curves: smoothed without shrinking, and grown to where the leaf ends."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,7 @@
 """Sharp tips of a margin, which a sample ends before and smoothing rounds: both flanks continued until they meet."""
 
 import numpy as np
+import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
@@ -10,14 +11,13 @@ REACH = 3.0
 SHARPEST, BLUNTEST = np.radians(5.0), np.radians(100.0)
 """Angles of tips. Sharper ones are parallel flanks to a fit of a few points; blunter ones are rounded by less than the
 noise of the margin."""
-WIDE = 2.0
-"""Flanks are fitted from where they are so many spacings apart: nearer, points of both are one row."""
-FLANKS = (10.0, 5.0)
-"""Lengths of the flanks that are tried, in spacings."""
+FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
+"""Where flanks are fitted, in spacings: from where they are so far apart, and for that length. Nearer to the tip,
+points of both are one row; where the flanks bend, less is straight."""
 STRAIGHT = 0.25
 """A flank may stray from its line by this many spacings (rms), as noise does."""
-BEYOND = 4.0
-"""A tip may go on beyond the curve by an area of this many points: e^(−4) of all would have none of them."""
+BEYOND = 2.0
+"""A tip may go on beyond the curve by an area of this many points: a sample leaves out one in the mean."""
 
 
 def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
@@ -38,7 +38,9 @@ def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
         if any(_between(center, start, stop, len(curve)) for start, stop, _ in found):
             continue
         tip = _tip(curve, int(center), float(local[center]))
-        if tip is not None and not any(_overlap(tip, other, len(curve)) for other in found):
+        if tip is None or any(_overlap(tip, other, len(curve)) for other in found):
+            continue
+        if shapely.Polygon(_replaced(curve, [*found, tip])).is_valid:
             found.append(tip)
     return _replaced(curve, found)
 
@@ -57,24 +59,37 @@ def _turns(curve: FloatArray) -> FloatArray:
 
 def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
     """Return where the rounded tip begins and ends, and the corner to put there; None where there is no sharp one."""
-    count, half = len(curve), len(curve) // 2
-    offsets = np.arange(1, half)
-    width = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
-    wide = np.flatnonzero(width >= WIDE * spacing)
-    if not len(wide):
-        return None
-    first = int(offsets[wide[0]])
-    for length in FLANKS:
+    count = len(curve)
+    for width, length in FLANKS:
+        middle, first = _centered(curve, center, width * spacing)
         last = first + round(length / STEP)
-        if last >= half:
+        if last >= count // 2:
             continue
-        before = _line(curve[(center - np.arange(first, last)) % count], spacing)
-        after = _line(curve[(center + np.arange(first, last)) % count], spacing)
+        before = _line(curve[(middle - np.arange(first, last)) % count], spacing)
+        after = _line(curve[(middle + np.arange(first, last)) % count], spacing)
         if before is not None and after is not None:
-            corner = _corner(curve, (center, first), before, after, spacing)
+            arc = curve[(middle + np.arange(-first, first + 1)) % count]
+            corner = _corner(arc, before, after, spacing)
             if corner is not None:
-                return (center - first) % count, (center + first) % count, corner
+                return (middle - first) % count, (middle + first) % count, corner
     return None
+
+
+def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
+    """Return the place of a tip that is farthest out, and the steps from it to where the flanks are `width` apart."""
+    count = len(curve)
+    offsets = np.arange(1, count // 2)
+    first = count
+    for _ in range(3):
+        across = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
+        wide = np.flatnonzero(across >= width)
+        if not len(wide):
+            return center, count
+        first = int(offsets[wide[0]])
+        around = (center + np.arange(-first, first + 1)) % count
+        arc = curve[around]
+        center = int(around[np.argmax(np.linalg.norm(arc - (arc[0] + arc[-1]) / 2, axis=1))])
+    return center, first
 
 
 def _line(flank: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:
@@ -88,11 +103,7 @@ def _line(flank: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | 
 
 
 def _corner(
-    curve: FloatArray,
-    place: tuple[int, int],
-    before: tuple[FloatArray, FloatArray],
-    after: tuple[FloatArray, FloatArray],
-    spacing: float,
+    arc: FloatArray, before: tuple[FloatArray, FloatArray], after: tuple[FloatArray, FloatArray], spacing: float
 ) -> FloatArray | None:
     """Return where two flanks meet, or less far out where points would be missed; None where they do not."""
     (p, d), (q, e) = before, after
@@ -101,8 +112,6 @@ def _corner(
     if not SHARPEST <= angle <= BLUNTEST:
         return None
     corner = p + d * (((q - p)[0] * e[1] - (q - p)[1] * e[0]) / across)
-    center, first = place
-    arc = curve[np.arange(center - first, center + first + 1) % len(curve)]
     axis = (d + e) / np.linalg.norm(d + e)
     far = arc[np.argmax(arc.dot(axis))]
     if (corner - far) @ axis <= 0:
@@ -133,10 +142,10 @@ def _replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> Flo
     for start, stop, corner in tips:
         inside = (start + 1 + np.arange((stop - start) % count - 1)) % count
         keep[inside] = False
-        pieces[start] = np.vstack([_straight(curve[start], corner, curve), _straight(corner, curve[stop], curve)])
+        pieces[int(start)] = np.vstack([_straight(curve[start], corner, curve), _straight(corner, curve[stop], curve)])
     first = int(np.flatnonzero(keep)[0])
     order = (first + np.arange(count)) % count
-    parts = [np.vstack([curve[[i]], pieces[i][1:]]) if i in pieces else curve[[i]] for i in order if keep[i]]
+    parts = [np.vstack([curve[[i]], pieces[int(i)][1:]]) if int(i) in pieces else curve[[i]] for i in order if keep[i]]
     return np.vstack(parts)
 
 

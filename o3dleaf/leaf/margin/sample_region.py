@@ -13,7 +13,7 @@ from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing, local_shape
 
 USUAL = 0.9
-"""Share of the triangles within a sample that say how long sides are there: 1.5 spacings in a lattice, 2.1 by chance."""
+"""Share of the triangles within a sample that say how long sides are: 1.5 spacings in a lattice, 2.1 by chance."""
 SHORT = 1.35
 """Triangles with no side longer than this many usual ones are covered."""
 FIRST_SHORT = 2.8
@@ -176,7 +176,8 @@ def _covered(mesh: _Triangulation, spacing: FloatArray, short: float) -> BoolArr
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
     enclosed = gaps & ~_open(mesh, gaps)
-    return ~gaps | _small(mesh, enclosed, cells, CHANCE * short**2)
+    covered: BoolArray = ~gaps | _small(mesh, enclosed, cells, CHANCE * short**2)
+    return covered
 
 
 def _open(mesh: _Triangulation, gaps: BoolArray) -> BoolArray:
@@ -193,7 +194,8 @@ def _small(mesh: _Triangulation, chosen: BoolArray, cells: FloatArray, most: flo
         return chosen
     labels = _labels(mesh, chosen)
     sums = np.bincount(labels[chosen], cells[chosen])
-    return chosen & (sums[labels] <= most)
+    small: BoolArray = np.less_equal(sums[labels], most)
+    return chosen & small
 
 
 def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int]:

@@ -24,8 +24,9 @@ def edges_of(triangles: IntArray) -> IntArray:
 def crude_spacing(points: FloatArray, tree: cKDTree) -> FloatArray:
     """Return √(πr²/k) of the (n, 2) points, r the distance of the k-th neighbor: up to √2 too long at a margin."""
     count = min(NEIGHBORS // 2, len(points) - 1)
-    reach: FloatArray = tree.query(points, k=[count + 1])[0][:, 0]
-    return reach * np.sqrt(np.pi / count)
+    reach = tree.query(points, k=[count + 1])[0][:, 0]
+    spacing: FloatArray = reach * np.sqrt(np.pi / count)
+    return spacing
 
 
 def local_shape(points: FloatArray, triangles: IntArray) -> FloatArray:

@@ -7,13 +7,18 @@ import shapely
 from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.chords import Chords, chords_of
+from o3dleaf.leaf.margin.sheet_band import triangulate_band
 
 CLEARANCE = 0.5
 """Nodes of the lattice keep this many steps from the margin, so that no triangle between is a sliver."""
 SAGITTA = 0.02
 """The margin strays from a chord by no more than this many steps: chords are halved until it holds."""
-CORNER = np.radians(30.0)
-"""A vertex of the margin where it turns by more is kept as a vertex of the mesh."""
+SHARE = 1e-3
+"""The area of the triangles differs by no more than this share, however large the step."""
+TRIES = 10
+"""Times that chords are halved or lattice triangles given up where the band does not conform; two are usual.
+At corners of a few degrees it need not end: then sides are kept as they are, with triangles that are not Delaunay."""
 
 
 def triangulate(
@@ -21,10 +26,10 @@ def triangulate(
 ) -> tuple[FloatArray, IntArray]:
     """Return the plane inside a polygon as triangles that end on it, equilateral in the lattice within.
 
-    All vertices at the border lie on the polygon's curve, corners of more than `CORNER` among them, none farther
-    apart than `spacing`, and the curve strays from its chords by at most s = `SAGITTA` · spacing. So the triangles'
-    area differs from the polygon's by at most s times its length, however large the step, and not at all where the
-    polygon's own sides are the chords. Euler's characteristic is that of the polygon.
+    All vertices at the border lie on the polygon's curve, its corners among them, none farther apart than `spacing`.
+    The curve strays from its chords by at most s, the least of `SAGITTA` · spacing and 1.5 `SHARE` of area over
+    length. So the area differs from the polygon's by about ⅔ s times its length at most, a thousandth, however large
+    the step, and as the square of the step where that is small. Euler's characteristic is that of the polygon.
 
     Parameters
     ----------
@@ -54,7 +59,7 @@ def triangulate(
     parts = [part for part in _polygons(area) if part.area > 0]
     if not parts:
         raise ReconstructionError("the region lies outside the margin; choose another region")
-    meshes = [_triangulated(_resampled(part, step), step) for part in parts]
+    meshes = [_triangulated(part, step) for part in parts]
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
     triangles = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(triangles)
@@ -64,82 +69,57 @@ def _polygons(area: shapely.Geometry) -> list[shapely.Polygon]:
     return [part for part in shapely.get_parts(area) if part.geom_type == "Polygon"]
 
 
-def _resampled(polygon: shapely.Polygon, step: float) -> shapely.Polygon:
-    """Return the polygon with chords of at most a step; a finer one where chords would cross."""
-    for halving in range(20):
-        rings = [_chords(ring, step / 2**halving) for ring in (polygon.exterior, *polygon.interiors)]
-        resampled = shapely.Polygon(rings[0], rings[1:])
-        if resampled.is_valid and resampled.area > 0:
-            return shapely.orient_polygons(resampled)
-    return shapely.orient_polygons(polygon)
-
-
-def _chords(ring: shapely.LinearRing, step: float) -> FloatArray:
-    """Return places (k, 2) on a ring: its corners, and between them arcs cut to a step, halved where they bulge."""
-    points = shapely.get_coordinates(ring)[:-1]
-    sides = np.roll(points, -1, axis=0) - points
-    lengths = np.hypot(*sides.T)
-    points, sides, lengths = points[lengths > 0], sides[lengths > 0], lengths[lengths > 0]
-    angle = np.arctan2(sides[:, 1], sides[:, 0])
-    turn = np.abs(np.angle(np.exp(1j * (angle - np.roll(angle, 1)))))
-    corners = np.flatnonzero(turn > CORNER)
-    first = int(corners[0]) if len(corners) else 0
-    points, lengths = np.roll(points, -first, axis=0), np.roll(lengths, -first)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    closed = np.vstack([points, points[:1]])
-    stops = np.concatenate([along[corners - first], along[-1:]]) if len(corners) else along[-1] * np.arange(4) / 3
-    stops = np.unique(np.concatenate([[0.0], stops]))
-    cuts = [
-        np.linspace(start, stop, max(1, int(np.ceil((stop - start) / step * (1 - 1e-12)))), endpoint=False)
-        for start, stop in zip(stops[:-1], stops[1:], strict=True)
-    ]
-    places = np.concatenate(cuts)
-    for _ in range(12):
-        bulging = _sagittas(closed, along, places) > SAGITTA * step
-        if not bulging.any():
+def _triangulated(part: shapely.Polygon, step: float) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of a polygon: lattice triangles well inside, and the band around them."""
+    margin = _margin(part, step)
+    nodes, core = _core(part, step)
+    for left in reversed(range(TRIES)):
+        border = border_of(core)
+        rim = np.unique(border)
+        points, rings = _stacked(margin)
+        place = np.full(len(nodes) + 1, -1, dtype=np.int64)
+        place[rim] = np.arange(len(rim))
+        sides = np.concatenate([place[border[:, ::-1]], rings + len(rim)])
+        band = triangulate_band(np.concatenate([nodes[rim], points]), sides, conform=not left)
+        if not len(band.missing):
             break
-        ends = np.append(places[1:], along[-1])
-        places = np.sort(np.concatenate([places, (places[bulging] + ends[bulging]) / 2]))
-    return _at(closed, along, places)
+        core = _without_pinches(core[~_has_side(core, border[band.missing[band.missing < len(border)]])])
+        margin = _halved(margin, band.missing[band.missing >= len(border)] - len(border))
+    inner = np.setdiff1d(core, rim)
+    place[inner] = len(rim) + len(points) + np.arange(len(inner))
+    vertices = np.concatenate([nodes[rim], points, nodes[inner]])
+    return vertices, np.concatenate([band.triangles, place[core]])
 
 
-def _at(closed: FloatArray, along: FloatArray, places: FloatArray) -> FloatArray:
-    return np.stack([np.interp(places, along, column) for column in closed.T], axis=1)
+def _margin(polygon: shapely.Polygon, step: float) -> list[Chords]:
+    """Return the rings of a polygon as chords, finer ones where chords would cross."""
+    polygon = shapely.orient_polygons(polygon)
+    rings = [polygon.exterior, *polygon.interiors]
+    sagitta = min(SAGITTA * step, 1.5 * SHARE * polygon.area / polygon.length)
+    for halving in range(20):
+        margin = [chords_of(shapely.get_coordinates(ring)[:-1], step, sagitta / 2**halving) for ring in rings]
+        chain = [chords.points for chords in margin]
+        if shapely.Polygon(chain[0], chain[1:]).is_valid:
+            return margin
+    return [chords_of(shapely.get_coordinates(ring)[:-1], step, 0.0) for ring in rings]
 
 
-def _sagittas(closed: FloatArray, along: FloatArray, places: FloatArray) -> FloatArray:
-    """Return how far (k,) the ring strays from the chord that begins at each place."""
-    chord = np.searchsorted(places, along[:-1], side="right") - 1
-    ends = np.append(places[1:], along[-1])
-    start, stop = _at(closed, along, places), _at(closed, along, ends)
-    direction = stop - start
-    direction /= np.maximum(np.hypot(*direction.T), 1e-300)[:, None]
-    away = closed[:-1] - start[chord]
-    distance = np.abs(away[:, 0] * direction[chord, 1] - away[:, 1] * direction[chord, 0])
-    sagittas = np.zeros(len(places))
-    np.maximum.at(sagittas, chord, distance)
-    return sagittas
+def _stacked(margin: list[Chords]) -> tuple[FloatArray, IntArray]:
+    """Return the points (k, 2) of all rings, and their sides (k, 2), each the number of two points."""
+    counts = [len(chords.places) for chords in margin]
+    starts = np.cumsum([0, *counts[:-1]])
+    numbers = [start + np.arange(count) for start, count in zip(starts, counts, strict=True)]
+    sides = [np.stack([number, np.roll(number, -1)], axis=1) for number in numbers]
+    return np.concatenate([chords.points for chords in margin]), np.concatenate(sides)
 
 
-def _triangulated(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles of a polygon: lattice triangles well inside, the band around them by its corners."""
-    nodes, core = _core(polygon, step)
-    band: shapely.Geometry = polygon
-    if len(core):
-        rings = _boundary_rings(core)
-        band = polygon.difference(_area_of(nodes, rings))
-    corners = shapely.get_coordinates(shapely.get_parts(shapely.constrained_delaunay_triangles(band)))
-    corners = corners.reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
-    used = np.unique(core)
-    both = np.concatenate([nodes[used], corners])
-    vertices, number = np.unique(both, axis=0, return_inverse=True)
-    place = np.full(len(nodes), -1, dtype=np.int64)
-    place[used] = number[: len(used)]
-    faces = np.concatenate([place[core], number[len(used) :].reshape(-1, 3)]).astype(np.int64)
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    faces[twice < 0] = faces[twice < 0][:, [0, 2, 1]]
-    return vertices, faces
+def _halved(margin: list[Chords], sides: IntArray) -> list[Chords]:
+    """Return the rings with the given sides, counted through all of them, cut in two."""
+    starts = np.cumsum([0] + [len(chords.places) for chords in margin])
+    return [
+        chords.halved(sides[(sides >= start) & (sides < stop)] - start)
+        for chords, start, stop in zip(margin, starts[:-1], starts[1:], strict=True)
+    ]
 
 
 def _core(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, IntArray]:
@@ -166,7 +146,7 @@ def _core(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, IntArray]:
     corners = np.stack([u.ravel(), v.ravel()], axis=1)
     if polygon.interiors:
         triangles = triangles[~_across(polygon, corners, triangles, step)]
-    return corners, _without_pinches(triangles, u.size)
+    return corners, _without_pinches(triangles)
 
 
 def _across(polygon: shapely.Polygon, nodes: FloatArray, triangles: IntArray, step: float) -> npt.NDArray[np.bool_]:
@@ -178,39 +158,41 @@ def _across(polygon: shapely.Polygon, nodes: FloatArray, triangles: IntArray, st
     return bad
 
 
-def _without_pinches(triangles: IntArray, count: int) -> IntArray:
+def _without_pinches(triangles: IntArray) -> IntArray:
     """Return the triangles without those that meet others in a corner alone: every border vertex has one way on."""
     while len(triangles):
-        sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-        keys, back = sides[:, 0] * count + sides[:, 1], sides[:, 1] * count + sides[:, 0]
-        border = sides[~np.isin(keys, back)]
-        pinched = np.flatnonzero(np.bincount(border[:, 0], minlength=count) > 1)
+        border = border_of(triangles)
+        pinched = np.flatnonzero(np.bincount(border[:, 0]) > 1)
         if not len(pinched):
             break
-        triangles = triangles[~np.isin(triangles, pinched).any(axis=1)]
+        at = np.zeros(int(triangles.max()) + 1, dtype=bool)
+        at[pinched] = True
+        triangles = triangles[~at[triangles].any(axis=1)]
     return triangles
 
 
-def _boundary_rings(triangles: IntArray) -> list[IntArray]:
-    """Return the closed border of counter-clockwise triangles without pinches, as rings of vertices."""
-    count = int(triangles.max()) + 1
+def border_of(triangles: IntArray) -> IntArray:
+    """Return the sides (b, 2) of counter-clockwise triangles that have none on their right."""
+    if not len(triangles):
+        return np.empty((0, 2), dtype=np.int64)
     sides = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    border = sides[~np.isin(sides[:, 0] * count + sides[:, 1], sides[:, 1] * count + sides[:, 0])]
-    following = dict(zip(border[:, 0].tolist(), border[:, 1].tolist(), strict=True))
-    rings = []
-    while following:
-        start, to = following.popitem()
-        ring = [start]
-        while to != start:
-            ring.append(to)
-            to = following.pop(to)
-        rings.append(np.array(ring, dtype=np.int64))
-    return rings
+    keys = np.minimum(*sides.T) * (int(sides.max()) + 1) + np.maximum(*sides.T)
+    order = np.argsort(keys)
+    keys = keys[order]
+    single = np.ones(len(keys), dtype=bool)
+    same = keys[1:] == keys[:-1]
+    single[1:] &= ~same
+    single[:-1] &= ~same
+    return np.asarray(sides[order[single]])
 
 
-def _area_of(nodes: FloatArray, rings: list[IntArray]) -> shapely.Geometry:
-    """Return the area inside rings: counter-clockwise ones are outer, clockwise ones holes."""
-    lines = [shapely.LinearRing(nodes[ring]) for ring in rings]
-    outer = shapely.union_all([shapely.Polygon(line) for line in lines if line.is_ccw])
-    holes = [shapely.Polygon(line) for line in lines if not line.is_ccw]
-    return outer.difference(shapely.union_all(holes)) if holes else outer
+def _has_side(triangles: IntArray, sides: IntArray) -> npt.NDArray[np.bool_]:
+    """Return which triangles have one of the directed sides (s, 2)."""
+    wanted = {(int(a), int(b)) for a, b in sides}
+    ends = np.unique(sides)
+    near = np.flatnonzero(np.isin(triangles, ends).sum(axis=1) > 1)
+    found = np.zeros(len(triangles), dtype=bool)
+    for number in near:
+        a, b, c = (int(corner) for corner in triangles[number])
+        found[number] = bool(wanted & {(a, b), (b, c), (c, a)})
+    return found

@@ -11,7 +11,7 @@ from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
-from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
+from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 
 MAX_RESIDUAL = 10.0
 """Noise deviations beyond which a point says nothing of where the leaf ends."""
@@ -63,7 +63,7 @@ def build_parametric_blade(
     return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
 
 
-def _rows_of_blade(points: FloatArray, sheet: Sheet, chart: Chart) -> IntArray:
+def _rows_of_blade(points: FloatArray, sheet: OpenSheet, chart: Chart) -> IntArray:
     """Return the rows of the points that belong to the sheet, and not to a part of it that the chart leaves out."""
     rows = sheet.rows
     whole, part = (_squared_distances(points[rows], each.vertices, each.triangles) for each in (sheet, chart))

@@ -12,7 +12,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.parametric import feet_loops, surface_loops
 from o3dleaf.leaf.parametric.feet_loops import Samples
-from o3dleaf.leaf.parametric.surface_loops import JET, SheetBalls
+from o3dleaf.leaf.parametric.surface_loops import JET, VectorBalls
 
 SAMPLE_COUNT = 20_000
 """Samples of a surface, about: on a leaf 200 mm long and 12 mm wide one every third of a millimeter."""
@@ -26,7 +26,11 @@ LONGEST_STEP = 32.0
 
 
 @dataclass(frozen=True, eq=False)
+<<<<<<< HEAD
 class ChartFeet:
+=======
+class SurfaceFeet:
+>>>>>>> w-lead
     """Closest points of a surface.
 
     Attributes
@@ -44,7 +48,7 @@ class ChartFeet:
 
 
 def sample_surface(
-    balls: SheetBalls, bounds: FloatArray, step: float, contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
+    balls: VectorBalls, bounds: FloatArray, step: float, contains: Callable[[FloatArray], npt.NDArray[np.bool_]]
 ) -> Samples:
     """Return samples of a surface on a square grid over a box (2, 2) of the plane, where a predicate holds.
 
@@ -69,7 +73,7 @@ def _grid(bounds: FloatArray, step: float) -> tuple[FloatArray, npt.NDArray[np.i
     return start + step * rows, np.stack(numbers, axis=1)
 
 
-def _samples_at(balls: SheetBalls, places: FloatArray, numbers: npt.NDArray[np.int64], step: float) -> Samples:
+def _samples_at(balls: VectorBalls, places: FloatArray, numbers: npt.NDArray[np.int64], step: float) -> Samples:
     """Return the samples of a surface at places (m, 2), a `step` apart, with the group and block of each (m, 2)."""
     order = np.lexsort(numbers.T[::-1])
     plane, numbers = np.ascontiguousarray(places[order]), numbers[order]
@@ -95,7 +99,7 @@ def _surround(space: FloatArray, slack: FloatArray, first: npt.NDArray[np.int64]
     return np.column_stack([centers, np.maximum.reduceat(away + slack, first)])
 
 
-def jets_of(balls: SheetBalls, plane: FloatArray, order: int) -> FloatArray:
+def jets_of(balls: VectorBalls, plane: FloatArray, order: int) -> FloatArray:
     """Return the jets (n, rows, 3) of a surface at (n, 2) places."""
     jets = np.empty((len(plane), (1, 3, JET)[order], 3))
 
@@ -106,7 +110,11 @@ def jets_of(balls: SheetBalls, plane: FloatArray, order: int) -> FloatArray:
     return jets
 
 
+<<<<<<< HEAD
 def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float) -> ChartFeet:
+=======
+def feet_from(balls: VectorBalls, points: FloatArray, starts: FloatArray, step: float) -> SurfaceFeet:
+>>>>>>> w-lead
     """Return the feet of points (n, 3) that Newton's method finds from `starts` (n, 2)."""
     found = _empty(len(points))
 
@@ -117,7 +125,11 @@ def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: f
     return found
 
 
+<<<<<<< HEAD
 def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> ChartFeet:
+=======
+def closest_feet(balls: VectorBalls, points: FloatArray, samples: Samples) -> SurfaceFeet:
+>>>>>>> w-lead
     """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them."""
     found = _empty(len(points))
 
@@ -138,12 +150,27 @@ def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> Cha
     return found
 
 
+<<<<<<< HEAD
 def _empty(count: int) -> ChartFeet:
     return ChartFeet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
 
 
 def _newton(  # noqa: PLR0917 - a surface, points and where to write
     balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float, max_step: float, found: ChartFeet, first: int
+=======
+def _empty(count: int) -> SurfaceFeet:
+    return SurfaceFeet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
+
+
+def _newton(  # noqa: PLR0917 - a surface, points and where to write
+    balls: VectorBalls,
+    points: FloatArray,
+    starts: FloatArray,
+    step: float,
+    max_step: float,
+    found: SurfaceFeet,
+    first: int,
+>>>>>>> w-lead
 ) -> None:
     """Write the feet of a block into `found` from row `first` on."""
     rows = slice(first, first + len(points))

@@ -12,7 +12,7 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.parametric.surface_loops import SheetBalls
+from o3dleaf.leaf.parametric.surface_loops import VectorBalls
 
 CUBIC = Polyharmonic(3, 2)
 """φ = r³ in the plane: C² at its data and fast."""
@@ -58,6 +58,6 @@ class VectorSplines:
     def __repr__(self) -> str:
         return f"VectorSplines({len(self.tails):,} balls)"
 
-    def balls(self, index: BallIndex) -> SheetBalls:
+    def balls(self, index: BallIndex) -> VectorBalls:
         """Return what the compiled loops read."""
-        return SheetBalls(self.offsets, self.sites, self.weights, self.tails, index.bounds, index.images, index.tree)
+        return VectorBalls(self.offsets, self.sites, self.weights, self.tails, index.bounds, index.images, index.tree)

@@ -23,7 +23,7 @@ from o3dleaf.leaf.parametric import surface_loops
 from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, closest_feet, feet_from, jets_of, sample_surface
 from o3dleaf.leaf.parametric.feet_loops import Samples
 from o3dleaf.leaf.parametric.splines import CUBIC, VectorSplines
-from o3dleaf.leaf.parametric.surface_loops import SheetBalls
+from o3dleaf.leaf.parametric.surface_loops import VectorBalls
 
 REACH = 4.0
 """Distance from the sites, in their mean spacings, to which feet are looked for where no outline is given."""
@@ -124,7 +124,7 @@ class ChartSurface:
         return float(np.linalg.norm(np.ptp(self.bounds, axis=0)))
 
     @cached_property
-    def balls(self) -> SheetBalls:
+    def balls(self) -> VectorBalls:
         """What the compiled loops read."""
         return self.local.balls(self.index)
 

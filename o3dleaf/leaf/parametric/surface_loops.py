@@ -22,7 +22,7 @@ JET = 6
 """Rows of a jet: value, two first and three second derivatives."""
 
 
-class SheetBalls(NamedTuple):
+class VectorBalls(NamedTuple):
     """Splines of three components in balls of the plane, end to end, and how the balls of a place are found.
 
     Attributes

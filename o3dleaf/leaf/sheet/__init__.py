@@ -1,4 +1,4 @@
-"""A cloud as open sheets: averaged where it must be, Delaunay stars between its points, glued without handles.
+"""From any scan of a leaf to one open sheet: averaged where it must be, triangulated, and glued without handles.
 
 `average`        points averaged across their surface, and thinned
 `stars`          triangles between points: the Delaunay stars of tangent planes
@@ -7,7 +7,7 @@
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
 `leftovers`      pieces, layers and branchings that a sheet leaves out
-`sheet`          `find_sheet`: the one sheet of a leaf
+`sheet`          `find_sheet`: all of it together
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars
 `gluing_loops`   the compiled loops of gluing

@@ -53,7 +53,7 @@ LINK = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class OpenSheet:
     """An open sheet through a scan, from which a chart is made; smoother than the scan, and never far from it.
 
     Attributes
@@ -80,7 +80,7 @@ class Sheet:
     notes: tuple[str, ...]
 
 
-def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> Sheet:
+def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
     """Return the open sheet through a scan, whatever its curls, folds, gaps and holes.
 
     Points are averaged across the surface as much as their noise needs, and more where layers lie closer than four
@@ -128,7 +128,7 @@ class _Solved(NamedTuple):
     rows: IntArray
 
 
-def _with_strays(sheet: Sheet, scan: FloatArray, used: IntArray) -> Sheet:
+def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
     """Return a sheet with those points that were not `used` (k,), as outliers or repeated, but lie on it."""
     rest = np.setdiff1d(np.flatnonzero(np.isfinite(scan).all(axis=1)), used)
     if len(rest):
@@ -136,7 +136,7 @@ def _with_strays(sheet: Sheet, scan: FloatArray, used: IntArray) -> Sheet:
     return replace(sheet, rows=np.sort(np.concatenate([sheet.rows, rest])))
 
 
-def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> Sheet:
+def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet:
     """Return the sheet through the points `pool` (k,) of a scan (n, 3)."""
     some = pool[thinned(len(pool), -(-len(pool) // MOST))]
     solved = _solve(scan, some, one_sheet=one_sheet)
@@ -162,7 +162,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> Sheet:
     joined = len(passes) > 0 or bool((solved.width > solved.base).any())
     notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes, apart) + tell_cuts(sheets.cut, flaps)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
-    return Sheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
+    return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
 
 
 def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:

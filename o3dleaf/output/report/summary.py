@@ -11,8 +11,10 @@ import open3d as o3d
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
 from o3dleaf.core.parallel import get_num_threads
+from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
@@ -20,6 +22,8 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
 PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
+MAX_AREA = 0.01
+"""Share of the blade's area that a mesh of it may lack or exceed before that is told."""
 
 
 def summarize(
@@ -30,6 +34,7 @@ def summarize(
     leaf: MultiscaleLeaf | None = None,
     surface: MeshPlan | None = None,
     scan: CloudLike | None = None,
+    fit: FitQuality | None = None,
 ) -> dict[str, Any]:
     """Return the summary of a run as plain values, the times those of the open journal.
 
@@ -43,7 +48,9 @@ def summarize(
     leaf, surface : optional
         The multi-scale leaf and the plan of its surface, where there is a micro-structure.
     scan : (n, 3) array_like or Open3D point cloud, optional
-        The scan, in the blade's unit, by which the frame is judged.
+        The scan, in the blade's unit, by which frame and fit are judged.
+    fit : FitQuality, optional
+        The read-out of fit, where that was made before.
     """
     journal = open_journal()
     seconds = {} if journal is None else journal.seconds
@@ -62,24 +69,14 @@ def summarize(
         summary["warnings"] = blade.warnings
     elif scan is not None:
         summary["frame"] = blade.frame_quality(scan).to_dict()
+    held = FitQuality.of(blade, scan) if fit is None and scan is not None else fit
+    if held is not None:
+        summary["fit"] = _held_summary(held, summary["mesh"]["area"] if _shows_blade(leaf, settings) else None)
+    summary["notes"] = list(blade.notes)
     if leaf is not None:
-        texture = leaf.texture
-        fits = [_fit_summary(patch.local) for patch in texture.patches]
-        summary["micro_structure"] = {
-            "unit": texture.unit,
-            "period": texture.period.tolist(),
-            "fit": fits[0] if len(fits) == 1 else fits,
-        }
+        summary["micro_structure"] = _texture_summary(leaf)
     if surface is not None:
-        summary["surface"] = {
-            "spacing": list(surface.spacing),
-            "closed": surface.closed,
-            "vertices": surface.vertices,
-            "triangles": surface.triangles,
-            "voids_filled_in_a_tile": surface.voids,
-            "specks_removed_from_a_tile": surface.islands,
-            "scraps_at_the_rim": asdict(surface.fragments),
-        }
+        summary["surface"] = _surface_summary(surface)
         if settings.get("remesh") is not None:
             summary["surface"]["note"] = "as polygonised; the mesh was remeshed then"
         elif surface.triangles != summary["mesh"]["triangles"]:
@@ -88,8 +85,49 @@ def summarize(
 
 
 def warnings_of(summary: dict[str, Any]) -> list[str]:
-    """Return the warnings about the blade in a summary: of the paper's they stand under its frame."""
-    return list(summary.get("frame", summary).get("warnings", []))
+    """Return the warnings in a summary: about the blade, of the paper's under its frame, and about its fit."""
+    return [*summary.get("frame", summary).get("warnings", []), *summary.get("fit", {}).get("warnings", [])]
+
+
+def _shows_blade(leaf: MultiscaleLeaf | None, settings: dict[str, Any]) -> bool:
+    """Return whether the mesh is the blade alone, and all of it."""
+    return leaf is None and settings.get("region") is None and settings.get("around") is None
+
+
+def _held_summary(fit: FitQuality, mesh_area: float | None) -> dict[str, Any]:
+    """Return the read-out of fit, with the area of the blade's mesh beside its own."""
+    table = fit.to_dict()
+    if mesh_area is None:
+        return table
+    table["area"]["mesh"] = mesh_area
+    more = mesh_area / fit.area[0] - 1
+    if abs(more) > MAX_AREA:
+        areas = " and ".join(measure_in_words(area, fit.unit, power=2) for area in (mesh_area, fit.area[0]))
+        table["warnings"].append(
+            f"the mesh has {100 * abs(more):.2g} % {'more' if more > 0 else 'less'} area than the blade, {areas}; "
+            "give a finer spacing"
+        )
+    return table
+
+
+def _texture_summary(leaf: MultiscaleLeaf) -> dict[str, Any]:
+    """Return what is worth knowing of a micro-structure."""
+    texture = leaf.texture
+    fits = [_fit_summary(patch.local) for patch in texture.patches]
+    return {"unit": texture.unit, "period": texture.period.tolist(), "fit": fits[0] if len(fits) == 1 else fits}
+
+
+def _surface_summary(surface: MeshPlan) -> dict[str, Any]:
+    """Return what is known of the surface of a multi-scale leaf before it is written."""
+    return {
+        "spacing": list(surface.spacing),
+        "closed": surface.closed,
+        "vertices": surface.vertices,
+        "triangles": surface.triangles,
+        "voids_filled_in_a_tile": surface.voids,
+        "specks_removed_from_a_tile": surface.islands,
+        "scraps_at_the_rim": asdict(surface.fragments),
+    }
 
 
 def _height_summary(blade: Blade) -> dict[str, Any]:

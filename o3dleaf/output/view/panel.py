@@ -101,10 +101,10 @@ class Page:
         points = scale * self.line * 0.72
         self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
 
-    def key(self, color: str, marker: str, text: str) -> None:
-        """Write a legend at the foot, between scale bar and color bar, for a marker of Matplotlib in a color."""
+    def key(self, color: str, marker: str, text: str, place: float = 0.29) -> None:
+        """Write a legend at the foot, `place` of its width from the left, for a marker of Matplotlib in a color."""
         width, height = self.figure.bbox.size
-        left, base = 0.29 * width, height - 1.3 * self.em
+        left, base = place * width, height - 1.3 * self.em
         line = marker == "-"
         x = left + self.em * np.array([-0.6, 0.6] if line else [0.0])
         drawn = self.axes.plot(x, np.full(len(x), base), color=color, linewidth=0.15 * self.line)[0]

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
+from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +20,15 @@ from o3dleaf.output.view.panel import Box, Page, em_of, lay_out, save_figure
 from o3dleaf.output.view.scene import Drawable, Scalars, Scene, encode, linear
 from o3dleaf.output.view.shade import Shot, shade_mesh
 
-__all__ = ["ENGINES", "PAPER", "Inset", "Scalars", "draw_page", "render"]
+__all__ = ["ENGINES", "PAPER", "Inset", "Scalars", "draw_page", "render", "save_page"]
 
 PAPER = np.array([0.955, 0.965, 0.950])
 """sRGB of the background."""
 
 PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 SUFFIXES = PIXELS + VECTORS
+LETTER = 0.47
+"""Mean width of a letter of a caption, in heights of a line."""
 ENGINES = ("cpu", "open3d", "auto")
 
 
@@ -97,7 +101,7 @@ def render(
     unit : str, optional
         Unit of the vertices ("mm", "um", ...), for the scale bars.
     title : str, optional
-        A line at the top.
+        A line at the top. What follows after a newline is smaller, and broken where it is too long.
     view : View, optional
         Another direction, tilt, perspective, flat shading, supersampling or larger words.
     engine : {"cpu", "open3d", "auto"}
@@ -122,6 +126,11 @@ def render(
         path = require_writable(path, SUFFIXES)
     subject = Inset(mesh, view=view or View(), scalars=scalars, unit=unit)
     page = draw_page(subject, insets, size, title, scale_bar=scale_bar, engine=engine)
+    return save_page(page, path)
+
+
+def save_page(page: Page, path: Path | None) -> npt.NDArray[np.uint8]:
+    """Return the pixels of a page, and write it to a file if a path is given that was found to be writable."""
     pixels = page.pixels()
     if path is not None and path.suffix.lower() in VECTORS:
         save_figure(page.figure, path)
@@ -154,14 +163,19 @@ def draw_page(
     em = subject.view.text * em_of(size)
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
     fitted = _frame(scenes[0], subject.view)
-    main, beside = lay_out(size, len(details), fitted.width / fitted.height, round(2.4 * em) if title else 0, foot)
+    heading, *caption = title.split("\n") if title else [""]
+    lines = [line for text in caption for line in wrap(text, max(1, int((size[0] / em - 2) / LETTER)))]
+    top = round((2.4 * bool(heading) + 1.4 * len(lines) + 0.4 * bool(lines)) * em)
+    main, beside = lay_out(size, len(details), fitted.width / fitted.height, top, foot)
     boxes = [main, *beside]
     shots = [
         _shoot(scene, each.view, box.without_foot(foot)) for scene, each, box in zip(scenes, panels, boxes, strict=True)
     ]
     page = Page(_expose(shots, boxes, size, engine), subject.view.text, dpi)
-    if title:
-        page.write(em, 1.3 * em, title, scale=1.25)
+    if heading:
+        page.write(em, 1.3 * em, heading, scale=1.25)
+    for number, line in enumerate(lines):
+        page.write(em, (1.1 + 1.4 * number + 2.2 * bool(heading)) * em, line, scale=0.85)
     for inset, scene, box in zip(details, scenes[1:], beside, strict=True):
         _mark_inset(page, shots[0].camera, main.without_foot(foot), (inset, scene), box)
     for each, scene, shot, box in zip(panels, scenes, shots, boxes, strict=True):

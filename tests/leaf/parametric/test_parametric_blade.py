@@ -8,6 +8,7 @@ import o3dleaf as o3l
 from chart_fields import LENGTH, WIDTH, curled, inner_places, surface_of, twisted
 from leaf_fields import texture
 from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.output.report.summary import summarize, warnings_of
 from tolerances import CHART_FOOT, CHART_SLOPE, DIFFERENCED_GRADIENT, DIFFERENCED_JACOBIAN, SIGNED_VS_FOOT
@@ -154,7 +155,7 @@ def test_distances_and_projections_are_those_of_its_surface(leaf):
 
 
 def test_it_is_written_read_and_remeshed(surface, leaf, tmp_path, flat):
-    outline = o3l.AlphaShape(inner_places(3000))
+    outline = Margin.fit(inner_places(3000), unit="mm")
     saved = o3l.MultiscaleLeaf(leaf.texture, blade=ParametricBlade(surface, outline, 1.0, ("a note",)))
     saved.save(tmp_path / "leaf.o3l")
     found = o3l.load(tmp_path / "leaf.o3l")

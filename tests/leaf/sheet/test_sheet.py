@@ -15,11 +15,11 @@ from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.open_sheets import unit_normals
-from o3dleaf.leaf.sheet.sheet import Sheet, find_sheet
+from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles
-from tests.tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING
+from tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING
 
 STEP = 0.6
 Shape = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -103,7 +103,7 @@ def test_a_hole_of_ten_spacings_stays_and_a_gap_does_not():
     assert rims(*_mesh(find_sheet(points[far > 1.5 * STEP]))) == 1
 
 
-def _mesh(sheet: Sheet):
+def _mesh(sheet: OpenSheet):
     return sheet.vertices, sheet.triangles
 
 

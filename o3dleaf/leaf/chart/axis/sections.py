@@ -51,7 +51,9 @@ def cut_across(outline: Any, points: FloatArray, normals: FloatArray) -> tuple[F
     order = np.lexsort((away, owner))
     nearest = order[np.unique(owner[order], return_index=True)[1]]
     middles, lengths = points.copy(), np.zeros(len(points))
-    middles[owner[nearest]] = shapely.get_coordinates(shapely.line_interpolate_point(parts[nearest], 0.5, True))
+    middles[owner[nearest]] = shapely.get_coordinates(
+        shapely.line_interpolate_point(parts[nearest], 0.5, normalized=True)
+    )
     lengths[owner[nearest]] = shapely.length(parts[nearest])
     return middles, lengths
 

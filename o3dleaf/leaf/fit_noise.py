@@ -1,0 +1,33 @@
+"""The noise of a scan about a blade, from what neighbors differ by: what errors of whole passes do not hide."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+
+NEIGHBORS = 6
+"""Points whose residuals a point's is compared with: near ones, over which the blade's own errors hardly change."""
+MOST = 20_000
+"""Points at which the noise is measured, which gives it to a hundredth."""
+LEAST = 0.25
+"""Share of the differences that is looked at, the smallest: of two passes that disagree half are of one pass."""
+QN = 2.2191
+"""That quantile of differences of normal errors to their standard deviation (Rousseeuw and Croux 1993)."""
+
+
+def local_noise(feet: FloatArray, distance: FloatArray) -> float:
+    """Return a robust standard deviation of points about a blade, less what whole neighborhoods are off it.
+
+    Passes of a scan that disagree, and places that the blade does not follow, make it no larger than twice what it is
+    without them, as long as half of each point's neighbors err as it does.
+
+    Parameters
+    ----------
+    feet : (n, 3) ndarray
+        Of the points on the blade, in the world.
+    distance : (n,) ndarray
+        Signed, of the points from the blade.
+    """
+    rows = np.arange(0, len(feet), -(-len(feet) // MOST))
+    _, near = cKDTree(feet).query(feet[rows], k=min(NEIGHBORS + 1, len(feet)), workers=-1)
+    return QN * float(np.quantile(np.abs(distance[near[:, 1:]] - distance[rows, np.newaxis]), LEAST))

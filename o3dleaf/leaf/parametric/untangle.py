@@ -1,0 +1,56 @@
+"""Single flipped triangles of a chart, put right by moving one of their corners."""
+
+import numpy as np
+from scipy.optimize import linprog
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas
+
+SWEEPS = 12
+"""Over the corners of flipped triangles: each sweep can free the next ring around a knot."""
+MOST = 0.02
+"""Share of the triangles that may be flipped for it to be tried: more is no matter of single corners."""
+
+
+def untangle(chart: FloatArray, triangles: IntArray) -> FloatArray | None:
+    """Return a chart (n, 2) without flipped triangles, few of its vertices moved; None where that does not succeed.
+
+    The areas of the triangles around a vertex are linear in its place: the place where the least distance from
+    the lines through their other edges is largest is a linear program of three unknowns.
+    """
+    chart = chart.copy()
+    for _ in range(SWEEPS):
+        flipped = np.flatnonzero(~(chart_areas(chart, triangles) > 0))
+        if not len(flipped):
+            return chart
+        if len(flipped) > max(2, MOST * len(triangles)):
+            return None
+        for vertex in np.unique(triangles[flipped]):
+            around = triangles[(triangles == vertex).any(axis=1)]
+            if (chart_areas(chart, around) <= 0).any():
+                chart[vertex] = _most_inside(chart, around, int(vertex))
+    return None
+
+
+def _most_inside(chart: FloatArray, around: IntArray, vertex: int) -> FloatArray:
+    """Return the place for a vertex that is farthest inside all lines through the opposite edges, not far away."""
+    corner = np.argmax(around == vertex, axis=1)
+    rows = np.arange(len(around))
+    start, end = chart[around[rows, (corner + 1) % 3]], chart[around[rows, (corner + 2) % 3]]
+    edge = end - start
+    length = np.linalg.norm(edge, axis=1)
+    keep = length > 0
+    inward = np.stack([-edge[keep, 1], edge[keep, 0]], axis=1) / length[keep, np.newaxis]
+    middle = (start + end).mean(axis=0) / 2
+    reach = float(length.max())
+    # Unknowns: the place, from the middle of the ring, and the least distance inside all lines.
+    offset = np.einsum("ij,ij->i", inward, (start[keep] - middle))
+    found = linprog(
+        [0.0, 0.0, -1.0],
+        A_ub=np.column_stack([-inward, np.ones(len(inward))]),
+        b_ub=-offset,
+        bounds=[(-reach, reach), (-reach, reach), (None, reach / 2)],
+        method="highs-ds",
+    )
+    return np.asarray(middle + found.x[:2] if found.status == 0 else chart[vertex])

@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+import shapely
+
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.leaf.chart.flatten import flatten_sheet
+from o3dleaf.leaf.chart.flattening.embedding import convex_chart, relax_without_flips
+from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
+from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
+from o3dleaf.leaf.chart.flattening.stretch import chart_areas, stretch_quantiles, triangle_stretch
+from o3dleaf.leaf.chart.flattening.untangle import untangle
+from tests import tolerances as tol
+from tests.sheet_shapes import blade, ellipse, rolled, triangulated
+
+
+@pytest.fixture(scope="module")
+def eaten():
+    """A blade with a hole, flat."""
+    return triangulated(blade(width=20.0).difference(shapely.Point(50, 2).buffer(4)), 2.5)
+
+
+def helicoid(flat, turn, length):
+    """A blade twisted about its own axis: its margins get longer, as (1 + (turn v / length)^2)^(1/2)."""
+    angle = turn * flat[:, 0] / length
+    return np.stack([flat[:, 0], flat[:, 1] * np.cos(angle), flat[:, 1] * np.sin(angle)], axis=1)
+
+
+def test_a_sheet_that_was_rolled_up_is_flattened_to_itself(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat, radius=15.0)
+    chart = flatten_sheet(sheet, triangles)
+    # What the triangles are short of the cylinder's arcs is of the square of their size over its radius.
+    assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.CHORDS_OF_A_ROLL
+    apart = np.linalg.norm(chart[:, None] - chart[None], axis=2), np.linalg.norm(flat[:, None] - flat[None], axis=2)
+    assert np.abs(apart[0] - apart[1]).max() < tol.CHORDS_OF_A_ROLL * 120
+    assert np.all(chart_areas(chart, triangles) > 0)
+
+
+def test_the_stretch_is_that_of_the_affine_map():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    shear = np.array([[2.0, 0.0], [0.7, 0.5]])
+    chart = vertices[:, :2] @ shear
+    found = triangle_stretch(vertices, np.array([[0, 1, 2]]), chart)[0]
+    np.testing.assert_allclose(found, np.linalg.svd(shear, compute_uv=False), rtol=1e-12)
+
+
+def test_a_twist_of_half_a_turn_is_stretched_by_no_more_than_the_curvature_asks():
+    flat, triangles = triangulated(shapely.box(0, -8, 200, 8), 3.0)
+    sheet = helicoid(flat, np.pi, 200.0)
+    chart = flatten_sheet(sheet, triangles)
+    found = stretch_quantiles(sheet, triangles, chart)
+    # A margin is longer than the axis by (1 + 0.1257^2)^(1/2) = 1.0079.
+    assert 0.992 <= found.least <= 1 <= found.most <= 1.005
+    assert chart_areas(chart, triangles).sum() == pytest.approx(triangle_areas(sheet, triangles).sum(), rel=1e-9)
+
+
+def test_a_fine_sheet_is_carried_along_by_its_coarse_one():
+    flat, triangles = triangulated(ellipse(100.0, 50.0), 0.85)
+    assert len(triangles) > 10_000
+    sheet = rolled(flat)
+    chart = flatten_sheet(sheet, triangles)
+    found = stretch_quantiles(sheet, triangles, chart)
+    assert max(1 - found.least, found.most - 1) < tol.CARRIED_STRETCH
+    assert np.all(chart_areas(chart, triangles) > 0)
+
+
+def test_a_chart_does_not_depend_on_where_the_sheet_lies(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat)
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    charts = [flatten_sheet(each, triangles) for each in (sheet, sheet @ (turn * np.linalg.det(turn)).T + 100)]
+    lengths = [np.linalg.norm(np.diff(chart[triangles], axis=1), axis=2) for chart in charts]
+    np.testing.assert_allclose(*lengths, atol=tol.MOVED_SHEET)
+
+
+def test_a_convex_map_flips_nothing_and_relaxes_without_flips(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat)
+    chart = convex_chart(sheet, triangles, require_sheet(sheet, triangles))
+    assert np.all(chart_areas(chart, triangles) > 0)
+    relaxed = relax_without_flips(sheet, triangles, chart)
+    assert np.all(chart_areas(relaxed, triangles) > 0)
+    found = stretch_quantiles(sheet, triangles, relaxed)
+    assert max(1 - found.least, found.most - 1) < 0.05
+
+
+def test_a_vertex_that_was_moved_across_its_neighbors_is_put_back_inside(eaten):
+    flat, triangles = eaten
+    inner = np.flatnonzero(np.hypot(*(flat - [90.0, 0.0]).T) < 3)[0]
+    knotted = flat.copy()
+    knotted[inner] += [7.0, 1.0]
+    assert np.any(chart_areas(knotted, triangles) <= 0)
+    repaired = untangle(knotted, triangles)
+    assert np.all(chart_areas(repaired, triangles) > 0)
+    assert (repaired != flat).any(axis=1).sum() < 20
+
+
+def spiral(turns, step=1.0):
+    """A flat strip that winds around itself in its own plane, rising: it overlaps when laid flat."""
+    flat, triangles = triangulated(shapely.box(0, -4, 2 * np.pi * 10 * turns, 4), step)
+    angle, radius = flat[:, 0] / 10, 10 + flat[:, 1]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), 2.0 * angle], axis=1), triangles
+
+
+def test_a_sheet_that_winds_round_itself_is_refused_with_the_place():
+    sheet, triangles = spiral(1.4)
+    with pytest.raises(ReconstructionError, match=r"lies over itself on .* % of its area, most at -?\d.*; cut"):
+        flatten_sheet(sheet, triangles)
+    flatten_sheet(*spiral(0.8))
+
+
+def test_what_lies_over_the_rest_is_found_with_its_area_and_the_smaller_layer_goes():
+    # A spiral staircase seen from above, turned so that its triangles are counter-clockwise.
+    sheet, triangles = spiral(1.2)
+    triangles = triangles[:, ::-1].copy()
+    folded = sheet[:, :2]
+    overlap = find_overlap(folded, triangles, require_sheet(sheet, triangles))
+    exact = (14**2 - 6**2) * np.pi * 0.2
+    assert overlap.areas.sum() == pytest.approx(exact, rel=0.02)
+    kept = without_flaps(sheet, triangles, overlap)
+    left = triangles[kept]
+    assert find_overlap(folded, left, require_sheet(sheet, left)) is None
+    assert chart_areas(folded, left).sum() == pytest.approx((14**2 - 6**2) * np.pi, rel=0.03)
+
+
+def sphere(open_at):
+    """A sphere of 20 mm without its cap above a height; closed at 2."""
+    import open3d as o3d
+
+    mesh = o3d.geometry.TriangleMesh.create_sphere(20.0, resolution=20)
+    vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64)
+    return vertices, triangles[vertices[triangles][:, :, 2].max(axis=1) < 20 * open_at]
+
+
+@pytest.mark.parametrize(
+    ("open_at", "says"), [(2.0, "closed and has no margin"), (0.9, r"% of the sheet would be stretched .* at -?\d")]
+)
+def test_a_closed_surface_and_a_bag_are_refused(open_at, says):
+    with pytest.raises(ReconstructionError, match=says):
+        flatten_sheet(*sphere(open_at))
+
+
+def test_a_mesh_that_is_no_sheet_is_refused_with_the_place(eaten):
+    flat, triangles = eaten
+    sheet = rolled(flat)
+    turned = triangles.copy()
+    turned[5] = turned[5, ::-1]
+    with pytest.raises(ReconstructionError, match=r"face opposite ways, one of them at -?\d"):
+        flatten_sheet(sheet, turned)
+    twice = np.concatenate([triangles, triangles + len(sheet)])
+    with pytest.raises(ReconstructionError, match="in 2 pieces"):
+        flatten_sheet(np.concatenate([sheet, sheet + 500]), twice)
+
+
+def test_a_sheet_with_a_handle_is_refused():
+    u, v = np.meshgrid(np.arange(24), np.arange(12), indexing="ij")
+    corner = lambda i, j: (i % 24) * 12 + j % 12  # noqa: E731
+    quads = np.stack([corner(u, v), corner(u + 1, v), corner(u + 1, v + 1), corner(u, v + 1)], axis=-1).reshape(-1, 4)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    triangles = np.delete(triangles, [0, len(quads)], axis=0)
+    a, b = u.ravel() * 2 * np.pi / 24, v.ravel() * 2 * np.pi / 12
+    torus = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=1)
+    with pytest.raises(ReconstructionError, match=r"has 1 handle"):
+        flatten_sheet(torus, triangles)

@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+import shapely
+
+import planar_leaves as leaves
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.model_file import read_model, write_model
+from o3dleaf.leaf.margin.margin import Hole, Margin
+from tolerances import (
+    MARGIN_AREA,
+    MARGIN_AREA_RANDOM,
+    MARGIN_HELD,
+    MARGIN_HELD_RANDOM,
+    MARGIN_TURNED,
+    TIP_LOST,
+)
+
+REGULAR = ("lattice", "jittered", "lines")
+SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(20), "lobed": leaves.lobed(), "eaten": leaves.eaten(6)}
+
+
+@pytest.mark.parametrize("sampler", leaves.SAMPLERS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape, sampler):
+    leaf = SHAPES[shape]
+    points = leaves.SAMPLERS[sampler](leaf, 3000, np.random.default_rng(7))
+    margin, spacing = Margin.fit(points), leaves.true_spacing(leaf, points)
+    regular = sampler in REGULAR
+    assert margin.area == pytest.approx(leaf.area, rel=MARGIN_AREA if regular else MARGIN_AREA_RANDOM)
+    for distances in leaves.margin_distances(leaf, margin.polygon, spacing / 4):
+        assert np.mean(distances <= spacing) >= (MARGIN_HELD if regular else MARGIN_HELD_RANDOM)
+
+
+@pytest.mark.parametrize("angle", [10, 20, 40])
+@pytest.mark.parametrize("seed", range(3))
+def test_sharp_tips_are_kept(angle, seed):
+    leaf = leaves.strip(angle)
+    points = leaves.uniform(leaf, 4000, np.random.default_rng(seed))
+    reached = Margin.fit(points).bounds[1, 0]
+    assert abs(reached - 150) <= TIP_LOST / angle * leaves.true_spacing(leaf, points)
+
+
+def test_the_margin_is_a_simple_curve_and_holds_every_point_of_a_lattice():
+    points = leaves.lattice(leaves.lobed(), 2000, np.random.default_rng(0))
+    margin = Margin.fit(points)
+    assert margin.polygon.is_valid
+    assert margin.polygon.exterior.is_ccw
+    assert margin.contains(points).all()
+    assert margin.rounded is margin.polygon
+    assert np.array_equal(margin.bounds, np.reshape(margin.polygon.bounds, (2, 2)))
+    sides = np.hypot(*np.diff(np.vstack([margin.ring, margin.ring[:1]]), axis=0).T)
+    assert sides.max() < 0.5 * margin.spacing
+
+
+def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
+    leaf = leaves.eaten(6)
+    points = leaves.uniform(leaf, 4000, np.random.default_rng(1))
+    kept, filled = Margin.fit(points), Margin.fit(points, fill_holes=11.0)
+    (hole,) = kept.holes
+    assert hole.place == pytest.approx([10, 2], abs=kept.spacing)
+    assert hole.diameter == pytest.approx(10, abs=kept.spacing)
+    assert not hole.filled
+    assert not kept.contains([[10, 2]])[0]
+    assert filled.contains([[10, 2]])[0]
+    assert filled.holes[0].filled
+    assert filled.area - kept.area == pytest.approx(hole.area)
+    assert Margin.fit(points, fill_holes=9.0).area == kept.area
+
+
+def test_a_gap_that_a_random_sample_has_by_chance_is_no_hole():
+    leaf = leaves.ellipse()
+    for seed in range(3):
+        points = leaves.uniform(leaf, 3000, np.random.default_rng(seed))
+        spacing = leaves.true_spacing(leaf, points)
+        assert not Margin.fit(points).holes
+        assert len(Margin.fit(points[np.hypot(*points.T) > 4 * spacing]).holes) == 1
+
+
+def test_the_margin_turns_and_grows_with_the_points():
+    points = leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(3))
+    turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
+    margin, turned = Margin.fit(points), Margin.fit(3 * points @ turn + [100, -50])
+    assert turned.area == pytest.approx(9 * margin.area, rel=MARGIN_TURNED)
+    assert turned.spacing == pytest.approx(3 * margin.spacing)
+    moved = shapely.Polygon(3 * margin.ring @ turn + [100, -50])
+    assert shapely.Polygon(turned.ring).symmetric_difference(moved).area < MARGIN_TURNED * turned.area
+
+
+def test_order_and_repeated_points_do_not_matter():
+    points = leaves.uniform(leaves.ellipse(), 1500, np.random.default_rng(4))
+    shuffled = np.random.default_rng(5).permutation(np.vstack([points, points[:200]]))
+    assert np.array_equal(Margin.fit(points).ring, Margin.fit(shuffled).ring)
+
+
+def test_a_margin_comes_back_from_a_file_the_same(tmp_path):
+    margin = Margin.fit(leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(6)), unit="mm")
+    write_model(margin, tmp_path / "margin.o3l")
+    again = read_model(tmp_path / "margin.o3l", {"Margin": Margin, "Hole": Hole})
+    assert again.polygon.equals_exact(margin.polygon)
+    assert (again.unit, again.notes, again.spacing) == (margin.unit, margin.notes, margin.spacing)
+    assert str(again.holes[0]) == str(margin.holes[0])
+
+
+def test_pieces_are_joined_over_a_narrow_gap_and_left_out_and_told_beyond_a_wide_one():
+    points = leaves.uniform(leaves.ellipse(), 4000, np.random.default_rng(8))
+    spacing = leaves.true_spacing(leaves.ellipse(), points)
+    narrow = Margin.fit(points[np.abs(points[:, 0] - 30) > 2.5 * spacing])
+    wide = Margin.fit(points[np.abs(points[:, 0] - 30) > 8 * spacing])
+    assert narrow.area == pytest.approx(leaves.ellipse().area, rel=0.03)
+    assert "joined" in narrow.notes[0]
+    assert "left out" in wide.notes[0]
+    assert wide.bounds[1, 0] < 30
+
+
+def test_points_on_a_line_are_refused():
+    with pytest.raises(InputError, match="one line"):
+        Margin.fit(np.stack([np.arange(10.0), np.zeros(10)], axis=1))

@@ -1,0 +1,158 @@
+"""The read-out of a fit says what a blade does not hold, how much of it and where, and nothing of a good fit."""
+
+import json
+
+import numpy as np
+import pytest
+import shapely
+from scipy.spatial.transform import Rotation
+
+from blade_fields import KnownHole, KnownOutline, RolledBlade
+from o3dleaf.leaf.fit_quality import FAR, LEAST_FAR, MAX_OUTSIDE, FitQuality
+from tolerances import MOVED_READ_OUT, NOISE_OF_NEIGHBORS, SHARE_OF_A_SAMPLE, STRETCH_OF_A_LATTICE
+
+SPACING = 0.5
+BLADE = RolledBlade()
+
+
+def raised(blade, points, places, chosen, height):
+    """Return the points, the chosen ones raised above the blade."""
+    flat = np.column_stack([places, np.zeros(len(places))])
+    up = blade.lift(flat + [0, 0, height]) - blade.lift(flat)
+    return points + up * chosen[:, np.newaxis]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize("spacing", [0.3, 0.6, 1.0])
+def test_of_a_good_fit_nothing_is_told(noise, spacing):
+    """Random points, to the margin and into the sharp tips, with normal errors along every axis."""
+    quality = FitQuality.of(BLADE, BLADE.scan(spacing, noise)[0])
+    assert quality.warnings == []
+    assert quality.noise == pytest.approx(noise * spacing, rel=NOISE_OF_NEIGHBORS, abs=1e-9)
+    assert quality.spacing == pytest.approx(spacing, rel=NOISE_OF_NEIGHBORS)
+    assert quality.outside <= MAX_OUTSIDE / 5
+    assert "good" in repr(quality)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_a_patch_off_the_blade_is_told_with_share_and_place(noise):
+    points, places = BLADE.scan(SPACING, noise)
+    patch = np.hypot(*(places - [30, 2]).T) < 3
+    quality = FitQuality.of(BLADE, raised(BLADE, points, places, patch, 2.0))
+    assert quality.far == pytest.approx(patch.mean(), abs=SHARE_OF_A_SAMPLE)
+    (place,) = quality.far_places
+    assert place.share == pytest.approx(patch.mean(), rel=SHARE_OF_A_SAMPLE)
+    assert np.linalg.norm(np.array(place.center) - BLADE.lift(np.array([[30, 2, 2.0]]))) < SPACING + 3 * noise
+    (line,) = [line for line in quality.warnings if "off the blade" in line]
+    assert str(place) in line
+    assert np.median(quality.distance[patch]) == pytest.approx(2.0, rel=NOISE_OF_NEIGHBORS)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5])
+@pytest.mark.parametrize("apart", [0.5, 2.0])
+def test_passes_that_disagree_are_no_noise(share, apart):
+    points, places = BLADE.scan(SPACING, 0.1)
+    other = np.random.default_rng(1).random(len(points)) < share
+    quality = FitQuality.of(BLADE, raised(BLADE, points, places, other, apart))
+    assert quality.noise < 2.5 * 0.1 * SPACING
+    assert quality.limit == FAR * quality.noise > LEAST_FAR * quality.spacing
+    assert quality.far == pytest.approx(other.mean(), rel=SHARE_OF_A_SAMPLE)
+    assert "scattered" in quality.warnings[0] or str(quality.far_places[0]) in quality.warnings[0]
+
+
+def test_points_beside_the_blade_are_told_and_not_its_residuals():
+    points, _ = BLADE.scan(SPACING)
+    stalk = np.column_stack([np.linspace(-12, -2, 60), np.zeros(60), np.zeros(60)])
+    quality = FitQuality.of(BLADE, np.concatenate([points, BLADE.lift(stalk)]))
+    assert quality.outside == pytest.approx(60 / (len(points) + 60), rel=1e-12)
+    assert quality.far == 0
+    assert quality.residuals[-1] < 1e-9
+    assert quality.outside_places[0].center[0] == pytest.approx(-7, abs=0.2)
+    assert ["outside its margin" in line for line in quality.warnings] == [True]
+
+
+def test_a_gap_is_told_with_share_and_place():
+    points, places = BLADE.scan(SPACING, 0.2)
+    hidden = np.hypot(*(places - [50, 0]).T) < 4
+    quality = FitQuality.of(BLADE, points[~hidden])
+    # What is three spacings from every point is a disc of less radius; curvature brings its rim nearer.
+    inner = np.pi * (4 - 3 * SPACING) ** 2 / BLADE.outline.area
+    assert inner / 1.5 < quality.gaps < 1.5 * inner
+    assert quality.coverage == 1 - quality.gaps
+    assert np.linalg.norm(np.array(quality.gap_places[0].center) - BLADE.lift(np.array([[50, 0, 0.0]]))) < SPACING
+    assert ["from every point" in line for line in quality.warnings] == [True]
+
+
+@pytest.mark.parametrize("stretch", [(1.0, 1.0), (0.9, 1.0), (1.0, 1.2), (0.8, 1.3)])
+def test_stretch_is_that_of_the_surface(stretch):
+    blade = RolledBlade(stretch=stretch)
+    quality = FitQuality.of(blade, blade.scan(SPACING)[0])
+    exact = {"rel": STRETCH_OF_A_LATTICE}
+    assert quality.along == pytest.approx((stretch[0],) * 2, **exact)
+    assert quality.across == pytest.approx((stretch[1],) * 2, **exact)
+    assert quality.stretch == pytest.approx((min(stretch), max(stretch)), **exact)
+    assert quality.area[0] == pytest.approx(np.prod(stretch) * quality.area[1], **exact)
+    assert bool(quality.warnings) == (stretch != (1.0, 1.0))
+
+
+def test_a_sheared_plane_is_stretched_along_its_diagonals():
+    """Of x = u + s v, y = v the singular values are those of a 2 by 2 matrix."""
+    shear = np.array([[1.0, 0.4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+    class ShearedBlade(RolledBlade):
+        def flatten(self, x):
+            return x @ np.linalg.inv(shear).T
+
+        def lift_with_jacobian(self, flat):
+            lifted = super().lift_with_jacobian(flat)
+            return type(lifted)(flat @ shear.T, np.tile(shear.T, (len(flat), 1, 1)))
+
+    blade = ShearedBlade()
+    quality = FitQuality.of(blade, blade.scan(SPACING)[0])
+    known = np.linalg.svd(shear[:2, :2], compute_uv=False)
+    assert quality.stretch == pytest.approx((known[1], known[0]), rel=STRETCH_OF_A_LATTICE)
+
+
+def test_the_read_out_moves_with_the_leaf():
+    points, places = BLADE.scan(SPACING, 0.2)
+    points = raised(BLADE, points, places, places[:, 0] > 70, 1.5)[places[:, 0] < 75]
+    rotation, shift = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix(), np.array([500.0, -200.0, 30.0])
+    one, other = FitQuality.of(BLADE, points), FitQuality.of(BLADE.moved(rotation, shift), points @ rotation.T + shift)
+    assert other.distance == pytest.approx(one.distance, abs=MOVED_READ_OUT)
+    assert (other.far, other.outside, other.gaps) == pytest.approx((one.far, one.outside, one.gaps), rel=MOVED_READ_OUT)
+    assert (other.noise, other.spacing) == pytest.approx((one.noise, one.spacing), rel=MOVED_READ_OUT)
+    for place, same in zip(one.far_places + one.gap_places, other.far_places + other.gap_places, strict=True):
+        assert same.center == pytest.approx(rotation @ place.center + shift, abs=SPACING / 10)
+
+
+def test_holes_stand_in_the_world_and_points_in_them_are_outside():
+    hole = shapely.Point(40, 1).buffer(2.5, 64)
+    known = KnownHole(np.array([40.0, 1.0]), hole.area, 5.0, filled=False)
+    blade = RolledBlade(outline=KnownOutline(BLADE.outline.polygon - hole, (known,)))
+    points, places = BLADE.scan(SPACING)
+    quality = FitQuality.of(blade, points)
+    assert quality.holes[0]["place"] == pytest.approx(BLADE.lift(np.array([[40.0, 1.0, 0.0]]))[0], rel=1e-12)
+    # A spacing inside its rim nothing is told.
+    deep = np.mean(np.hypot(*(places - [40, 1]).T) < 2.5 - quality.spacing)
+    assert quality.outside == pytest.approx(deep, rel=SHARE_OF_A_SAMPLE)
+    assert "1 holes kept, 0 filled" in quality.lines()[1]
+
+
+def test_the_read_out_is_json_and_a_scan_of_many_points_is_no_other():
+    points, _ = BLADE.scan(0.1, 0.2)
+    quality = FitQuality.of(BLADE, points)
+    assert len(points) > 60_000
+    assert quality.warnings == []
+    table = json.loads(json.dumps(quality.to_dict(), allow_nan=False))
+    assert table["points"] == len(points)
+    assert table["residuals"]["half"] == quality.residuals[0]
+    assert quality.residuals[0] == pytest.approx(0.6745 * 0.02, rel=NOISE_OF_NEIGHBORS)
+    assert table["warnings"] == []
+    assert len(quality.lines()) == 2
+
+
+def test_a_scan_beside_the_blade_altogether_is_told():
+    points, _ = BLADE.scan(SPACING)
+    quality = FitQuality.of(BLADE, points + [200.0, 0, 0])
+    assert (quality.outside, quality.gaps) == (1.0, 1.0)
+    assert len(quality.warnings) == 2
