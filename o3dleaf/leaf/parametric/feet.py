@@ -26,11 +26,7 @@ LONGEST_STEP = 32.0
 
 
 @dataclass(frozen=True, eq=False)
-<<<<<<< HEAD
-class ChartFeet:
-=======
 class SurfaceFeet:
->>>>>>> w-lead
     """Closest points of a surface.
 
     Attributes
@@ -110,11 +106,7 @@ def jets_of(balls: VectorBalls, plane: FloatArray, order: int) -> FloatArray:
     return jets
 
 
-<<<<<<< HEAD
-def feet_from(balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float) -> ChartFeet:
-=======
 def feet_from(balls: VectorBalls, points: FloatArray, starts: FloatArray, step: float) -> SurfaceFeet:
->>>>>>> w-lead
     """Return the feet of points (n, 3) that Newton's method finds from `starts` (n, 2)."""
     found = _empty(len(points))
 
@@ -125,11 +117,7 @@ def feet_from(balls: VectorBalls, points: FloatArray, starts: FloatArray, step: 
     return found
 
 
-<<<<<<< HEAD
-def closest_feet(balls: SheetBalls, points: FloatArray, samples: Samples) -> ChartFeet:
-=======
 def closest_feet(balls: VectorBalls, points: FloatArray, samples: Samples) -> SurfaceFeet:
->>>>>>> w-lead
     """Return the closest feet of points (n, 3), from those samples of the surface that may lead to them."""
     found = _empty(len(points))
 
@@ -150,14 +138,6 @@ def closest_feet(balls: VectorBalls, points: FloatArray, samples: Samples) -> Su
     return found
 
 
-<<<<<<< HEAD
-def _empty(count: int) -> ChartFeet:
-    return ChartFeet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
-
-
-def _newton(  # noqa: PLR0917 - a surface, points and where to write
-    balls: SheetBalls, points: FloatArray, starts: FloatArray, step: float, max_step: float, found: ChartFeet, first: int
-=======
 def _empty(count: int) -> SurfaceFeet:
     return SurfaceFeet(np.empty((count, 2)), np.empty(count), np.empty(count, dtype=bool))
 
@@ -170,7 +150,6 @@ def _newton(  # noqa: PLR0917 - a surface, points and where to write
     max_step: float,
     found: SurfaceFeet,
     first: int,
->>>>>>> w-lead
 ) -> None:
     """Write the feet of a block into `found` from row `first` on."""
     rows = slice(first, first + len(points))
