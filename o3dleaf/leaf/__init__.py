@@ -19,7 +19,6 @@ Composed, they are one implicit function of the whole leaf.
 `remeshing`       its surface as a projection target; its mesh remeshed
 `meshing`         `MeshPlan`: its surface as a mesh
 `fine_windows`    a mesh with finer windows
-`fit_quality`     what a blade holds of its scan
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
 `fit_noise`       the noise of a scan, by which a fit is judged

@@ -28,7 +28,7 @@ class GroupedValues(NamedTuple):
     smooth: Any
 
 
-class CreasedBalls(NamedTuple):
+class SheetBalls(NamedTuple):
     """A cover with a ball for each sheet, of which ball i has first[i]:first[i + 1], and their composition."""
 
     balls: Any

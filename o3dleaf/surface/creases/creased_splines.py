@@ -20,7 +20,7 @@ from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 from o3dleaf.surface.creases import crease_loops, sheets
 from o3dleaf.surface.creases.composition_loops import ComposedBalls
-from o3dleaf.surface.creases.crease_loops import GroupedValues, CreasedBalls, SplineSystem
+from o3dleaf.surface.creases.crease_loops import GroupedValues, SheetBalls, SplineSystem
 from o3dleaf.surface.creases.sheets import BoolArray, MeasuredPoints, PointGroups, SheetCover, SplitBalls, find_splits
 
 ANGLE = 30.0
@@ -153,7 +153,7 @@ def _keep_better(
             model.exponents, int(terms.min()), model.kernel.power, chosen.diagonals(cover.counts, per_ball), of_sheets
         )
         values = GroupedValues(data.weighted, data.groups, smooth)
-        parts = CreasedBalls(sheet_cover.cover.balls, sheet_cover.first, sheet_cover.composition)
+        parts = SheetBalls(sheet_cover.cover.balls, sheet_cover.first, sheet_cover.composition)
 
         def task(start: int, stop: int) -> None:
             crease_loops.compare_balls(start, stop, splits.balls, values, cover.balls, parts, system, better)
