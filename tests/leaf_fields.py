@@ -20,8 +20,9 @@ from o3dleaf import (
 
 FRAMES = ("surface", "paper")
 HALF_WIDTH = 3.0
-COLLAR = 1.0
-"""Width of the strip beside the leaf that the surface is fitted to as well: it is known there."""
+COLLAR, STEP = 2.0, 0.4
+"""Width of the strip beside the leaf that the surface is fitted to as well, and the step of what it is fitted to: all in
+one ball, since a spline errs at the edges of its data."""
 
 
 def texture(function, half=0.5, tile=2.0, n=13):
@@ -55,9 +56,10 @@ def paper_blade(lift, length, height):
 
 def surface_blade(lift, length, height):
     """The strip as a surface over its chart, inside a rectangle."""
-    wide = HALF_WIDTH + COLLAR
-    s, c = grid((-COLLAR, length + COLLAR), (-wide, wide), round(4 * (length + 2 * COLLAR)) + 1, 33)
-    surface = ChartSurface.fit(np.column_stack([s, c]), lift(s, c, height + 0 * s), smoothing=0.0, unit="mm")
+    wide, long = HALF_WIDTH + COLLAR, length + 2 * COLLAR
+    s, c = grid((-COLLAR, length + COLLAR), (-wide, wide), round(long / STEP) + 1, round(2 * wide / STEP) + 1)
+    places, points = np.column_stack([s, c]), lift(s, c, height + 0 * s)
+    surface = ChartSurface.fit(places, points, smoothing=0.0, unit="mm", points_per_ball=2 * len(s))
     ring = np.array([[0, -HALF_WIDTH], [length, -HALF_WIDTH], [length, HALF_WIDTH], [0, HALF_WIDTH]])
     return ParametricBlade(surface, Margin(ring, ring, spacing=0.25, unit="mm"))
 
