@@ -8,6 +8,7 @@ import scipy.ndimage
 import shapely
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.axis.ends import long_axis, slice_axis, symmetry_axis
@@ -23,6 +24,7 @@ from o3dleaf.leaf.chart.axis.sections import (
     triangulate_inside,
     within,
 )
+from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
@@ -130,6 +132,19 @@ def find_midline(
     curve = resample(within(margin, curve), len(curve))
     _, widths = cut_across(margin, curve, normals_of(curve))
     return Midline(curve, widths, curve[0], curve[-1], tuple(notes))
+
+
+def midline_through(vertices: FloatArray, triangles: IntArray, chart: FloatArray, midrib: FloatArray) -> Midline:
+    """Return the midrib in the chart through given points (k, 3) of the world, from base to tip.
+
+    Its widths are the blade's mean width, its ends the first and the last point.
+    """
+    curve = carry(vertices, triangles, chart, midrib)
+    length = float(reached(curve)[-1])
+    if not length > 0:
+        raise InputError("midrib: its points have one place on the blade; give points along it, from base to tip")
+    widths = np.full(len(curve), float(np.abs(chart_areas(chart, triangles)).sum()) / length)
+    return Midline(curve, widths, curve[0], curve[-1], ("the midrib is the one that was given",))
 
 
 def _from_start(outline: Any, ways: Ways, area: FloatArray, start: FloatArray) -> FloatArray:
