@@ -92,7 +92,7 @@ def cut_off_flaps(
     vertices, triangles : (n, 3), (m, 3) ndarrays
     partner : (n,) ndarray
         The vertex above or below each in a layer that faces its way, -1 for none. Of two patches that lie over one
-        another the one with more than twice the share of its vertices on a rim is the flap; the other goes on around it.
+        another the one with more than twice the share of vertices on a rim is the flap; the other goes on around it.
     """
     flagged = partner >= 0
     if not flagged.any():
