@@ -216,7 +216,8 @@ def _dots(points: FloatArray, radius: float, color: str) -> o3d.geometry.Triangl
     corners, faces = np.asarray(ball.vertices), np.asarray(ball.triangles, dtype=np.int64)
     first = len(corners) * np.arange(len(points), dtype=np.int64)[:, np.newaxis, np.newaxis]
     mesh = build_mesh((points[:, np.newaxis] + corners).reshape(-1, 3), (first + faces).reshape(-1, 3))
-    return mesh.paint_uniform_color(to_rgb(color))
+    mesh.paint_uniform_color(to_rgb(color))
+    return mesh
 
 
 def _edges(blade: Blade, *, flat: bool) -> list[FloatArray]:
