@@ -129,7 +129,7 @@ def find_starts(points, samples, starts, others):
     count, bends = groups.shape[1], jets[:, 3:]
     widest = 0
     for g in range(count):
-        widest = max(widest, int(group_starts[g + 1] - group_starts[g]))
+        widest = max(widest, group_starts[g + 1] - group_starts[g])
     group_far, group_near, far, near = np.empty(count), np.empty(count), np.empty(widest), np.empty(widest)
     predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 2))
     for i in range(len(points)):
