@@ -21,12 +21,15 @@ from .fitting.local.potentials import Hermite as Hermite
 from .fitting.local.potentials import CurlFree as CurlFree
 from .fitting.local.polynomials import MovingLeastSquares as MovingLeastSquares
 from .surface.creases.creased_splines import CreasedSplines as CreasedSplines
+from .leaf.blade.blade import Blade as Blade
+from .leaf.parametric.surface import ChartSurface as ChartSurface
+from .leaf.margin.margin import Margin as Margin
+from .leaf.parametric.parametric_blade import ParametricBlade as ParametricBlade
 from .leaf.macro.midrib import find_midrib as find_midrib
 from .leaf.macro.frame import LeafFrame as LeafFrame
 from .leaf.macro.height import HeightMap as HeightMap
 from .leaf.macro.outline import AlphaShape as AlphaShape
 from .leaf.macro.blade import HeightMapBlade as HeightMapBlade
-from .leaf.blade.blade import Blade as Blade
 from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
@@ -34,6 +37,7 @@ from .leaf.models import load as load
 from .leaf.options import BladeOptions as BladeOptions
 from .leaf.options import TextureOptions as TextureOptions
 from .leaf.pipeline import create_blade as create_blade
+from .leaf.fit_quality import FitQuality as FitQuality
 from .leaf.pipeline import create_texture as create_texture
 from .leaf.pipeline import create_multiscale_leaf as create_multiscale_leaf
 from .surface.isosurface.isosurface import extract_isosurface as extract_isosurface

@@ -6,7 +6,8 @@
 
 Everything goes through the command line, twice: once to compile, once to hash, because code that Numba has just
 compiled and code from its cache can differ in the last bits. Real scans come from ../shared/data, where it is there.
-Of a model file the arrays are hashed too, without the header that names the classes.
+Of a model file the arrays are hashed too, without the header that names the classes. Leaves are those of the paper's
+frame; those of the default frame, a surface over a chart, are called surface_....
 """
 
 import argparse
@@ -29,6 +30,7 @@ SCAN = DATA / "wheat/wheat_leaf.ply"
 MIDRIB = DATA / "wheat/wheat_leaf_midrib.ply"
 CT = SAMPLES / "wheat_ct_24um.tif"
 WINDOW = ["--region", "90", "-2", "96", "2"]
+LEAVES = ["leaf.ply", "leaf.o3l", "blade.ply", "closed.ply", "remeshed.ply"]
 CLOUDS = [
     "oriented/homer.ply",
     "oriented/interlocked_tori.ply",
@@ -40,6 +42,7 @@ CLOUDS = [
 def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--against", type=Path, help="hashes printed before")
+    options.add_argument("--only", nargs="+", metavar="FILE", help="the files to make, not all")
     options.add_argument("--once", action="store_true", help="trust that everything is compiled already")
     given = options.parse_args()
     before = dict(line.split("  ") for line in given.against.read_text().splitlines()) if given.against else {}
@@ -47,10 +50,12 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for command, outputs in jobs(folder):
+            if given.only and not {each.name for each in outputs} & set(given.only):
+                continue
             for _ in range(1 if given.once else 2):
                 run(command)
             for output in outputs:
-                for label, digest in hashes(folder / output):
+                for label, digest in hashes(output):
                     known = before.get(label)
                     mark = "" if known is None else "  same" if known == digest else "  CHANGED"
                     changed += [label] if mark == "  CHANGED" else []
@@ -60,18 +65,24 @@ def main():
 
 def jobs(folder):
     """Yield what to run and the files to hash then."""
-    yield ["demo", "-o", folder / "demo", "--samples", SAMPLES], ["demo/leaf.ply", "demo/leaf.o3l"]
-    if SCAN.is_file():
-        leaf = ["leaf", SCAN, "--midrib", MIDRIB, "--no-picture"]
-        yield [*leaf, "-o", folder / "blade.ply", "--spacing", "0.2"], ["blade.ply"]
-        fused = [*leaf, "--ct", CT]
-        yield [*fused, "--spacing", "0.1", "--closed", "-o", folder / "closed.ply"], ["closed.ply"]
-        remeshed = [*fused, *WINDOW, "--spacing", "0.05", "--closed", "--remesh", "0.05", "-o", folder / "remeshed.ply"]
-        yield remeshed, ["remeshed.ply"]
+    sample = [SAMPLES / "wheat_scan.ply", "--midrib", SAMPLES / "wheat_midrib.ply", "--no-picture"]
+    real = [SCAN, "--midrib", MIDRIB, "--no-picture"]
+    # The paper's frame has the names that its files have had since the first release.
+    for frame, prefix in (("paper", ""), ("surface", "surface_")):
+        files = {name: folder / f"{prefix}{name}" for name in LEAVES}
+        way = ["--frame", frame, "--ct", CT]
+        model = ["--model", files["leaf.o3l"], "-o", files["leaf.ply"]]
+        yield ["leaf", *sample, *way, "--spacing", "0.1", *model], [files["leaf.ply"], files["leaf.o3l"]]
+        if SCAN.is_file():
+            yield ["leaf", *real, *way[:2], "--spacing", "0.2", "-o", files["blade.ply"]], [files["blade.ply"]]
+            closed = [*real, *way, "--closed"]
+            yield ["leaf", *closed, "--spacing", "0.1", "-o", files["closed.ply"]], [files["closed.ply"]]
+            solver = [*closed, *WINDOW, "--spacing", "0.05", "--remesh", "0.05"]
+            yield ["leaf", *solver, "-o", files["remeshed.ply"]], [files["remeshed.ply"]]
     clouds = [DATA / name for name in CLOUDS if (DATA / name).is_file()]
     for cloud in [*clouds, noisy_torus(folder / "noisy_torus_cloud.ply")]:
         name = f"surface_of_{cloud.stem}.ply"
-        yield ["reconstruct", cloud, "-o", folder / name], [name]
+        yield ["reconstruct", cloud, "-o", folder / name], [folder / name]
 
 
 def noisy_torus(path):

@@ -1,8 +1,28 @@
-"""Small leaves whose surface is known: polynomials that splines reproduce, on a flat or a bent strip."""
+"""Small leaves whose surface is known: polynomials that splines reproduce, on a flat or a bent strip.
+
+A strip can be laid flat without stretch, so that flat coordinates on it are the same in both frames.
+"""
 
 import numpy as np
 
-from o3dleaf import AlphaShape, HeightMap, LeafFrame, MultiscaleLeaf, PUInterpolant, TiledField
+from o3dleaf import (
+    AlphaShape,
+    ChartSurface,
+    HeightMap,
+    HeightMapBlade,
+    LeafFrame,
+    Margin,
+    MultiscaleLeaf,
+    ParametricBlade,
+    PUInterpolant,
+    TiledField,
+)
+
+FRAMES = ("surface", "paper")
+HALF_WIDTH = 3.0
+COLLAR, STEP = 2.0, 0.4
+"""Width of the strip beside the leaf that the surface is fitted to as well, and the step of what it is fitted to: all in
+one ball, since a spline errs at the edges of its data."""
 
 
 def texture(function, half=0.5, tile=2.0, n=13):
@@ -12,7 +32,7 @@ def texture(function, half=0.5, tile=2.0, n=13):
     return TiledField(PUInterpolant.fit(points, function(*points.T), smoothing=0.0, unit="mm"))
 
 
-def leaf_of(field, bend=None, length=20.0, height=0.0):
+def leaf_of(field, bend=None, length=20.0, height=0.0, frame="surface"):
     """A strip `length` by 6, flat or bent about a circle of radius `bend`; the axis of z is straight up."""
 
     def lift(s, c, h):
@@ -20,9 +40,30 @@ def leaf_of(field, bend=None, length=20.0, height=0.0):
             return np.stack([s, c, h], axis=-1)
         return np.stack([(bend + h) * np.sin(s / bend), c, (bend + h) * np.cos(s / bend) - bend], axis=-1)
 
-    s, c = (a.ravel() for a in np.meshgrid(np.linspace(0, length, 81), np.linspace(-3, 3, 25)))
+    blade = {"surface": surface_blade, "paper": paper_blade}[frame](lift, length, height)
+    return MultiscaleLeaf(field, blade=blade), lift
+
+
+def paper_blade(lift, length, height):
+    """The strip as a height map over a plane along its middle."""
+    s, c = grid((0, length), (-HALF_WIDTH, HALF_WIDTH), 81, 25)
     scan = lift(s, c, height + 0 * s)
     axis = lift(np.linspace(0, length, 41), np.zeros(41), np.zeros(41))
     frame = LeafFrame.fit(scan, axis, degree=5, unit="mm")
     y = frame.to_leaf(scan)
-    return MultiscaleLeaf(field, frame, HeightMap.fit(y, smoothing=0.0, unit="mm"), AlphaShape(y[:, :2])), lift
+    return HeightMapBlade(frame, HeightMap.fit(y, smoothing=0.0, unit="mm"), AlphaShape(y[:, :2]))
+
+
+def surface_blade(lift, length, height):
+    """The strip as a surface over its chart, inside a rectangle."""
+    wide, long = HALF_WIDTH + COLLAR, length + 2 * COLLAR
+    s, c = grid((-COLLAR, length + COLLAR), (-wide, wide), round(long / STEP) + 1, round(2 * wide / STEP) + 1)
+    places, points = np.column_stack([s, c]), lift(s, c, height + 0 * s)
+    surface = ChartSurface.fit(places, points, smoothing=0.0, unit="mm", points_per_ball=2 * len(s))
+    ring = np.array([[0, -HALF_WIDTH], [length, -HALF_WIDTH], [length, HALF_WIDTH], [0, HALF_WIDTH]])
+    return ParametricBlade(surface, Margin(ring, ring, spacing=0.25, unit="mm"))
+
+
+def grid(along, across, m, n):
+    """The places of a grid over a rectangle."""
+    return (each.ravel() for each in np.meshgrid(np.linspace(*along, m), np.linspace(*across, n)))

@@ -14,7 +14,7 @@ from o3dleaf.leaf.fine_windows import extract_windows
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from o3dleaf.surface.mesh.topology import EdgeTable
-from tolerances import MARGIN_AREA, ON_MARGIN, RIM_DISTANCE
+from tolerances import CUT_AREA, ON_MARGIN, RIM_DISTANCE
 
 HALF = 0.2037
 REGION = [[4.03, -1.77], [9.43, 1.9]]
@@ -68,7 +68,7 @@ def test_the_area_of_a_sheet_does_not_depend_on_the_step(slab):
             mesh = MeshPlan(slab, spacing, closed=closed).extract()
             areas = triangle_areas(*mesh_arrays(mesh.mesh))
             for label in (ADAXIAL, ABAXIAL):
-                assert areas[mesh.labels == label].sum() == pytest.approx(expected, rel=MARGIN_AREA)
+                assert areas[mesh.labels == label].sum() == pytest.approx(expected, rel=CUT_AREA)
 
 
 def test_open_edges_lie_on_the_margin(slab):

@@ -7,5 +7,7 @@
 `sample_spacing`  how it is spaced, place by place
 `taper`           thickness that falls towards the margin
 `taper_loops`     the distance to the margin by a grid of cells, and the profile of the edge
+`chords`          a closed curve as chords
+`sheet_band`      the band between a lattice and the margin as triangles
 `sheet_mesh`      the plane inside a margin as triangles, cut along it
 """

@@ -16,10 +16,12 @@ FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
 points of both are one row; where the flanks bend, less is straight."""
 STRAIGHT = 0.25
 """A flank may stray from its line by this many spacings (rms), as noise does."""
+BENT = 0.5
+"""Spacings by which a tip may lie outside its straight flanks: one that bends more ends as its points do."""
 WHOLE = 0.85
 """Share of the turn from flank to flank that lies within `REACH`: less is a round lobe, not a rounded tip."""
-BEYOND = 2.0
-"""A tip may go on beyond the curve by an area of this many points: a sample leaves out one in the mean."""
+BEYOND = 1.0
+"""A tip may go on beyond the curve by the area of so many points: what a sample leaves out in the mean."""
 
 
 def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
@@ -74,7 +76,7 @@ def _tip(curve: FloatArray, center: int, spacing: float, turn: float) -> tuple[i
         if turn >= WHOLE * np.arccos(np.clip(-(before[1] @ after[1]), -1, 1)):
             arc = curve[(middle + np.arange(-first, first + 1)) % count]
             corner = _corner(arc, before, after, spacing)
-            if corner is not None:
+            if corner is not None and _holds(corner, arc, spacing):
                 return (middle - first) % count, (middle + first) % count, corner
     return None
 
@@ -126,6 +128,12 @@ def _corner(
     if beyond > most:
         corner = corner - axis * (float((corner - far) @ axis) * (1 - np.sqrt(most / beyond)))
     return np.asarray(corner)
+
+
+def _holds(corner: FloatArray, arc: FloatArray, spacing: float) -> bool:
+    """Return whether straight flanks to the corner leave out nothing of a curved tip."""
+    tip = shapely.Polygon([arc[0], corner, arc[-1]])
+    return bool(shapely.distance(tip, shapely.points(arc)).max() <= BENT * spacing)
 
 
 def _between(center: int, start: int, stop: int, count: int) -> bool:

@@ -15,7 +15,7 @@ from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.figures import pictures, plots
-from o3dleaf.output.figures.style import Sheet
+from o3dleaf.output.figures.style import FigureSheet
 from o3dleaf.output.view.panel import save_figure
 
 FORMATS = ("png", "pdf", "svg", "jpg")
@@ -42,7 +42,7 @@ class Entry:
     """One figure of the list: what it needs, and what draws it."""
 
     needs: str
-    draw: Callable[..., Sheet]
+    draw: Callable[..., FigureSheet]
 
     def arguments(self, subject: Subject) -> tuple[object, ...] | None:
         """Return what the figure is drawn of, or None where that is not there."""

@@ -16,7 +16,7 @@ from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
-from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, Sheet, words
+from o3dleaf.output.figures.style import ALONG, COLUMN, LOW, PICTURE, TEXT, VERMILION, FigureSheet, words
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import Page, em_of
 from o3dleaf.output.view.picture import Inset, Scalars, draw_page
@@ -52,7 +52,7 @@ class Window(NamedTuple):
     tile: FloatArray
 
 
-def scan_picture(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
+def scan_picture(blade: HeightMapBlade, scan: CloudLike) -> FigureSheet:
     """Return the scan colored by the way along the midrib, with the midrib and its control points.
 
     Parameters
@@ -78,38 +78,38 @@ def scan_picture(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
     along = Scalars(frame.to_leaf(points)[:, 0], name, ALONG, limits)
     page = _print(Inset(things, view=view, scalars=along, unit=blade.unit), size=LOW)
     page.key(VERMILION, "o", "control points and midrib")
-    return Sheet(
+    return FigureSheet(
         page.figure,
         f"The laser scan, {len(points):,} points colored by their first leaf coordinate, and the midrib with its "
         f"{len(control)} control points.",
     )
 
 
-def one_tile(leaf: MultiscaleLeaf) -> Sheet:
+def one_tile(leaf: MultiscaleLeaf) -> FigureSheet:
     """Return one copy of the micro-structure on the leaf, cut out as a block."""
     window = whole_tiles(leaf, (1, 1))
     page = _picture(leaf, window, TILE_STEPS)
-    return Sheet(
+    return FigureSheet(
         page.figure,
         f"One copy of the micro-structure on the leaf, {_extent(leaf, window)}, as a block; cut faces are pale.",
     )
 
 
-def four_tiles(leaf: MultiscaleLeaf) -> Sheet:
+def four_tiles(leaf: MultiscaleLeaf) -> FigureSheet:
     """Return four copies of the micro-structure, each other one in another green, with the seams between them."""
     window = whole_tiles(leaf, (2, 2))
     page = _picture(leaf, window, TILE_STEPS * 2 // 3, seams=True)
     page.key(VERMILION, "-", "seams of the tiles")
     energy = leaf.texture.seam_energy().total if hasattr(leaf.texture, "seam_energy") else None
     match = "" if energy is None else f" (seam energy {energy:.3g})"
-    return Sheet(
+    return FigureSheet(
         page.figure,
         f"Four copies of the micro-structure, {_extent(leaf, window)} together, blended at their edges{match}; "
         "the lines are the seams.",
     )
 
 
-def cross_section(leaf: MultiscaleLeaf) -> Sheet:
+def cross_section(leaf: MultiscaleLeaf) -> FigureSheet:
     """Return a slab across the whole width of the leaf, seen along the midrib, with an inset of its micro-structure."""
     window = whole_tiles(leaf, (1, 1))
     low, high = leaf.blade.outline.bounds[:, 1]
@@ -122,14 +122,14 @@ def cross_section(leaf: MultiscaleLeaf) -> Sheet:
     inset = Inset(block(leaf, step, close), view=view)
     page = _print(Inset(block(leaf, step, slab), view=view, unit=leaf.unit), [inset], LOW)
     place, width = (measure_in_words(each, leaf.unit, digits=3) for each in (middle, high - low))
-    return Sheet(
+    return FigureSheet(
         page.figure,
         f"A cross-section of the leaf, {place} along the midrib and {width} wide, the adaxial side "
         "up; cut faces are pale. Inset: a close-up.",
     )
 
 
-def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
+def whole_leaf(leaf: MultiscaleLeaf) -> FigureSheet:
     """Return the whole leaf with an inset of the micro-structure on it."""
     window = whole_tiles(leaf, (1, 1))
     step = float(window.tile.max()) / LEAF_STEPS
@@ -138,7 +138,7 @@ def whole_leaf(leaf: MultiscaleLeaf) -> Sheet:
     solid = block(leaf, fine, window.region)
     inset = Inset(solid, view=_oblique(leaf.blade, solid))
     page = _print(Inset(mesh, view=_of_leaf(leaf.blade), unit=leaf.unit), [inset])
-    return Sheet(
+    return FigureSheet(
         page.figure,
         f"The whole multi-scale surface, {len(mesh.triangles):,} triangles; inset: {_extent(leaf, window)} of it.",
     )

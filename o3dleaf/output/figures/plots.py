@@ -12,7 +12,7 @@ from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.leaf.ct.threshold import thin
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import HeightMapBlade
-from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, Sheet, plot, styled, words
+from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, FigureSheet, plot, styled, words
 from o3dleaf.output.view.panel import FAINT, INK
 
 BINS = 128
@@ -20,7 +20,7 @@ SAMPLES = (600, 150)
 """Bins of the histogram, and samples of the height map along and across the leaf."""
 
 
-def flattened_scan(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
+def flattened_scan(blade: HeightMapBlade, scan: CloudLike) -> FigureSheet:
     """Return the scan in leaf coordinates, from above and from the side, colored by the way along the midrib.
 
     Parameters
@@ -40,14 +40,14 @@ def flattened_scan(blade: HeightMapBlade, scan: CloudLike) -> Sheet:
         bar = figure.colorbar(dots, ax=axes, shrink=0.8, aspect=30, pad=0.02)
         bar.set_label(words(blade.unit, "along"))
         bar.outline.set_visible(False)
-    return Sheet(
+    return FigureSheet(
         figure,
         f"The scan ({len(leaf):,} points) in leaf coordinates, y = T(x): from above and from the side. "
         "Across and height are enlarged. Colors as in the figure of the scan.",
     )
 
 
-def height_map(blade: HeightMapBlade) -> Sheet:
+def height_map(blade: HeightMapBlade) -> FigureSheet:
     """Return the smoothed height map H inside the outline of the blade, with contours."""
     low, high = blade.outline.bounds
     along, across = (np.linspace(low[axis], high[axis], count) for axis, count in enumerate(SAMPLES))
@@ -74,14 +74,14 @@ def height_map(blade: HeightMapBlade) -> Sheet:
         bar = figure.colorbar(picture, ax=axis, aspect=18, pad=0.02, extend="both")
         bar.set_label(words(blade.unit, "height H"))
         bar.outline.set_visible(False)
-    return Sheet(
+    return FigureSheet(
         figure,
         "The height map H of the blade over its midrib, and the outline, an α-shape of the flattened scan with "
         f"α = {blade.outline.alpha:.3g} {blade.unit or ''}. Across is enlarged.",
     )
 
 
-def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
+def histogram(volume: Volume, level: float | str = "valley") -> FigureSheet:
     """Return the histogram of a volume's intensities, zeros left out, with the threshold between air and leaf.
 
     Parameters
@@ -114,7 +114,7 @@ def histogram(volume: Volume, level: float | str = "valley") -> Sheet:
         axis.set_ylabel("voxels, %")
         axis.yaxis.set_major_locator(MaxNLocator(4))
     how = f"“{level}”" if isinstance(level, str) else "given"
-    return Sheet(
+    return FigureSheet(
         figure,
         f"Histogram of the intensities of {' × '.join(str(n) for n in volume.shape)} voxels, zeros left out, in "
         f"{BINS} bins; the line is the threshold f_surface = {threshold:.4g} ({how}) between air and leaf.",

@@ -49,7 +49,7 @@ RULES: dict[str, Any] = {
 }
 
 
-class Sheet(NamedTuple):
+class FigureSheet(NamedTuple):
     """A figure of Matplotlib, which ``figure.savefig`` writes, and its caption."""
 
     figure: Figure

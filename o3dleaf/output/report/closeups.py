@@ -8,7 +8,7 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.output.report.places import KINDS, Place, look_at
+from o3dleaf.output.report.places import KINDS, DefectPlace, look_at
 from o3dleaf.output.report.shots import linear_color, shoot
 from o3dleaf.output.report.words import in_words, unit_of
 from o3dleaf.output.view.camera import Camera
@@ -28,7 +28,7 @@ MIN_PIXELS = 26
 """What takes fewer pixels of the page than this is ringed."""
 
 
-def draw_closeup(inspection: Inspection, place: Place, number: int) -> str:
+def draw_closeup(inspection: Inspection, place: DefectPlace, number: int) -> str:
     """Return a figure of a place: picture, outlines, and a caption with what and where it is."""
     measurements, kind = inspection.measurements, KINDS[place.kind]
     camera = look_at(inspection, place)
@@ -86,7 +86,7 @@ def _outlines(camera: Camera, corners: FloatArray, color: str) -> list[str]:
     return ink
 
 
-def _broken(inspection: Inspection, place: Place, camera: Camera) -> list[str]:
+def _broken(inspection: Inspection, place: DefectPlace, camera: Camera) -> list[str]:
     """Return the edges or vertices in which the defect lies: open ones, shared by too many, bow-ties."""
     measurements = inspection.measurements
     triangles = measurements.triangles[place.window]
@@ -106,7 +106,7 @@ def _broken(inspection: Inspection, place: Place, camera: Camera) -> list[str]:
     return [f'<path class="edge" d="{drawn}"/>'] if drawn else []
 
 
-def _caption(inspection: Inspection, place: Place, number: int, camera: Camera) -> str:
+def _caption(inspection: Inspection, place: DefectPlace, number: int, camera: Camera) -> str:
     """Return number, kind, place and figures of a close-up, and the way there in the interactive view."""
     measurements, report, kind = inspection.measurements, inspection.report, KINDS[place.kind]
     first = place.rows[np.argmin(measurements.smallest_angle[place.rows])]

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import get_num_threads
-from o3dleaf.output.report.places import KINDS, Place
+from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh
 from o3dleaf.output.report.shots import Colors, Picture, leaf_green, shoot
 from o3dleaf.output.report.words import unit_of
@@ -56,7 +56,7 @@ def sides_of(reduced: ReducedMesh) -> list[Side]:
     ]
 
 
-def draw_sides(reduced: ReducedMesh, places: list[Place], unit: str | None) -> str:
+def draw_sides(reduced: ReducedMesh, places: list[DefectPlace], unit: str | None) -> str:
     """Return the figures of the mesh from its sides, the first two with the places marked."""
     scene = o3d.t.geometry.RaycastingScene()
     middle = reduced.vertices.mean(axis=0)
@@ -89,7 +89,7 @@ def _figure(picture: str, caption: str, shot: Picture) -> str:
 
 
 def _hidden(
-    scene: o3d.t.geometry.RaycastingScene, places: list[Place], camera: Camera, middle: FloatArray
+    scene: o3d.t.geometry.RaycastingScene, places: list[DefectPlace], camera: Camera, middle: FloatArray
 ) -> list[bool]:
     """Return for each place whether the mesh hides it from a camera."""
     if not places:
@@ -99,7 +99,7 @@ def _hidden(
     return [bool(each) for each in scene.test_occlusions(o3d.core.Tensor.from_numpy(rays)).numpy()]
 
 
-def _markers(shot: Picture, places: list[Place], hidden: list[bool]) -> list[str]:
+def _markers(shot: Picture, places: list[DefectPlace], hidden: list[bool]) -> list[str]:
     """Return a ring at each place and its number beside it, no number over another."""
     ink, taken = list[str](), list[FloatArray]()
     if not places:

@@ -47,7 +47,7 @@ KINDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class DefectPlace:
     """One place of a defect.
 
     Attributes
@@ -70,14 +70,14 @@ class Place:
     radius: float
 
 
-def find_places(inspection: Inspection) -> list[Place]:
+def find_places(inspection: Inspection) -> list[DefectPlace]:
     """Return the places to look at: the largest of each defect, and the worst triangles."""
-    places, defects = list[Place](), inspection.defects
+    places, defects = list[DefectPlace](), inspection.defects
     rows = defects.rows() | {"sharpest": defects.sharpest}
     if len(rows["hole"]) == len(rows["boundary"]):
         rows["boundary"] = rows["boundary"][:0]
     for kind, each in KINDS.items():
-        seen = list[Place]()
+        seen = list[DefectPlace]()
         for group in _groups(inspection, rows[kind], by_size=kind != "sharpest"):
             if len(seen) == each.places:
                 break
@@ -112,7 +112,7 @@ def _middle(inspection: Inspection, rows: IntArray) -> tuple[FloatArray, float]:
     return center, float(np.linalg.norm(corners - center, axis=1).max())
 
 
-def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -> Place:
+def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -> DefectPlace:
     """Return the window around a group of triangles, or around its first where the group is too wide to show."""
     measurements, report = inspection.measurements, inspection.report
     center, radius = _middle(inspection, group)
@@ -131,10 +131,10 @@ def _place(inspection: Inspection, kind: str, group: IntArray, rows: IntArray) -
     inside = near[measurements.triangles].any(axis=1)
     inside[group] = True
     window = np.flatnonzero(inside)
-    return Place(kind, np.union1d(group, np.intersect1d(rows, window)), window, center, size)
+    return DefectPlace(kind, np.union1d(group, np.intersect1d(rows, window)), window, center, size)
 
 
-def look_at(inspection: Inspection, place: Place) -> Camera:
+def look_at(inspection: Inspection, place: DefectPlace) -> Camera:
     """Return the camera from which most of a place's triangles are seen, rather from above than from the side."""
     measurements = inspection.measurements
     corners = measurements.vertices[measurements.triangles[place.rows]]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.output.report.places import KINDS, Place
+from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh
 from o3dleaf.output.report.shots import Colors
 from o3dleaf.output.view.camera import Camera, View
@@ -36,7 +36,7 @@ def viewer_script() -> str:
 
 
 def viewer_data(
-    inspection: Inspection, reduced: ReducedMesh, layers: Sequence[Colors], places: list[Place]
+    inspection: Inspection, reduced: ReducedMesh, layers: Sequence[Colors], places: list[DefectPlace]
 ) -> dict[str, Any]:
     """Return what the view draws, as JSON holds it; arrays are base64 of deflated little-endian numbers.
 
@@ -85,7 +85,7 @@ def _layer(colors: Colors) -> dict[str, Any]:
     }
 
 
-def _defects(inspection: Inspection, places: list[Place]) -> list[dict[str, Any]]:
+def _defects(inspection: Inspection, places: list[DefectPlace]) -> list[dict[str, Any]]:
     """Return the triangles of each kind of defect that was found, and where its close-ups are."""
     measurements, defects = inspection.measurements, list[dict[str, Any]]()
     rows = inspection.defects.rows() | {"sharpest": inspection.defects.sharpest}
