@@ -36,10 +36,6 @@ CLOSE = 0.1
 """Difference of their distances, in those of samples, up to which both feet are found: predictions are far better."""
 
 
-REACHED, ON, AGAIN = 0, 1, 2
-"""After a step: the foot is there, one more step, one more with second derivatives found anew."""
-
-
 class Samples(NamedTuple):
     """Samples of a surface, in blocks, and these in groups.
 
@@ -127,14 +123,14 @@ def ball_distances(x, y, z, start, stop, balls, far, near):
 
 @njit(nogil=True, cache=True)
 def find_starts(points, samples, starts, others):
-    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN."""
-    groups, blocks, group_starts, block_starts = (
-        samples.groups,
-        samples.blocks,
-        samples.group_starts,
-        samples.block_starts,
-    )
-    count, widest = groups.shape[1], 0
+    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN.
+
+    In one piece: whatever is handed to another function is counted, which the threads would wait for one another over.
+    """
+    groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
+    group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
+    count, bends = groups.shape[1], jets[:, 3:]
+    widest = 0
     for g in range(count):
         widest = max(widest, group_starts[g + 1] - group_starts[g])
     group_far, group_near, far, near = np.empty(count), np.empty(count), np.empty(widest), np.empty(widest)
@@ -142,55 +138,38 @@ def find_starts(points, samples, starts, others):
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         ball_distances(x, y, z, 0, count, groups, group_far, group_near)
-        g = np.argmin(group_far)
+        g = int(np.argmin(group_far))
         ball_distances(x, y, z, group_starts[g], group_starts[g + 1], blocks, far, near)
-        b = group_starts[g] + np.argmin(far[: group_starts[g + 1] - group_starts[g]])
-        best = math.sqrt(nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], samples.places)[0])
+        b = group_starts[g] + int(np.argmin(far[: group_starts[g + 1] - group_starts[g]]))
+        best = math.sqrt(nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)[0])
         predicted[:], found[:], nearest = np.inf, np.inf, np.inf
         for g in range(count):
-            if group_near[g] <= best:
-                first, last = group_starts[g], group_starts[g + 1]
-                ball_distances(x, y, z, first, last, blocks, far, near)
-                best, nearest = look_into(x, y, z, first, last, near, samples, best, nearest, predicted, found)
-        choose(predicted, found, samples.step, starts[i], others[i])
-
-
-@njit(nogil=True, cache=True)
-def look_into(x, y, z, first, last, near, samples, best, nearest, predicted, found):
-    """Add what the blocks first:last of a group have to the candidates for the foot of a point.
-
-    Return the distance of the nearest sample so far, and that of the sample that the best candidate comes from.
-    """
-    places, starts, plane, jets, step = samples.places, samples.block_starts, samples.plane, samples.jets, samples.step
-    bends = jets[:, 3:]
-    for b in range(first, last):
-        if near[b - first] > best:
-            continue
-        square, s = nearest_sample(x, y, z, starts[b], starts[b + 1], places)
-        distance = math.sqrt(square)
-        best = min(best, distance)
-        # Beside a sample that is nearer, this one would lead to the same foot.
-        beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
-        if distance < predicted[0] + BESIDE * step and not (beside and distance > nearest):
-            p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
-            left = math.sqrt(max(left, 0.0))
-            if left < predicted[0]:
-                nearest = distance
-            insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
-    return best, nearest
-
-
-@njit(nogil=True, cache=True)
-def choose(predicted, found, step, start, other):
-    """Write the best candidate, and the next best that may lie on another sheet, nearly as near; NaN if none does."""
-    start[0], start[1] = found[0, 0], found[0, 1]
-    other[0] = other[1] = np.nan
-    for c in range(1, CANDIDATES):
-        if predicted[c] > predicted[0] + CLOSE * step:
-            break
-        if max(abs(found[c, 0] - found[0, 0]), abs(found[c, 1] - found[0, 1])) > APART * step:
-            other[0], other[1] = found[c, 0], found[c, 1]
-            break
+            if group_near[g] > best:
+                continue
+            start = group_starts[g]
+            ball_distances(x, y, z, start, group_starts[g + 1], blocks, far, near)
+            for b in range(start, group_starts[g + 1]):
+                if near[b - start] > best:
+                    continue
+                square, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
+                distance = math.sqrt(square)
+                best = min(best, distance)
+                # Beside a sample that is nearer, this one would lead to the same foot.
+                beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
+                if distance < predicted[0] + BESIDE * step and not (beside and distance > nearest):
+                    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
+                    left = math.sqrt(max(left, 0.0))
+                    if left < predicted[0]:
+                        nearest = distance
+                    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+        starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
+        others[i, 0] = others[i, 1] = np.nan
+        for c in range(1, CANDIDATES):
+            if predicted[c] > predicted[0] + CLOSE * step:
+                break
+            if max(abs(found[c, 0] - found[0, 0]), abs(found[c, 1] - found[0, 1])) > APART * step:
+                others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
+                break
 
 
 @njit(nogil=True, cache=True)
@@ -205,28 +184,6 @@ def insert(distance, u, v, predicted, found):
     predicted[c], found[c, 0], found[c, 1] = distance, u, v
 
 
-class Search(NamedTuple):
-    """What is known of the feet of n points while they are searched for.
-
-    Attributes
-    ----------
-    feet, heights : (n, 2), (n,)
-    bends : (n, 3, 3)
-        S_uu, S_uv, S_vv, where they were last found.
-    moves, lengths : (n, 2), (n,)
-        The last steps.
-    squares : (n,)
-        |r|² before them.
-    """
-
-    feet: Any
-    heights: Any
-    bends: Any
-    moves: Any
-    lengths: Any
-    squares: Any
-
-
 @njit(nogil=True, cache=True)
 def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
     """Write (u, v) of the feet of a block of points, their signed heights, and which of them were reached.
@@ -235,55 +192,49 @@ def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
     second derivatives of the first round serve as long as steps are short.
     """
     count = len(points)
-    bends, moves = np.empty((count, 3, 3)), np.zeros((count, 2))
-    search = Search(feet, heights, bends, moves, np.full(count, np.inf), np.full(count, np.inf))
+    bends, last = np.empty((count, 3, 3)), np.full(count, np.inf)
+    moves, before = np.zeros((count, 2)), np.full(count, np.inf)
     for i in range(count):
         feet[i, 0], feet[i, 1], converged[i] = starts[i, 0], starts[i, 1], False
     fresh, known = np.arange(count), np.empty(0, dtype=np.int64)
     for _ in range(MAX_ROUNDS):
         again, on = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
         renewed = kept = 0
-        for level, rows in ((2, fresh), (1, known)):
-            jets = np.empty((rows.size, JET if level == 2 else 3, 3))
-            jets_at(feet[rows], balls, level, jets)
+        for part in range(2):
+            rows = fresh if part == 0 else known
+            jets = np.empty((rows.size, JET if part == 0 else 3, 3))
+            jets_at(feet[rows], balls, 2 if part == 0 else 1, jets)
             for j in range(rows.size):
                 i = rows[j]
-                state = advance(points, i, jets, j, level, step, max_step, search)
-                converged[i] = state == REACHED
-                if state == AGAIN:
+                if part == 0:
+                    for row in range(3):
+                        for k in range(3):
+                            bends[i, row, k] = jets[j, 3 + row, k]
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
+                p, q, length, square, _ = newton_step(x, y, z, j, jets, i, bends, max_step)
+                heights[i] = height_over(x, y, z, j, jets)
+                floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
+                if square > before[i] * (1.0 + ROUNDING) + floor * floor:
+                    moves[i, 0], moves[i, 1], last[i] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * last[i]
+                    feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
                     again[renewed] = i
                     renewed += 1
-                elif state == ON:
+                    continue
+                rate = min(length / last[i], 0.99) if last[i] < np.inf else 0.99
+                feet[i, 0], feet[i, 1] = feet[i, 0] + p, feet[i, 1] + q
+                settled = length * rate / (1.0 - rate) <= floor or (length < STALLED * step and rate > 0.5)
+                moves[i, 0], moves[i, 1], last[i], before[i] = p, q, length, square
+                if settled:
+                    converged[i] = True
+                elif length > STALE * step or SLOW < rate < 0.99:
+                    again[renewed] = i
+                    renewed += 1
+                else:
                     on[kept] = i
                     kept += 1
         fresh, known = again[:renewed], on[:kept]
         if renewed + kept == 0:
             break
-
-
-@njit(nogil=True, cache=True)
-def advance(points, i, jets, j, level, step, max_step, search):
-    """Move the foot of point i by the jet j of S there, and return what comes next."""
-    feet, moves, lengths, squares = search.feet, search.moves, search.lengths, search.squares
-    if level == 2:
-        for row in range(3):
-            for k in range(3):
-                search.bends[i, row, k] = jets[j, 3 + row, k]
-    x, y, z = points[i, 0], points[i, 1], points[i, 2]
-    p, q, length, square, _ = newton_step(x, y, z, j, jets, i, search.bends, max_step)
-    search.heights[i] = height_over(x, y, z, j, jets)
-    floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
-    if square > squares[i] * (1.0 + ROUNDING) + floor * floor:
-        moves[i, 0], moves[i, 1], lengths[i] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * lengths[i]
-        feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
-        return AGAIN
-    rate = min(length / lengths[i], 0.99) if lengths[i] < np.inf else 0.99
-    feet[i, 0], feet[i, 1] = feet[i, 0] + p, feet[i, 1] + q
-    moves[i, 0], moves[i, 1], lengths[i], squares[i] = p, q, length, square
-    # What is left falls as the steps do.
-    if length * rate / (1.0 - rate) <= floor or (length < STALLED * step and rate > 0.5):
-        return REACHED
-    return AGAIN if length > STALE * step or SLOW < rate < 0.99 else ON
 
 
 @njit(nogil=True, cache=True)
