@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import (
     ColumnsOption,
     LongJob,
@@ -27,13 +27,10 @@ if TYPE_CHECKING:
     import open3d as o3d
 
     from o3dleaf.leaf.blade.blade import Blade
-    from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.fit_quality import FitQuality
     from o3dleaf.leaf.mesh_step import MeshStep
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
-    from o3dleaf.leaf.texture.patches import PatchBlend
-    from o3dleaf.leaf.texture.tiling import TiledField
 
 MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
@@ -155,16 +152,22 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.fit_quality import FitQuality
+        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
         from o3dleaf.output.report.summary import summarize, warnings_of
-        from o3dleaf.output.view.leaf_picture import render_leaf
+        from o3dleaf.output.view.leaf_picture import refusals_shown, render_leaf
 
         with journal.stage("read"):
             scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
-        blade, leaf = self.build(scan, midrib, patch)
+        leaf = surface = None
+        with refusals_shown(scan, self.beside(".refused.png") if self.picture else None, self.scan_unit):
+            if patch is None:
+                blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
+            else:
+                leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
+                blade = leaf.blade
         step = self.step_for(scan, None if leaf is None else leaf.thickness)
-        surface = None
         if leaf is None:
             mesh = self.write_sheet(blade, step.length)
         else:
@@ -187,28 +190,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         for line in (*fit.lines(), *(f"warning: {warning}" for warning in warnings_of(summary))):
             journal.note(line)
         return summary
-
-    def build(
-        self,
-        scan: "o3d.geometry.PointCloud",
-        midrib: "o3d.geometry.PointCloud | None",
-        patch: "Volume | TiledField | PatchBlend | None",
-    ) -> "tuple[Blade, MultiscaleLeaf | None]":
-        """Return the blade, and the multi-scale leaf where there is a patch; of a scan that is refused, show where."""
-        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
-        from o3dleaf.output.view.leaf_picture import render_refusal
-
-        try:
-            if patch is None:
-                return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
-            leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
-        except ReconstructionError as cause:
-            if cause.places is None or not self.picture:
-                raise
-            path = self.beside(".refused.png")
-            render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
-            raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
-        return leaf.blade, leaf
 
     def draw_maps(self, blade: "Blade", scan: "o3d.geometry.PointCloud", fit: "FitQuality") -> None:
         """Draw the maps that are wanted."""

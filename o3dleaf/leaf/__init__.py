@@ -19,11 +19,11 @@ Composed, they are one implicit function of the whole leaf.
 `remeshing`       its surface as a projection target; its mesh remeshed
 `meshing`         `MeshPlan`: its surface as a mesh
 `fine_windows`    a mesh with finer windows
-`multiscale`      `MultiscaleLeaf`: all of it together
-`options`         options of building a leaf
 `fit_noise`       the noise of a scan, by which a fit is judged
 `fit_places`      where a blade does not hold its scan
 `fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
+`multiscale`      `MultiscaleLeaf`: all of it together
+`options`         options of building a leaf
 `mesh_step`       the step of a mesh where none was asked for
 `paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf

@@ -28,7 +28,7 @@ class Place:
     Attributes
     ----------
     center : (3,) tuple of float
-        The point of the place nearest to its mean.
+        The point of the place nearest to its mean, rounded to a decimal that is below the scan's spacing.
     share : float
         Of the scan's points, or of the blade's area.
     """
@@ -37,7 +37,7 @@ class Place:
     share: float
 
     def __str__(self) -> str:
-        return " ".join(f"{part:.4g}" for part in self.center)
+        return " ".join(f"{part:.12g}" for part in self.center)
 
     def to_dict(self) -> dict[str, Any]:
         """Return both as plain values."""
@@ -61,7 +61,8 @@ def find_places(points: FloatArray, chosen: BoolArray, spacing: float) -> tuple[
     shares = np.bincount(group) / len(few)
     largest = [number for number in np.argsort(-shares, kind="stable")[:PLACES] if shares[number] >= LEAST]
     whole = len(rows) / len(points)
-    return tuple(Place(_middle(few[group == number]), float(shares[number] * whole)) for number in largest)
+    decimals = int(np.ceil(-np.log10(spacing or 1.0)))
+    return tuple(Place(_middle(few[group == number], decimals), float(shares[number] * whole)) for number in largest)
 
 
 def tell_places(places: tuple[Place, ...]) -> str:
@@ -73,7 +74,8 @@ def tell_places(places: tuple[Place, ...]) -> str:
     return ", ".join(f"{100 * place.share:.2g} % at {place}" for place in places)
 
 
-def _middle(members: FloatArray) -> tuple[float, ...]:
-    """Return the point of (k, 3) that is nearest to their mean."""
+def _middle(members: FloatArray, decimals: int) -> tuple[float, ...]:
+    """Return the point of (k, 3) that is nearest to their mean, rounded."""
     distance = np.linalg.norm(members - members.mean(axis=0), axis=1)
-    return tuple(members[np.argmin(distance)].tolist())
+    # Adding zero makes 0 of −0.
+    return tuple((members[np.argmin(distance)].round(decimals) + 0.0).tolist())

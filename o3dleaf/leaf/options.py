@@ -41,8 +41,8 @@ class BladeOptions:
     keep_petiole : bool
         Whether a petiole or a stub of the stem belongs to the blade.
     fill_holes : float, optional
-        Diameter, in the scan's unit, up to which holes of the scan are filled; by default those that are no larger
-        than its gaps.
+        Diameter, in the scan's unit, up to which holes of the scan are filled; by default that of the widest gap over
+        which pieces of the scan had to be joined, none if it is in one piece.
     rim_radius : float, optional
         Distance from the margin over which the thickness of the micro-structure falls, in the scan's unit.
     alpha : float, optional

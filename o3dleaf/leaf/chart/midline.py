@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 import scipy.ndimage
+import shapely
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.axis.ends import long_axis, slice_axis, symmetry_axis
@@ -19,8 +21,10 @@ from o3dleaf.leaf.chart.axis.sections import (
     reached,
     resample,
     smooth_curve,
+    triangulate_inside,
     within,
 )
+from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
@@ -34,6 +38,8 @@ two, and neither teeth nor lobes. By the order of the differences that are kept 
 BENDS = 5.0
 """Square of the length over the area from which a blade's own bend is known well enough to go on at its ends."""
 ROUNDS = 16
+LONGER = 1.1
+"""Times the first axis that the curve may get; beyond, it winds about a fork of the blade, and what was is kept."""
 AT_REST = 0.003
 """Share of the width that the curve may still move when it has come to rest."""
 WIDER = 1.25
@@ -109,9 +115,10 @@ def find_midline(
         The middle of the cut at which a petiole was taken off, in the chart: the base, exactly.
     """
     rim = rim_first(require_sheet(vertices, triangles))[0]
-    margin, ways = outline_of(chart, rim), Ways(chart, triangles)
+    margin = outline_of(chart, rim)
     outline = fill_bays(margin)
-    area = np.abs(chart_areas(chart, triangles))
+    ways = Ways(*triangulate_inside(outline))
+    area = np.abs(chart_areas(ways.vertices, ways.triangles))
     if junction is not None:
         curve, fixed = _from_start(outline, ways, area, junction), True
     else:
@@ -125,6 +132,19 @@ def find_midline(
     curve = resample(within(margin, curve), len(curve))
     _, widths = cut_across(margin, curve, normals_of(curve))
     return Midline(curve, widths, curve[0], curve[-1], tuple(notes))
+
+
+def midline_through(vertices: FloatArray, triangles: IntArray, chart: FloatArray, midrib: FloatArray) -> Midline:
+    """Return the midrib in the chart through given points (k, 3) of the world, from base to tip.
+
+    Its widths are the blade's mean width, its ends the first and the last point.
+    """
+    curve = carry(vertices, triangles, chart, midrib)
+    length = float(reached(curve)[-1])
+    if not length > 0:
+        raise InputError("midrib: its points have one place on the blade; give points along it, from base to tip")
+    widths = np.full(len(curve), float(np.abs(chart_areas(chart, triangles)).sum()) / length)
+    return Midline(curve, widths, curve[0], curve[-1], ("the midrib is the one that was given",))
 
 
 def _from_start(outline: Any, ways: Ways, area: FloatArray, start: FloatArray) -> FloatArray:
@@ -146,8 +166,11 @@ def _settle(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     """Return the curve at rest mid-way between the margins; its first end stays if `fixed`."""
     count = _stations(outline, curve)
     curve = resample(curve, count)
+    longest = LONGER * reached(curve)[-1]
     for _ in range(ROUNDS):
         moved = _recenter(outline, curve, fixed=fixed)
+        if reached(moved)[-1] > longest or not shapely.LineString(moved).is_simple:
+            break
         count = _stations(outline, moved)
         moved, before = resample(moved, count), resample(curve, count)
         curve = moved
@@ -170,6 +193,10 @@ def _recenter(outline: Any, curve: FloatArray, *, fixed: bool) -> FloatArray:
     """
     middles, widths = cut_across(outline, curve, normals_of(curve))
     at = reached(curve)
+    # Half a width a round: from a first axis on the margin to the middle, and not into another lobe.
+    move = middles - curve
+    far = np.linalg.norm(move, axis=1) / (outline.area / at[-1] / 2)
+    middles = curve + move / np.maximum(far, 1)[:, np.newaxis]
     left = np.minimum(at, at[-1] - at)
     held = (left >= widths) & (widths > 0)
     if held.sum() < 8:

@@ -12,7 +12,7 @@ from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overla
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
-from o3dleaf.leaf.chart.midline import Midline, find_midline
+from o3dleaf.leaf.chart.midline import Midline, find_midline, midline_through
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.turn import facing, turn_chart
 
@@ -53,6 +53,7 @@ def chart_sheet(
     vertices: FloatArray,
     triangles: IntArray,
     *,
+    midrib: FloatArray | None = None,
     up: FloatArray | None = None,
     base: FloatArray | None = None,
     keep_petiole: bool = False,
@@ -64,6 +65,8 @@ def chart_sheet(
     vertices : (n, 3) ndarray
     triangles : (m, 3) ndarray of int
         One oriented manifold piece of genus 0 with a boundary.
+    midrib : (k, 3) ndarray, optional
+        Points along it from base to tip, on the sheet or near; found if left out.
     up : (3,) array_like, optional
         Direction that the upper (adaxial) side faces on the mean; the world's z if left out.
     base : (3,) array_like, optional
@@ -99,8 +102,11 @@ def chart_sheet(
         flat, end = flat[used], end[used]
         notes += [flaps] if flaps else []
     with turning:
-        junction = flat[end].mean(axis=0) if end.any() and _begins_there(vertices, end, hint) else None
-        midline = find_midline(vertices, triangles, flat, base=hint, junction=junction)
+        if midrib is None:
+            junction = flat[end].mean(axis=0) if end.any() and _begins_there(vertices, end, hint) else None
+            midline = find_midline(vertices, triangles, flat, base=hint, junction=junction)
+        else:
+            midline = midline_through(vertices, triangles, flat, _from_hint(midrib, base))
         uv, midline, bend = turn_chart(flat, midline, mirrored=not upright)
     if not upright:
         triangles = triangles[:, ::-1].copy()
@@ -120,6 +126,14 @@ def _at_cut(vertices: FloatArray, triangles: IntArray, blade: BoolArray, petiole
     away = np.linalg.norm(vertices - np.array(petiole.junction), axis=1)
     # Shreds that the cut parted from the blade lie elsewhere.
     return np.asarray(shared & (away <= max(3 * petiole.width, float(away[shared].min(initial=np.inf)))))
+
+
+def _from_hint(midrib: FloatArray, base: FloatArray | None) -> FloatArray:
+    """Return control points from base to tip: turned round if the last one is nearer to the hint."""
+    if base is None:
+        return midrib
+    first, last = np.linalg.norm(midrib[[0, -1]] - np.asarray(base, dtype=np.float64), axis=1)
+    return midrib[::-1] if last < first else midrib
 
 
 def _begins_there(vertices: FloatArray, end: BoolArray, hint: FloatArray | None) -> bool:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import shapely
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_number, as_points, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -29,6 +29,8 @@ from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
 BLOCK = 65536
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
+LEAST_HOLE = 6.0
+"""Cells that a hole has at least, once the leaf has grown into it: less is one point that is not there by chance."""
 TOLD = 0.002
 """Share of the points that may lie outside without a note."""
 
@@ -116,7 +118,8 @@ class Margin:
         spacing : float, optional
             The least spacing to resolve: denser places are taken to be no denser. Default: the sample's own.
         fill_holes : float, optional
-            Holes of up to this diameter are filled. Default: none.
+            Holes of up to this diameter are filled. By default those no wider than the widest gap over which pieces of
+            the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from holes.
         unit : str, optional
 
         Raises
@@ -127,10 +130,11 @@ class Margin:
             If no area is left.
         """
         points = as_points(uv, "uv", dim=2, least=3)
-        limit = 0.0 if fill_holes is None else require_positive(fill_holes, "fill_holes")
+        given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
         region = cover_sample(np.unique(points, axis=0))
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
+        limit = region.widest if given is None else given
         outer, *inner = _rings(region, local)
         holes = [_hole(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
@@ -207,7 +211,9 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
         inside, band = polygon_of(curve), grown(curve, growth)
         area = largest(inside.difference(band) if number else inside.union(band))
         if area.is_empty:
-            continue  # a hole that is none once the leaf around it is whole
+            continue
+        if number and area.area < LEAST_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
+            continue  # no hole, once the leaf around it is whole
         curves.append(_finished(area, local, tips=not number))
     if not curves:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")

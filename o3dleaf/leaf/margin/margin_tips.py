@@ -8,7 +8,7 @@ from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
 
 REACH = 3.0
 """A tip is looked for where the curve turns within so many spacings to both sides: what smoothing has rounded."""
-SHARPEST, BLUNTEST = np.radians(5.0), np.radians(100.0)
+SHARPEST, BLUNTEST = np.radians(5.0), np.radians(80.0)
 """Angles of tips. Sharper ones are parallel flanks to a fit of a few points; blunter ones are rounded by less than the
 noise of the margin."""
 FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
@@ -16,8 +16,12 @@ FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
 points of both are one row; where the flanks bend, less is straight."""
 STRAIGHT = 0.25
 """A flank may stray from its line by this many spacings (rms), as noise does."""
-BEYOND = 2.0
-"""A tip may go on beyond the curve by an area of this many points: a sample leaves out one in the mean."""
+BENT = 0.5
+"""Spacings by which a tip may lie outside its straight flanks: one that bends more ends as its points do."""
+WHOLE = 0.85
+"""Share of the turn from flank to flank that lies within `REACH`: less is a round lobe, not a rounded tip."""
+BEYOND = 1.0
+"""A tip may go on beyond the curve by the area of so many points: what a sample leaves out in the mean."""
 
 
 def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
@@ -37,7 +41,7 @@ def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
             break
         if any(_between(center, start, stop, len(curve)) for start, stop, _ in found):
             continue
-        tip = _tip(curve, int(center), float(local[center]))
+        tip = _tip(curve, int(center), float(local[center]), float(turns[center]))
         if tip is None or any(_overlap(tip, other, len(curve)) for other in found):
             continue
         if shapely.Polygon(_replaced(curve, [*found, tip])).is_valid:
@@ -57,7 +61,7 @@ def _turns(curve: FloatArray) -> FloatArray:
     return turns
 
 
-def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
+def _tip(curve: FloatArray, center: int, spacing: float, turn: float) -> tuple[int, int, FloatArray] | None:
     """Return where the rounded tip begins and ends, and the corner to put there; None where there is no sharp one."""
     count = len(curve)
     for width, length in FLANKS:
@@ -67,10 +71,12 @@ def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, Floa
             continue
         before = _line(curve[(middle - np.arange(first, last)) % count], spacing)
         after = _line(curve[(middle + np.arange(first, last)) % count], spacing)
-        if before is not None and after is not None:
+        if before is None or after is None:
+            continue
+        if turn >= WHOLE * np.arccos(np.clip(-(before[1] @ after[1]), -1, 1)):
             arc = curve[(middle + np.arange(-first, first + 1)) % count]
             corner = _corner(arc, before, after, spacing)
-            if corner is not None:
+            if corner is not None and _holds(corner, arc, spacing):
                 return (middle - first) % count, (middle + first) % count, corner
     return None
 
@@ -122,6 +128,12 @@ def _corner(
     if beyond > most:
         corner = corner - axis * (float((corner - far) @ axis) * (1 - np.sqrt(most / beyond)))
     return np.asarray(corner)
+
+
+def _holds(corner: FloatArray, arc: FloatArray, spacing: float) -> bool:
+    """Return whether straight flanks to the corner leave out nothing of a curved tip."""
+    tip = shapely.Polygon([arc[0], corner, arc[-1]])
+    return bool(shapely.distance(tip, shapely.points(arc)).max() <= BENT * spacing)
 
 
 def _between(center: int, start: int, stop: int, count: int) -> bool:

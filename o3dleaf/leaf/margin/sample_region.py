@@ -47,6 +47,8 @@ class SampleRegion:
         Area of the leaf beyond the triangles at each point of their border; 0 for the others.
     bridged : int
         Number of pieces that were joined over gaps wider than chance.
+    widest : float
+        Length of the longest triangle over such a gap; 0: there was none.
     left_out : (k,) int ndarray
         The points in no triangle kept.
     """
@@ -56,6 +58,7 @@ class SampleRegion:
     spacing: FloatArray
     missing: FloatArray
     bridged: int
+    widest: float
     left_out: IntArray
 
 
@@ -85,11 +88,11 @@ def cover_sample(points: FloatArray) -> SampleRegion:
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    kept, bridged = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
+    kept, bridged, widest = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
-    return SampleRegion(points, mesh.triangles[kept], spacing, _missing(mesh, kept, spacing), bridged, left_out)
+    return SampleRegion(points, mesh.triangles[kept], spacing, _missing(mesh, kept, spacing), bridged, widest, left_out)
 
 
 def _triangulate(points: FloatArray) -> _Triangulation:
@@ -142,13 +145,15 @@ def _missing(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray) -> Floa
 
     n points of which b lie on the border of one piece have 2 n − b − 2 triangles (Euler), two to a cell; in a lattice
     all are half a cell, and their area is n − b/2 − 1 cells (Pick). So half a cell is missing at each point of the
-    border, and what a triangle there is smaller than half a cell, as flat ones are.
+    border, and what a triangle there is smaller than half a cell, as flat ones are. Larger ones lie in pockets that
+    were filled: their area is the leaf's.
     """
     used, inner = _inner(mesh, kept)
     border = used & ~inner
     triangles = mesh.triangles[kept]
     at_border = (~np.append(kept, False)[mesh.neighbors[kept]]).any(axis=1)
-    small = np.where(at_border, 0.5 * (spacing[triangles] ** 2).mean(axis=1) - mesh.areas[kept], 0.0)
+    half = 0.5 * (spacing[triangles] ** 2).mean(axis=1)
+    small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
     weight = border[triangles].astype(float)
     weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
     missing: FloatArray = np.where(border, 0.5 * spacing**2, 0.0)
@@ -198,8 +203,8 @@ def _small(mesh: _Triangulation, chosen: BoolArray, cells: FloatArray, most: flo
     return chosen & small
 
 
-def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int]:
-    """Return the triangles with those that bridge pieces, and how many pieces of `PIECE` points these have joined."""
+def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+    """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
     for corner in range(3):
@@ -214,4 +219,5 @@ def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: f
     joined = kept | bridge
     pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
     after = _labels(mesh, joined)[kept & np.isin(labels, pieces)]
-    return joined, len(pieces) - len(np.unique(after))
+    bridged = len(pieces) - len(np.unique(after))
+    return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0

@@ -1,5 +1,6 @@
 """From the points of one leaf to its blade as a parametrised surface, step by step."""
 
+import igl
 import numpy as np
 
 from o3dleaf.core import journal
@@ -45,6 +46,7 @@ def build_parametric_blade(
         chart = chart_sheet(
             sheet.vertices,
             sheet.triangles,
+            midrib=midrib,
             up=options.up,
             base=options.base,
             keep_petiole=options.keep_petiole,
@@ -71,8 +73,6 @@ def _rows_of_blade(points: FloatArray, sheet: OpenSheet, chart: Chart) -> IntArr
 
 
 def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    import igl
-
     return np.asarray(igl.point_mesh_squared_distance(points, vertices, triangles)[0])
 
 

@@ -88,11 +88,11 @@ def _first_rows(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 
 def _surround(space: FloatArray, slack: FloatArray, first: npt.NDArray[np.int64]) -> FloatArray:
-    """Return centers and radii (k, 4) of balls about runs of points (n, 3) with slack, from the first row of each."""
+    """Return centers and radii (4, k) of balls about runs of points (n, 3) with slack, from the first row of each."""
     counts = np.diff(np.append(first, len(space)))
     centers = np.add.reduceat(space, first, axis=0) / counts[:, np.newaxis]
     away = np.linalg.norm(space - np.repeat(centers, counts, axis=0), axis=1)
-    return np.column_stack([centers, np.maximum.reduceat(away + slack, first)])
+    return np.vstack([centers.T, np.maximum.reduceat(away + slack, first)])
 
 
 def jets_of(balls: VectorBalls, plane: FloatArray, order: int) -> FloatArray:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
 from o3dleaf.leaf.parametric.surface_loops import JET, jets_at
 
 MIN_EIGENVALUE = 0.1
@@ -29,6 +30,8 @@ CANDIDATES = 6
 """Blocks whose best samples are compared; sheets that touch give two or three."""
 APART = 4.0
 """Distance in the chart, in the samples' distances, from which two candidates may lie on two sheets."""
+BESIDE = 2.0
+"""A block's nearest sample lies at most so many samples' distances farther than the foot that it leads to."""
 CLOSE = 0.1
 """Difference of their distances, in those of samples, up to which both feet are found: predictions are far better."""
 
@@ -38,7 +41,7 @@ class Samples(NamedTuple):
 
     Attributes
     ----------
-    groups, blocks : (G, 4), (B, 4)
+    groups, blocks : (4, G), (4, B)
         Centers and radii of balls that contain the surface about the samples.
     group_starts, block_starts : (G + 1,), (B + 1,)
         The blocks of each group, and the samples of each block.
@@ -108,24 +111,14 @@ def newton_step(x, y, z, i, jets, j, bends, max_step):
     return p, q, length, square, left
 
 
-@njit(nogil=True, cache=True)
-def nearest_ball(x, y, z, start, stop, balls):
-    """Return which of the balls start:stop has the center nearest to a point."""
-    best, number = np.inf, start
-    for b in range(start, stop):
-        p, q, r = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2]
-        square = p * p + q * q + r * r
-        if square < best:
-            best, number = square, b
-    return number
-
-
-@njit(nogil=True, cache=True)
-def may_be_closer(x, y, z, b, balls, distance):
-    """Return whether a ball reaches nearer to a point than a distance."""
-    p, q, r = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2]
-    reach = distance + balls[b, 3]
-    return p * p + q * q + r * r < reach * reach
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def ball_distances(x, y, z, start, stop, balls, far, near):
+    """Write the distances of the centers of the balls start:stop, rows of (4, ·), to a point, and those less radii."""
+    xs, ys, zs, radii = balls[0, start:stop], balls[1, start:stop], balls[2, start:stop], balls[3, start:stop]
+    for b in range(xs.size):
+        p, q, r = x - xs[b], y - ys[b], z - zs[b]
+        far[b] = math.sqrt(p * p + q * q + r * r)
+        near[b] = far[b] - radii[b]
 
 
 @njit(nogil=True, cache=True)
@@ -133,23 +126,39 @@ def find_starts(points, samples, starts, others):
     """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN."""
     groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
     group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
-    bends = jets[:, 3:]
+    count, bends = groups.shape[1], jets[:, 3:]
+    widest = 0
+    for g in range(count):
+        widest = max(widest, int(group_starts[g + 1] - group_starts[g]))
+    group_far, group_near, far, near = np.empty(count), np.empty(count), np.empty(widest), np.empty(widest)
     predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 2))
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        g = nearest_ball(x, y, z, 0, len(groups), groups)
-        b = nearest_ball(x, y, z, group_starts[g], group_starts[g + 1], blocks)
+        ball_distances(x, y, z, 0, count, groups, group_far, group_near)
+        g = np.argmin(group_far)
+        ball_distances(x, y, z, group_starts[g], group_starts[g + 1], blocks, far, near)
+        b = group_starts[g] + np.argmin(far[: group_starts[g + 1] - group_starts[g]])
         best = math.sqrt(nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)[0])
-        predicted[:] = np.inf
-        for g in range(len(groups)):
-            if not may_be_closer(x, y, z, g, groups, best):
+        predicted[:], found[:], nearest = np.inf, np.inf, np.inf
+        for g in range(count):
+            if group_near[g] > best:
                 continue
-            for b in range(group_starts[g], group_starts[g + 1]):
-                if may_be_closer(x, y, z, b, blocks, best):
-                    near, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
-                    best = min(best, math.sqrt(near))
+            start = group_starts[g]
+            ball_distances(x, y, z, start, group_starts[g + 1], blocks, far, near)
+            for b in range(start, group_starts[g + 1]):
+                if near[b - start] > best:
+                    continue
+                square, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
+                distance = math.sqrt(square)
+                best = min(best, distance)
+                # Beside a sample that is nearer, this one would lead to the same foot.
+                beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
+                if distance < predicted[0] + BESIDE * step and not (beside and distance > nearest):
                     p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
-                    insert(math.sqrt(max(left, 0.0)), plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+                    left = math.sqrt(max(left, 0.0))
+                    if left < predicted[0]:
+                        nearest = distance
+                    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
         starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
         others[i, 0] = others[i, 1] = np.nan
         for c in range(1, CANDIDATES):

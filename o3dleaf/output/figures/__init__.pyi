@@ -9,4 +9,4 @@ from .pictures import one_tile as one_tile
 from .pictures import four_tiles as four_tiles
 from .pictures import cross_section as cross_section
 from .pictures import whole_leaf as whole_leaf
-from .style import Sheet as Sheet
+from .style import FigureSheet as FigureSheet

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import open3d as o3d
 import shapely
 from matplotlib.colors import to_rgb
 from scipy.spatial import cKDTree
@@ -21,7 +22,6 @@ from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.fit_quality import FAR, GAP, FitQuality
 from o3dleaf.output.view.camera import View
 from o3dleaf.output.view.picture import SUFFIXES, Inset, Scalars, draw_page, render, save_page
-from o3dleaf.output.view.points import Points
 
 
 class Measure(NamedTuple):
@@ -163,10 +163,10 @@ def render_residuals(
     things: list[Any] = [(shown, triangles[~in_gap])] if not in_gap.all() else []
     if in_gap.any():
         things.append(build_mesh(shown, triangles[in_gap]).paint_uniform_color(to_rgb(GREY)))
-    things += [Points(ring, DOT / 2 * extent, INK) for ring in _edges(blade, flat=flat)]
+    things += [_dots(ring, DOT / 2 * extent, INK) for ring in _edges(blade, flat=flat)]
     for chosen, color in ((held.is_far, BLUE), (held.is_outside, VIOLET)):
         if chosen.any():
-            things.append(Points(dots[chosen], DOT * extent, color))
+            things.append(_dots(dots[chosen], DOT * extent, color))
     noise = measure_in_words(held.limit / FAR, held.unit, digits=2)
     label = f"{'residual' if signed else '|residual|'}, in {noise} of noise"
     limits, colors = ((-FAR, FAR), "coolwarm") if signed else ((0.0, FAR), "YlOrRd")
@@ -208,6 +208,16 @@ def _residuals_at(
     near, rows = cKDTree(points[inside]).query(world, k=min(AROUND, len(sizes)), workers=-1)
     rows, near = rows.reshape(len(world), -1), near.reshape(len(world), -1)
     return sizes[rows].mean(axis=1), near[:, 0] > np.hypot(GAP * held.spacing, held.limit)
+
+
+def _dots(points: FloatArray, radius: float, color: str) -> o3d.geometry.TriangleMesh:
+    """Return small balls at (n, 3) points: icosahedra, which are round enough for a few pixels."""
+    ball = o3d.geometry.TriangleMesh.create_icosahedron(radius)
+    corners, faces = np.asarray(ball.vertices), np.asarray(ball.triangles, dtype=np.int64)
+    first = len(corners) * np.arange(len(points), dtype=np.int64)[:, np.newaxis, np.newaxis]
+    mesh = build_mesh((points[:, np.newaxis] + corners).reshape(-1, 3), (first + faces).reshape(-1, 3))
+    mesh.paint_uniform_color(to_rgb(color))
+    return mesh
 
 
 def _edges(blade: Blade, *, flat: bool) -> list[FloatArray]:

@@ -41,7 +41,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     repaired = _with_groups(surfels, repaired)
     turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
     if conflict > CONTRADICTED:
-        unit, more = _oriented_anew(points, unit, surfels)
+        unit, more, _ = _oriented_anew(points, unit, surfels)
     else:
         unit, more = repaired, ((f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
     if _point_inward(surfels, unit):
@@ -89,9 +89,11 @@ def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple
 def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
     """Return normals that contradict one another with sides found anew, unless they are of two sheets in the noise."""
     try:
-        outward, notes = orient_surfels(points, surfels)
+        outward, notes, cut = orient_surfels(points, surfels)
     except OrientationError as problem:
         return Orientation(unit, (f"normals contradict one another and were kept as they are ({problem})",))
+    if cut is not None:
+        return Orientation(unit, ("normals contradict one another along a line and were kept as they are",))
     agreement = np.einsum("ij,ij->i", unit, outward)
     turned = np.asarray(agreement < 0)
     height = np.einsum("ij,ij->i", points - surfels.points[surfels.group], outward)

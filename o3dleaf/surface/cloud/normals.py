@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
@@ -69,6 +71,32 @@ def repair_normals(points: FloatArray, normals: FloatArray, rows: IndexArray) ->
 def find_opposed(points: FloatArray, normals: FloatArray, rows: IndexArray) -> npt.NDArray[np.bool_]:
     """Return which normals (n,) at least one neighbor's surely opposes."""
     return np.asarray(_agreements(points, normals, rows)[:, 1] > 0)
+
+
+def longest_seam(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
+    """Return the most points in one stretch whose normals neighbors oppose, over the square root of all."""
+    bad, stretch = _stretches(points, normals, rows)
+    return float(np.bincount(stretch[bad]).max() / np.sqrt(len(points))) if bad.any() else 0.0
+
+
+def on_seams(points: FloatArray, normals: FloatArray, rows: IndexArray) -> npt.NDArray[np.bool_]:
+    """Return which points (n,) lie in long stretches whose normals neighbors oppose.
+
+    Long is a quarter as many points as the longest has: shorter ones are noise.
+    """
+    bad, stretch = _stretches(points, normals, rows)
+    size = np.bincount(stretch[bad], minlength=int(stretch.max()) + 1)
+    return np.asarray(bad & (4 * size[stretch] >= size.max()))
+
+
+def _stretches(
+    points: FloatArray, normals: FloatArray, rows: IndexArray
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int32]]:
+    """Return which normals (n,) neighbors oppose, and in which stretch of such points each of them lies."""
+    bad = find_opposed(points, normals, rows)
+    i, m = np.nonzero(bad[:, np.newaxis] & bad[rows])
+    graph = coo_array((np.ones(len(i), np.int8), (i, rows[i, m])), shape=(len(points), len(points)))
+    return bad, connected_components(graph, directed=False)[1]
 
 
 def _agreements(points: FloatArray, normals: FloatArray, rows: IndexArray) -> IndexArray:

@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_points
@@ -13,10 +12,10 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
-from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray
-from o3dleaf.surface.cloud.normals import OrientedPieces, find_opposed, join_neighbors, repair_normals
+from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
+from o3dleaf.surface.cloud.normals import OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.surfels import FLAT, Surfels
+from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
 from o3dleaf.surface.cloud.winding_number import enclosing_signs
 
 ROUGH = 0.3
@@ -41,6 +40,17 @@ SEAM = 0.3
 """Points along the longest line across which normals contradict, over the square root of all points: a strip of a
 width of 1/30 of its length, turned once and closed, has 0.6, and a noisy leaf 0.2."""
 
+CUT = 2.0
+"""Spacings on both sides of a line of contradiction within which points are cut out: planes of sixteen points reach as
+far, and where they hold points of more than one sheet their normals mean nothing."""
+CUTS = 3
+CUT_NOTE = (
+    "normals contradict one another along a line, where sheets branch or a sheet has one side: {:,} points ({:.2g} %) "
+    "were cut out there, around {}"
+)
+MOST_CUT = 0.2
+"""Share of the points that may be cut out; of more the cloud is no sheet anywhere."""
+
 
 class Orientation(NamedTuple):
     """Normals that point outward.
@@ -50,10 +60,13 @@ class Orientation(NamedTuple):
     normals : (n, 3) ndarray
     notes : tuple of str
         What was decided or could not be, one sentence each.
+    cut : (n,) ndarray of bool or None
+        Points that are to be left out, for a sheet to have two sides: where it branches, or across a Moebius strip.
     """
 
     normals: FloatArray
     notes: tuple[str, ...]
+    cut: npt.NDArray[np.bool_] | None = None
 
     def __repr__(self) -> str:
         return f"Orientation({len(self.normals):,} normals, notes {self.notes})"
@@ -85,7 +98,9 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     mirrored between them, so that they agree across sharp edges and thin gaps too, and pieces that agree within are
     joined by the sum over all edges between them. The pieces' signs are those with which they enclose a volume: the
     winding number on a closed surface is 1/2, and each of two sheets that face one another makes 1/2 on the other. An
-    open sheet has no outside; the side that it bulges to is taken, and a note says so.
+    open sheet has no outside; the side that it bulges to is taken, and a note says so. Where open sheets branch, or
+    have one side, normals contradict one another along a line: the points there are to be cut out, and the normals of
+    the others are found without them.
 
     Parameters
     ----------
@@ -97,7 +112,7 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     Raises
     ------
     OrientationError
-        If the points fill a volume, or an open sheet contradicts itself, as a Moebius strip does.
+        If the points fill a volume, or an open sheet contradicts itself throughout.
     InputError
         If the arrays do not match, or a value is not finite.
 
@@ -110,11 +125,11 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     given = known.normals if normals is None else as_points(normals, "normals", dim=3)
     if given is not None and len(given) != len(known):
         raise InputError(f"normals: {len(given)} for {len(known)} points; give one per point")
-    outward, notes = orient_surfels(known.points, known.surfels)
+    outward, notes, cut = orient_surfels(known.points, known.surfels)
     if given is None:
-        return Orientation(outward, notes)
+        return Orientation(outward, notes, cut)
     side = np.einsum("ij,ij->i", given, outward)
-    return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given, notes)
+    return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given, notes, cut)
 
 
 class _Sides(NamedTuple):
@@ -146,6 +161,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     first, *more = progress.split(*(COARSER + 1) * [1])
     with first:
         sides = _find_sides(surfels)
+    finest = surfels, sides
     for part in more:
         with part:
             coarser = _coarser(surfels, points) if sides.contradictory else None
@@ -154,11 +170,43 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             surfels = coarser
             sides = _find_sides(surfels)
     if sides.contradictory:
-        raise OrientationError(
-            "cloud: its normals contradict one another along a line, as on a Moebius strip or where sheets branch; "
-            "cut the cloud there, or give normals"
-        )
+        return _orient_apart(points, *finest)
     return _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+
+
+def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation:
+    """Return normals (n, 3) of sheets cut apart along the lines where those of a whole contradict one another.
+
+    The points within `CUT` spacings of a line go, and the others are oriented anew, up to three times.
+    """
+    cut = np.zeros(len(points), bool)
+    for _ in range(CUTS):
+        left = np.flatnonzero(~cut)
+        line = points[left][on_seams(surfels.points, sides.normals, surfels.rows)[surfels.group]]
+        near = cKDTree(line).query(points[left], workers=-1)[0] <= CUT * surfels.spacing
+        cut[left[near]] = True
+        rest = points[~cut]
+        if cut.mean() > MOST_CUT or len(rest) < MIN_POINTS:
+            break
+        with progress.silent():
+            surfels = Surfels.of(rest, nearest_neighbors(cKDTree(rest)).row)
+            sides = _find_sides(surfels)
+        if not sides.contradictory:
+            normals = np.zeros_like(points)
+            normals[~cut], notes, _ = _split_sheets(rest, surfels, sides.normals, _notes(surfels, sides))
+            normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
+            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), _place(points[cut]))
+            return Orientation(normals, (*notes, note), cut)
+    raise OrientationError(
+        f"cloud: its normals contradict one another along lines throughout, as where sheets branch or touch, around "
+        f"{_place(points[cut])}; cut the cloud there, or give normals"
+    )
+
+
+def _place(points: FloatArray) -> str:
+    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
+    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
+    return " ".join(f"{x:.4g}" for x in middle)
 
 
 def _coarser(surfels: Surfels, points: FloatArray) -> Surfels | None:
@@ -182,7 +230,7 @@ def _find_sides(surfels: Surfels) -> _Sides:
         _follow_neighbors(pieces, sign, gain)
         repaired = repair_normals(points, sign[pieces.piece][:, np.newaxis] * agreed, rows)
     enclosed = float(np.average(winding[pieces.piece], weights=area))
-    seam = _longest_seam(points, repaired.normals, rows) if repaired.conflict else 0.0
+    seam = longest_seam(points, repaired.normals, rows) if repaired.conflict else 0.0
     return _Sides(repaired.normals, enclosed, seam)
 
 
@@ -240,14 +288,3 @@ def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, note
     if excess < TWO_SHEETS:
         notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
     return Orientation(outward, notes)
-
-
-def _longest_seam(points: FloatArray, normals: FloatArray, rows: IndexArray) -> float:
-    """Return the most points in one stretch whose normals neighbors oppose, over the square root of all."""
-    bad = find_opposed(points, normals, rows)
-    i, m = np.nonzero(bad[:, np.newaxis] & bad[rows])
-    if not len(i):
-        return 0.0
-    graph = coo_array((np.ones(len(i), np.int8), (i, rows[i, m])), shape=(len(points), len(points)))
-    _, stretch = connected_components(graph, directed=False)
-    return float(np.bincount(stretch[bad]).max() / np.sqrt(len(points)))

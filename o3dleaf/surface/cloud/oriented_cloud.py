@@ -17,12 +17,16 @@ from o3dleaf.surface.cloud.surfels import Surfels
 
 
 class Removed(NamedTuple):
-    """Points removed for being NaN or infinite, there twice, outliers, and averaged with others of their voxel."""
+    """Points removed for being NaN or infinite, there twice, outliers, averaged in their voxel, and cut out.
+
+    Cut out are those along lines where the normals of an open sheet contradict one another.
+    """
 
     non_finite: int = 0
     repeated: int = 0
     outliers: int = 0
     averaged: int = 0
+    cut: int = 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +107,7 @@ class OrientedCloud:
     @property
     def decisions(self) -> tuple[str, ...]:
         """Points that preprocessing removed and choices it made, one sentence each; empty for a clean cloud."""
-        reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel")
+        reasons = ("not finite", "repeated", "far from all others", "averaged with others of their voxel", "cut out")
         counts = [f"{count:,} {why}" for count, why in zip(self.removed, reasons, strict=True) if count]
         return (f"points left out: {', '.join(counts)}", *self.notes) if counts else self.notes
 

@@ -66,7 +66,7 @@ def preprocess_point_cloud(
     InputError
         If too few points are left.
     OrientationError
-        If the points do not determine which side is outside.
+        If the points do not determine which side is outside, of any part of the cloud.
     """
     points = _as_rows(raw_points(cloud), "cloud")
     normals = raw_normals(cloud) if normals is None else normals
@@ -85,7 +85,9 @@ def preprocess_point_cloud(
     with siding:
         orientation = _find_normals(usable.cloud, None if given is None else given[usable.rows], estimate, orient)
     with ending:
-        oriented = usable.cloud.with_normals(*orientation)
+        oriented = usable.cloud.with_normals(orientation.normals, orientation.notes)
+        if orientation.cut is not None:
+            usable, oriented = usable.parted(orientation.cut), _cut_out(oriented, orientation.cut)
         if voxel_size is None:
             return usable.restored(oriented)
         averaged = voxel_down_sample(oriented.take(np.argsort(usable.rows)), voxel_size)
@@ -158,9 +160,18 @@ class _Usable(NamedTuple):
         removed = self.cloud.removed._replace(outliers=int(stray.sum()))
         return _Usable(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
 
+    def parted(self, cut: npt.NDArray[np.bool_]) -> "_Usable":
+        """Leave out what is to be cut out, a mask (n,)."""
+        return _Usable(self.cloud.take(~cut), self.rows[~cut], None)
+
     def restored(self, cloud: OrientedCloud) -> OrientedCloud:
         """Return a cloud of these points in their first order."""
         return cloud.reordered(np.argsort(self.rows), self.tree)
+
+
+def _cut_out(cloud: OrientedCloud, cut: npt.NDArray[np.bool_]) -> OrientedCloud:
+    """Return a cloud without the points of a mask (n,), which are counted."""
+    return replace(cloud.take(~cut), removed=cloud.removed._replace(cut=int(cut.sum())))
 
 
 def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:
@@ -203,14 +214,14 @@ def _find_normals(
     """Return outward normals: those given where they can be used, else those that the steps find."""
     if given is None:
         return _find_anew(cloud, estimate, orient)
-    unit, notes = check_normals(cloud, given, orient=orient is not None)
+    unit, notes, _ = check_normals(cloud, given, orient=orient is not None)
     turned = float(np.mean(np.einsum("ij,ij->i", np.nan_to_num(given), unit) < 0))
     noisy = len(cloud.surfels.points) < len(cloud)
     if orient is None or not noisy or not UNUSABLE < turned < 1 - UNUSABLE:
         return Orientation(unit, notes)
-    unit, more = _find_anew(cloud, estimate, orient)
+    unit, more, cut = _find_anew(cloud, estimate, orient)
     note = f"{turned:.0%} of the given normals are on the wrong side, because of noise: all were estimated anew"
-    return Orientation(unit, (note, *more))
+    return Orientation(unit, (note, *more), cut)
 
 
 def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:

@@ -55,6 +55,20 @@ def test_a_twist_of_half_a_turn_is_stretched_by_no_more_than_the_curvature_asks(
     assert chart_areas(chart, triangles).sum() == pytest.approx(triangle_areas(sheet, triangles).sum(), rel=1e-9)
 
 
+def test_a_cup_is_stretched_less_than_a_map_that_keeps_angles_must():
+    flat, triangles = triangulated(ellipse(40.0, 40.0), 2.0)
+    flat = flat - [20.0, 0.0]
+    distance = np.linalg.norm(flat, axis=1)
+    share = np.divide(np.sin(distance / 20), distance, out=np.full(len(flat), 1 / 20), where=distance > 0)
+    sheet = 20 * np.column_stack([flat * share[:, None], np.cos(distance / 20)])
+    found = stretch_quantiles(sheet, triangles, flatten_sheet(sheet, triangles))
+    # Of a cap of one radian the conformal map is 1 / cos^2(1/2) = 1.298 times larger at the rim than in the middle.
+    assert found.most / found.least < 1.25
+    exact = triangle_stretch(sheet, triangles, flat)
+    # Polar coordinates about the middle stretch the circles alone, at the rim by 1 / sin(1) = 1.19.
+    assert exact.max() == pytest.approx(1.19, abs=0.01)
+
+
 def test_a_fine_sheet_is_carried_along_by_its_coarse_one():
     flat, triangles = triangulated(ellipse(100.0, 50.0), 0.85)
     assert len(triangles) > 10_000

@@ -13,6 +13,7 @@ def straight(length):
 
 
 ARC = sickle()
+TEAR = shapely.box(120, -5, 150, -2).union(shapely.box(120, -13, 123, -2))
 LEAVES = {
     "long": (blade(), straight(120)),
     "cut obliquely": (blade(oblique=0.5), straight(120)),
@@ -24,6 +25,7 @@ LEAVES = {
     "sickle": ARC,
     "bitten": (blade().difference(shapely.Point(60, 6).buffer(6)), straight(120)),
     "one margin gone over two widths": (blade(200, 20).difference(shapely.box(50, 5, 90, 20)), straight(200)),
+    "torn, a shred pointing back": (blade(200, 24).difference(TEAR), straight(200)),
     "hole": (blade(width=20).difference(shapely.Point(50, 2).buffer(4)), straight(120)),
 }
 

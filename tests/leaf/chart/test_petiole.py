@@ -49,7 +49,7 @@ def finger(radius=1.0, length=30.0):
     )
     tip = len(tube) + len(disc)
     i = np.arange(16)
-    cap = np.stack([at(i + 1, 40), at(i, 40), np.full(16, tip)], axis=1)
+    cap = np.stack([at(i, 40), at(i + 1, 40), np.full(16, tip)], axis=1)
     vertices = np.concatenate([tube, disc, [[0, 0, -length]]])
     triangles = np.concatenate([walls[:, ::-1], plate, cap])
     first = np.arange(len(vertices))
@@ -72,7 +72,7 @@ TIPS = {
     "long drawn tip": shapely.Polygon([(0, -15), (40, -20), (80, -4), (140, 0), (80, 4), (40, 20), (0, 15)]),
     "ellipse": ellipse(100, 50),
     "lobed": lobed(),
-    "spike in the margin": ellipse(100, 50).union(shapely.box(98, -1, 106, 1)),
+    "shred at the margin": ellipse(100, 50).union(shapely.box(98, -1, 120, 1)),
 }
 
 

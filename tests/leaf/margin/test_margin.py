@@ -23,7 +23,7 @@ SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(20), "lobed": leave
 @pytest.mark.parametrize("shape", SHAPES)
 def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape, sampler):
     leaf = SHAPES[shape]
-    points = leaves.SAMPLERS[sampler](leaf, 3000, np.random.default_rng(7))
+    points = leaves.SAMPLERS[sampler](leaf, 2000, np.random.default_rng(7))
     margin, spacing = Margin.fit(points), leaves.true_spacing(leaf, points)
     regular = sampler in REGULAR
     assert margin.area == pytest.approx(leaf.area, rel=MARGIN_AREA if regular else MARGIN_AREA_RANDOM)
@@ -35,7 +35,7 @@ def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape
 @pytest.mark.parametrize("seed", range(3))
 def test_sharp_tips_are_kept(angle, seed):
     leaf = leaves.strip(angle)
-    points = leaves.uniform(leaf, 4000, np.random.default_rng(seed))
+    points = leaves.uniform(leaf, 2000, np.random.default_rng(seed))
     reached = Margin.fit(points).bounds[1, 0]
     assert abs(reached - 150) <= TIP_LOST / angle * leaves.true_spacing(leaf, points)
 
@@ -54,7 +54,7 @@ def test_the_margin_is_a_simple_curve_and_holds_every_point_of_a_lattice():
 
 def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
     leaf = leaves.eaten(6)
-    points = leaves.uniform(leaf, 4000, np.random.default_rng(1))
+    points = leaves.uniform(leaf, 2500, np.random.default_rng(1))
     kept, filled = Margin.fit(points), Margin.fit(points, fill_holes=11.0)
     (hole,) = kept.holes
     assert hole.place == pytest.approx([10, 2], abs=kept.spacing)
@@ -70,7 +70,7 @@ def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
 def test_a_gap_that_a_random_sample_has_by_chance_is_no_hole():
     leaf = leaves.ellipse()
     for seed in range(3):
-        points = leaves.uniform(leaf, 3000, np.random.default_rng(seed))
+        points = leaves.uniform(leaf, 2000, np.random.default_rng(seed))
         spacing = leaves.true_spacing(leaf, points)
         assert not Margin.fit(points).holes
         assert len(Margin.fit(points[np.hypot(*points.T) > 4 * spacing]).holes) == 1
@@ -102,7 +102,7 @@ def test_a_margin_comes_back_from_a_file_the_same(tmp_path):
 
 
 def test_pieces_are_joined_over_a_narrow_gap_and_left_out_and_told_beyond_a_wide_one():
-    points = leaves.uniform(leaves.ellipse(), 4000, np.random.default_rng(8))
+    points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(8))
     spacing = leaves.true_spacing(leaves.ellipse(), points)
     narrow = Margin.fit(points[np.abs(points[:, 0] - 30) > 2.5 * spacing])
     wide = Margin.fit(points[np.abs(points[:, 0] - 30) > 8 * spacing])

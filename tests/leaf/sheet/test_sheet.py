@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 
 import numpy as np
+import open3d as o3d
 import pytest
 from scipy.spatial import Delaunay, cKDTree
 
@@ -339,3 +340,20 @@ def test_of_two_layers_the_one_that_hangs_on_a_rim_is_cut_off():
     assert np.allclose(gone[:, 2], 0.5)
     assert len(gone) == len(rest)
     assert len(left)
+
+
+@pytest.mark.parametrize(
+    ("scan", "held"),
+    [
+        ("wheat/wheat_leaf.ply", 0.995),
+        ("leaves/soybean_with_normals.ply", 0.99),
+        ("leaves/tomato_leaflet_two_layers.ply", 0.93),
+        ("leaves/rice_noisy.ply", 0.995),
+    ],
+)
+def test_a_real_leaf_is_one_open_sheet_that_holds_its_points(scan, held, real_scan):
+    points = np.asarray(o3d.io.read_point_cloud(str(real_scan(scan))).points)
+    sheet = find_sheet(points)
+    assert_open_sheet(*_mesh(sheet))
+    assert len(sheet.rows) > held * len(points)
+    assert rims(*_mesh(sheet)) <= 3

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 import o3dleaf as o3l
-from o3dleaf.output.report.summary import summarize
+from blade_fields import RolledBlade
+from o3dleaf.leaf.fit_quality import FitQuality
+from o3dleaf.output.report.summary import summarize, warnings_of
 
 
 @pytest.fixture(scope="module")
 def blade():
     sample = o3l.samples.wheat_scan(count=1500)
-    return o3l.create_blade(sample.cloud, sample.midrib), sample.cloud
+    return o3l.create_blade(sample.cloud, sample.midrib, options=o3l.BladeOptions(frame="paper")), sample.cloud
 
 
 def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
@@ -42,3 +44,26 @@ def test_a_flat_blade_folds_nowhere_and_is_still_json():
     assert json.loads(json.dumps(summary, allow_nan=False))["distortion"]["focal"] is None
     assert "frame" not in summary
     assert summary["height_map"]["robust"] is False
+
+
+def test_the_fit_stands_in_the_summary_with_the_area_of_the_mesh():
+    blade = RolledBlade()
+    blade.notes = ("3 points were left out",)
+    scan, places = blade.scan(0.5, 0.1)
+    lacking = scan[np.hypot(*(places - [40, 0]).T) > 4]
+    mesh, fit = blade.extract_mesh(0.5), FitQuality.of(blade, lacking)
+    summary = json.loads(json.dumps(summarize(blade, mesh, {}, scan=lacking), allow_nan=False))
+    assert summary["notes"] == ["3 points were left out"]
+    assert summary["fit"]["area"] == fit.to_dict()["area"] | {"mesh": summary["mesh"]["area"]}
+    assert summary["fit"]["coverage"] == fit.coverage
+    assert warnings_of(summary) == fit.warnings != []
+    assert summarize(blade, mesh, {}, fit=fit)["fit"] == summarize(blade, mesh, {}, scan=lacking)["fit"]
+
+
+def test_a_mesh_that_lacks_area_is_told_unless_it_shows_a_part():
+    blade = RolledBlade()
+    scan, mesh = blade.scan(0.5)[0], blade.extract_mesh(0.5)
+    mesh.remove_triangles_by_index(range(len(mesh.triangles) // 20))
+    (warning,) = warnings_of(summarize(blade, mesh, {}, scan=scan))
+    assert "less area than the blade" in warning
+    assert warnings_of(summarize(blade, mesh, {"region": [[0, 0], [1, 1]]}, scan=scan)) == []

@@ -1,13 +1,15 @@
-"""Maps show the distortion where it is, in colors that are symmetric about none."""
+"""Maps show the distortion where it is, in colors that are symmetric about none, and what is not held where that is."""
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
+from blade_fields import RolledBlade
 from o3dleaf import AlphaShape, HeightMap, HeightMapBlade, LeafFrame
 from o3dleaf.core.errors import InputError
-from o3dleaf.output.view import render_distortion
-from o3dleaf.output.view.maps import MEASURES
+from o3dleaf.output.view import View, render_distortion, render_residuals
+from o3dleaf.output.view.maps import BLUE, MEASURES, VIOLET
 from o3dleaf.output.view.picture import PAPER
 
 SIZE = (320, 200)
@@ -45,3 +47,44 @@ def test_every_measure_can_be_drawn(arc, measure, tmp_path):
 def test_an_unknown_measure_is_refused(arc):
     with pytest.raises(InputError, match="measure"):
         render_distortion(arc, measure="beauty")
+
+
+def where(page, color, near=0.15):
+    """Return the middle of a color on the page, as shares of its width, and how many pixels have it."""
+    shown = page[: -SIZE[1] // 4] / 255
+    hue, wanted = (part / np.linalg.norm(part, axis=-1, keepdims=True) for part in (shown, np.array(to_rgb(color))))
+    found = (np.linalg.norm(hue - wanted, axis=-1) < near) & (np.abs(shown - PAPER).max(axis=2) > 0.15)
+    return float(np.nonzero(found)[1].mean()) / SIZE[0], int(found.sum())
+
+
+@pytest.fixture(scope="module")
+def held():
+    """A blade 80 long whose scan is raised about u = 20, missing about u = 60, and goes on as a stalk beyond 80."""
+    blade = RolledBlade(radius=1e4)
+    points, places = blade.scan(0.4, 0.1)
+    points[np.hypot(*(places - [20, 0]).T) < 4, 2] += 3.0
+    stalk = np.column_stack([np.linspace(83, 90, 80), np.zeros(80), np.zeros(80)])
+    return blade, np.concatenate([points[np.hypot(*(places - [60, 0]).T) > 4], stalk])
+
+
+def test_what_is_not_held_is_drawn_where_it_is(held):
+    blade, scan = held
+    page = render_residuals(blade, scan, size=SIZE, spacing=0.5, view=View(direction=(0, 0, 1), tilt=0.0))
+    whole = 90.0 / 0.92
+    for color, place in ((BLUE, 20), (VIOLET, 86.5)):
+        middle, count = where(page, color)
+        assert count > 30
+        assert middle == pytest.approx(0.04 + place / whole, abs=0.02)
+    # The paper is grey too: the gap is what is neither paper nor a color of the map.
+    gap, full = (page[130:143, round((0.04 + u / whole) * SIZE[0])].astype(float) for u in (60, 45))
+    assert np.ptp(gap, axis=1).max() < 20 < np.ptp(full, axis=1).min()
+
+
+def test_flat_signed_and_given_maps_are_drawn(held, tmp_path):
+    blade, scan = held
+    page = render_residuals(blade, scan, tmp_path / "fit.png", flat=True, signed=True, spacing=1.0, size=SIZE)
+    assert np.array_equal(np.round(imread(tmp_path / "fit.png")[:, :, :3] * 255).astype(np.uint8), page)
+    away = render_residuals(blade, scan + [0, 0, 500.0], size=SIZE, spacing=1.0)
+    assert away.shape == page.shape
+    with pytest.raises(InputError, match="suffix"):
+        render_residuals(blade, scan, tmp_path / "fit.txt")

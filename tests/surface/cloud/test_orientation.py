@@ -1,20 +1,22 @@
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.spatial import cKDTree
 
 from cloud_shapes import block, slab, sphere, torus
 from o3dleaf import (
     OrientedCloud,
+    create_from_point_cloud_rbfpu,
     estimate_normals,
     get_num_threads,
     orient_normals,
     preprocess_point_cloud,
     set_num_threads,
 )
-from o3dleaf.core.errors import InputError, OrientationError
-from o3dleaf.surface.cloud.normals import repair_normals
+from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
+from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
 from o3dleaf.surface.cloud.winding_number import enclosing_signs
-from tolerances import ALMOST_ALL, GROUPS_ANGLE, HALF_WINDING
+from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, OPPOSED_LEFT
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
@@ -80,9 +82,40 @@ def test_an_open_sheet_has_one_side_and_a_note():
 
 
 @pytest.mark.parametrize(("half_width", "share"), [(0.1, 0.0), (0.25, 0.0), (0.25, 0.005)])
-def test_a_one_sided_sheet_is_refused(half_width, share):
-    with pytest.raises(OrientationError, match="Moebius"):
-        preprocess_point_cloud(noisy(moebius(10000, half_width), share))
+def test_a_one_sided_sheet_is_cut_across_and_has_two_sides_then(half_width, share):
+    points = noisy(moebius(10000, half_width), share)
+    cloud = preprocess_point_cloud(points, outliers=None)
+    assert cloud.removed.cut == len(points) - len(cloud)
+    assert 0 < cloud.removed.cut < CUT_SHARE * len(points)
+    assert "one side" in cloud.notes[-1]
+    gone = np.setdiff1d(np.arange(len(points)), cKDTree(points).query(cloud.points)[1])
+    place = np.array([float(x) for x in cloud.notes[-1].split("around ")[1].split()])
+    assert np.linalg.norm(points[gone] - place, axis=1).min() < 1e-3
+    angle = np.arctan2(*(points[gone] - 0).T[1::-1])
+    assert np.abs(np.angle(np.exp(1j * (angle - np.median(angle))))).max() < np.pi / 2
+    assert find_opposed(cloud.points, cloud.normals, cloud.neighbors.row[:, :9]).mean() < OPPOSED_LEFT
+
+
+@pytest.mark.parametrize("angles", [(90.0, 210.0, 330.0), (180.0, 0.0, 30.0), (180.0, 0.0, 90.0)])
+def test_of_sheets_that_branch_each_has_one_side(angles):
+    rng = np.random.default_rng(8)
+    u, v = rng.uniform(-1, 1, (9000, 2)).T, rng.uniform(0, 1, 9000)
+    angle = np.repeat(np.radians(angles), 3000)
+    points = np.column_stack([u[0], v * np.cos(angle), v * np.sin(angle)])
+    cloud = preprocess_point_cloud(points, outliers=None)
+    apart = np.linalg.norm(cloud.points[:, 1:], axis=1)
+    for turn in np.radians(angles):
+        flat = np.abs(cloud.points[:, 1:] - apart[:, np.newaxis] * [np.cos(turn), np.sin(turn)]).max(axis=1) < 1e-9
+        sheet = flat & (apart > 10 * cloud.spacing)
+        side = cloud.normals[sheet] @ [0.0, -np.sin(turn), np.cos(turn)]
+        assert np.abs(side.mean()) > 1 - OPPOSED_LEFT
+
+
+def test_a_one_sided_sheet_has_a_surface():
+    with pytest.warns(CloudWarning, match="cut out there"):
+        mesh, _ = create_from_point_cloud_rbfpu(moebius(2500, 0.25))
+    assert mesh.is_orientable()
+    assert mesh.get_surface_area() == pytest.approx(np.pi, rel=0.15)
 
 
 def test_points_that_fill_a_volume_are_refused():
@@ -225,3 +258,10 @@ def test_points_lifted_off_a_sheet_are_no_sheet_but_a_patch_is(side, turned):
     found = repair_normals(points, normals, OrientedCloud.of(points).neighbors.row).normals
     assert (found[:400, 2] == 1).all()
     assert (found[400:, 2] == (1 if turned else -1)).all()
+
+
+def test_a_leaflet_with_a_bit_of_another_sheet_is_cut_where_they_meet(real_scan):
+    points = np.asarray(o3d.io.read_point_cloud(str(real_scan("leaves/tomato_leaflet_two_layers.ply"))).points)
+    cloud = preprocess_point_cloud(points)
+    assert 0 < cloud.removed.cut < CUT_SHARE * len(points)
+    assert "were cut out there, around -5" in cloud.notes[-1]

@@ -21,7 +21,7 @@ def test_what_does_no_good_goes_and_is_counted_and_the_rest_keeps_its_order():
         np.concatenate([dirty, dirty[:5]]), normals=np.concatenate([directions, directions[:5]])
     )
     good = order < 3000
-    assert cloud.removed == (2, 5, 8, 0)
+    assert cloud.removed == (2, 5, 8, 0, 0)
     assert np.array_equal(cloud.points, dirty[good])
     assert cloud.normals == pytest.approx(directions[good])
 

@@ -42,7 +42,7 @@ def test_what_a_cloud_keeps_is_that_of_its_points():
         assert np.array_equal(some.point_spacing, alone.point_spacing)
         assert some.spacing == alone.spacing
         assert some.noise == alone.noise
-    assert cloud.removed == (1, 50, 1, 0)
+    assert cloud.removed == (1, 50, 1, 0, 0)
 
 
 def test_a_cloud_that_dropped_its_neighbors_keeps_its_spacings():

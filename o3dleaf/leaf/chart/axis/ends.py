@@ -3,9 +3,12 @@
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.axis.sections import leave_along
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
 
@@ -40,15 +43,36 @@ def long_axis(ways: Ways, area: FloatArray) -> FloatArray | None:
 
 
 def slice_axis(ways: Ways, area: FloatArray, start: int) -> FloatArray:
-    """Return the (k, 2) middles of slices of equal distance from a vertex, the vertex and the farthest one added."""
+    """Return the (k, 2) middles of slices of equal distance from a vertex, the vertex and the farthest one added.
+
+    Where a slice is in several parts, as where a tip is forked, it is the one on the shortest way to the far end.
+    """
     distance = ways.from_vertex(start)
+    end = int(np.argmax(distance))
     middle, at = ways.vertices[ways.triangles].mean(axis=1), distance[ways.triangles].mean(axis=1)
     slices = np.minimum((at / distance.max() * SLICES).astype(np.int64), SLICES - 1)
-    weight = np.bincount(slices, weights=area, minlength=SLICES)
-    sums = np.stack([np.bincount(slices, weights=area * middle[:, axis], minlength=SLICES) for axis in range(2)], 1)
-    held = weight > 0
-    far = ways.vertices[int(np.argmax(distance))]
-    return np.concatenate([ways.vertices[[start]], sums[held] / weight[held, np.newaxis], far[np.newaxis]])
+    part = _parts_of_slices(ways.triangles, slices)
+    # How much longer a way to the far end is that passes through a triangle.
+    detour = (at + ways.from_vertex(end)[ways.triangles].mean(axis=1)) - distance[end]
+    nearest = np.lexsort((detour, slices))
+    _, first = np.unique(slices[nearest], return_index=True)
+    held = np.isin(part, part[nearest[first]])
+    weight = np.bincount(slices[held], weights=area[held], minlength=SLICES)
+    sums = [np.bincount(slices[held], weights=(area * middle[:, axis])[held], minlength=SLICES) for axis in range(2)]
+    some = weight > 0
+    means = np.stack(sums, axis=1)[some] / weight[some, np.newaxis]
+    return np.concatenate([ways.vertices[[start]], means, ways.vertices[[end]]])
+
+
+def _parts_of_slices(triangles: IntArray, slices: IntArray) -> IntArray:
+    """Return the (m,) labels of the pieces of triangles that hang together by vertices within one slice."""
+    own, corner = np.unique(slices[:, np.newaxis] * (triangles.max() + 1) + triangles, return_inverse=True)
+    rows = np.repeat(np.arange(len(triangles)), 3)
+    links = scipy.sparse.coo_array(
+        (np.ones(len(rows)), (rows, len(triangles) + corner.ravel())),
+        shape=(len(triangles) + len(own), len(triangles) + len(own)),
+    )
+    return np.asarray(connected_components(links, directed=False)[1][: len(triangles)])
 
 
 def symmetry_axis(outline: Any, through: FloatArray | None = None) -> FloatArray:

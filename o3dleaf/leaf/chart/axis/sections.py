@@ -5,9 +5,13 @@ from typing import Any
 import numpy as np
 import shapely
 import shapely.ops
+from scipy.spatial import Delaunay
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices
+
+NODES = 1500
+"""Of the lattice in which distances within an outline are found: ten across a blade of 15 : 1."""
 
 
 def outline_of(chart: FloatArray, rim: IntArray) -> Any:
@@ -24,6 +28,21 @@ def fill_bays(outline: Any) -> Any:
     closed = outline.buffer(radius, quad_segs=16).buffer(-radius, quad_segs=16).union(outline)
     largest = max(shapely.get_parts(closed), key=lambda part: float(part.area))
     return shapely.Polygon(largest.exterior)
+
+
+def triangulate_inside(outline: Any) -> tuple[FloatArray, IntArray]:
+    """Return vertices (k, 2) and triangles of some thousand triangles that fill an outline."""
+    step = float(np.sqrt(outline.area / NODES))
+    low, high = np.reshape(outline.bounds, (2, 2))
+    across = np.arange(low[1], high[1], step * np.sqrt(3) / 2)
+    rows = [np.arange(low[0], high[0], step) + (row % 2) * step / 2 for row in range(len(across))]
+    lattice = np.concatenate([np.stack([x, np.full_like(x, y)], axis=1) for x, y in zip(rows, across, strict=True)])
+    inner = lattice[shapely.contains_xy(outline.buffer(-0.45 * step), *lattice.T)]
+    border = shapely.line_interpolate_point(outline.exterior, np.arange(0, outline.exterior.length, step))
+    points = np.concatenate([shapely.get_coordinates(border), inner])
+    triangles = Delaunay(points).simplices.astype(np.int64)
+    inside = shapely.contains_xy(outline, *points[triangles].mean(axis=1).T)
+    return drop_unused_vertices(points, triangles[inside])
 
 
 def within(outline: Any, curve: FloatArray) -> FloatArray:

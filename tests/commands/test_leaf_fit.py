@@ -1,0 +1,64 @@
+"""The leaf command says what is not held, draws it, and shows where a scan was refused."""
+
+import json
+
+import numpy as np
+import open3d as o3d
+import pytest
+from matplotlib.image import imread
+
+from blade_fields import RolledBlade
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.leaf import pipeline
+
+
+@pytest.fixture
+def scan(tmp_path):
+    """A blade, and the file of a scan that lacks a disc of it."""
+    blade = RolledBlade()
+    points, places = blade.scan(0.6, 0.1)
+    kept = points[np.hypot(*(places - [40, 0]).T) > 4]
+    o3d.io.write_point_cloud(tmp_path / "scan.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(kept)))
+    return blade, tmp_path / "scan.ply"
+
+
+def test_what_is_not_held_is_noted_and_drawn(run, scan, monkeypatch, tmp_path):
+    blade, file = scan
+    monkeypatch.setattr(pipeline, "create_blade", lambda *_, **__: blade)
+    result = run("leaf", file, "--fit-map", "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 0, result.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "scan.ply",
+        "leaf.ply",
+        "leaf.png",
+        "leaf.json",
+        "leaf.fit.png",
+    }
+    (warning,) = json.loads((tmp_path / "leaf.json").read_text())["fit"]["warnings"]
+    said = " ".join(result.stderr.split())
+    assert f"warning: {warning}" in said
+    assert "residuals: half below" in said
+    assert "laid flat" in said
+    # The picture says so above the leaf, where nothing is drawn of a leaf that is held.
+    assert np.ptp(imread(tmp_path / "leaf.png")[:45, :800, :3]) > 0.5
+
+
+@pytest.mark.parametrize("places", [None, np.array([[40.0, 0.0, 0.0], [60.0, 1.0, 0.1]])])
+def test_a_refusal_shows_where(run, scan, monkeypatch, tmp_path, places):
+    """A picture where the error has places, and nothing else is left."""
+    _, file = scan
+
+    def refuse(*_, **__):
+        raise ReconstructionError("scan: 2 sheets meet; cut them apart", places)
+
+    monkeypatch.setattr(pipeline, "create_blade", refuse)
+    result = run("leaf", file, "-o", tmp_path / "leaf.ply", "-q")
+    assert result.returncode == 2
+    see = "" if places is None else "; see leaf.refused.png"
+    assert result.stderr.strip() == f"o3dleaf: error: scan: 2 sheets meet; cut them apart{see}"
+    left = {path.name for path in tmp_path.iterdir()} - {"scan.ply"}
+    assert left == (set() if places is None else {"leaf.refused.png"})
+    if left:
+        red, green, blue = np.moveaxis(imread(tmp_path / "leaf.refused.png")[:, :, :3], 2, 0)
+        assert np.sum((red > 2 * green) & (red > 3 * blue)) > 50
+    assert "leaf.refused.png" not in run("leaf", file, "--no-picture", "-o", tmp_path / "leaf.ply", "-q").stderr
