@@ -134,7 +134,10 @@ def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_betw
             np.abs(leaf(each)) / np.linalg.norm(leaf.gradient(each), axis=1)
             for each in (vertices, vertices[triangles].mean(axis=1))
         )
-        assert off.max() < ON_SURFACE * spacing
+        # Where triangles are cut along the window, corners lie between two that are on the surface.
+        plane = leaf.blade.flatten(vertices)[:, :2]
+        inner = np.abs(plane - np.mean(window, axis=0)).max(axis=1) < 0.5 - spacing / 2
+        assert off[inner if leaf.cuts_edges else ...].max() < ON_SURFACE * spacing
         errors.append(np.sqrt(np.mean(middles**2)))
     assert np.polyfit(np.log(spacings), np.log(errors), 1)[0] == pytest.approx(2, abs=SURFACE_ORDER)
     assert errors[0] < 0.1 * spacings[0]
