@@ -92,7 +92,7 @@ def cut_off_flaps(
     vertices, triangles : (n, 3), (m, 3) ndarrays
     partner : (n,) ndarray
         The vertex above or below each in a layer that faces its way, -1 for none. Of two patches that lie over one
-        another the one with more of its vertices on the sheet's rim is the flap; the other one goes on around it.
+        another the one with more than twice the share of vertices on a rim is the flap; the other goes on around it.
     """
     flagged = partner >= 0
     if not flagged.any():
@@ -106,7 +106,7 @@ def cut_off_flaps(
     share = on_rim / size - 1e-9 * size  # of two that are as open the smaller one goes
     rows = np.flatnonzero(flagged)
     is_flap = np.zeros(len(vertices), bool)
-    is_flap[rows] = share[patch[rows]] > share[patch[partner[rows]]]
+    is_flap[rows] = share[patch[rows]] > 2 * share[patch[partner[rows]]]
     mostly = np.bincount(patch, is_flap) > 0.5 * size
     gone: BoolArray = flagged & mostly[patch]
     kept = triangles[~gone[triangles].any(axis=1)]

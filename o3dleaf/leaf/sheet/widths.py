@@ -23,8 +23,9 @@ WIDEST = 4.0
 """Distance in spacings up to which layers are passes of one sheet. Where there is more between them it shows."""
 STEEP = 0.8
 """Cosine to the normal from which on a point lies above another one, not beside it."""
-PARALLEL = 0.7
-"""Cosine between the normals of passes of one sheet at least: a sheet that branches off stands more steeply."""
+PARALLEL = 0.35
+"""Cosine between the normals of passes of one sheet at least, 70°: they are rough where passes lie double; a sheet that
+stands upright on another one is no pass of it."""
 OFF = 1.5
 """Distance in spacings from which on a point is off a sheet, not between its vertices nor beside its margin."""
 FALL = 0.5
