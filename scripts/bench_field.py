@@ -1,6 +1,6 @@
 """The field itself: rates of its parts, and its signed distance beside Open3D's RaycastingScene.
 
-python scripts/bench_field.py [--leaf MODEL] [--mesh FILE | --spacing S] [--json FILE] [--quick]
+python scripts/bench_field.py [--leaf MODEL | --frame paper] [--mesh FILE | --spacing S] [--json FILE] [--quick]
 
 Points are spread over the neighbourhood of a synthetic wheat leaf (or of the MODEL that `leaf.save` wrote), half a
 patch's height above and below it; "far" ones over a box three times the leaf's; "both" are half of each. The scene is
@@ -31,11 +31,11 @@ WINDOW = 1.0
 """Side of the window, in millimetres."""
 
 
-def make_leaf(quick):
+def make_leaf(quick, frame="surface"):
     """The synthetic leaf, in millimetres."""
     sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)
     volume, _ = o3l.samples.wheat_ct(**(QUICK_CT if quick else {}))
-    return o3l.create_multiscale_leaf(sample.cloud, volume, sample.midrib)
+    return o3l.create_multiscale_leaf(sample.cloud, volume, sample.midrib, blade=o3l.BladeOptions(frame=frame))
 
 
 def spread(leaf, count, rng):
@@ -46,15 +46,23 @@ def spread(leaf, count, rng):
     return flat[leaf.blade.outline.contains(flat[:, :2])][:count]
 
 
-def rate_rows(leaf, flat):
-    """Return a row for each part of the field, at all the points."""
-    blade, points = leaf.blade, leaf.blade.lift(flat)
+def blade_calls(blade, points, flat):
+    """Return what takes world points to flat coordinates and back: the paper's two steps each, or the surface's one."""
+    if not isinstance(blade, o3l.HeightMapBlade):
+        return {"flatten": lambda: blade.flatten(points), "lift": lambda: blade.lift(flat)}
     coordinates = blade.frame.to_leaf(points)
-    on = leaf.closest_points(points[: len(points) // 4])
-    calls = {
+    return {
         "world to leaf": lambda: blade.frame.to_leaf(points),
         "leaf to world": lambda: blade.frame.to_world(coordinates),
         "height map": lambda: blade.height_map(flat[:, :2]),
+    }
+
+
+def rate_rows(leaf, flat):
+    """Return a row for each part of the field, at all the points."""
+    blade, points = leaf.blade, leaf.blade.lift(flat)
+    on = leaf.closest_points(points[: len(points) // 4])
+    calls = blade_calls(blade, points, flat) | {
         "outline membership": lambda: blade.outline.contains(flat[:, :2]),
         "G, frame and tiling": lambda: leaf(points),
         "gradient of G": lambda: leaf.gradient(points),
@@ -182,13 +190,14 @@ def agreement(leaf, count, rng):
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--leaf", metavar="MODEL", help="a leaf that was saved, in millimetres")
+    parser.add_argument("--frame", choices=("surface", "paper"), default="surface", help="of the leaf made here")
     parser.add_argument("--mesh", metavar="FILE", help="closed mesh of the whole leaf for the scene")
     parser.add_argument("--spacing", type=float, default=0.024, help="of the mesh made where none is given, in mm")
     parser.add_argument("--json", metavar="FILE", help="write the rows there as well")
     parser.add_argument("--quick", action="store_true", help="small scales, to see that it runs")
     options = parser.parse_args(arguments)
     rng, quick = np.random.default_rng(0), options.quick
-    leaf = o3l.load(options.leaf) if options.leaf else make_leaf(quick)
+    leaf = o3l.load(options.leaf) if options.leaf else make_leaf(quick, options.frame)
     count = 2_000 if quick else 1_000_000
     flat = spread(leaf, count, rng)
     rows = rate_rows(leaf, flat)

@@ -205,9 +205,7 @@ def run_closed(make, some, name, console):
 
 def multiscale(blade, texture):
     """Return the multi-scale leaf of a blade and a texture."""
-    if hasattr(o3l.MultiscaleLeaf, "of_blade"):
-        return o3l.MultiscaleLeaf.of_blade(texture, blade)
-    return o3l.MultiscaleLeaf(texture, blade.frame, blade.height_map, blade.outline, offset=blade.offset)
+    return o3l.MultiscaleLeaf(texture, blade=blade)
 
 
 def chosen(options):
@@ -225,7 +223,7 @@ def chosen(options):
 def parse(arguments):
     """Return the options."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frame", choices=("paper", "surface", "both"), default="paper")
+    parser.add_argument("--frame", choices=("paper", "surface", "both"), default="surface")
     parser.add_argument("--build", metavar="MODULE:FUNCTION", help="a callable (n, 3) points -> blade to judge instead")
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS))
     parser.add_argument("--conditions", nargs="+", choices=list(CONDITIONS))

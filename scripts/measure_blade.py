@@ -1,4 +1,4 @@
-"""Measure the blade of the real wheat leaf: the figures of the docs, for the midrib picked by hand and the one found.
+"""Measure the paper's blade of the real wheat leaf: the figures of the docs, for the midrib picked and the one found.
 
     python scripts/measure_blade.py [SCAN MIDRIB] [--spacing 0.2]
 
@@ -35,7 +35,7 @@ def farthest(scan, midrib, other):
 
 def measure(scan, midrib, spacing):
     points = np.asarray(scan.points)
-    blade = o3l.create_blade(scan, midrib, unit="mm")
+    blade = o3l.create_blade(scan, midrib, unit="mm", options=o3l.BladeOptions(frame="paper"))
     mesh = blade.extract_mesh(spacing)
     near = 2 * float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
     o3d.utility.random.seed(0)

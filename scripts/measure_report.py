@@ -24,7 +24,6 @@ from rich.table import Table
 import o3dleaf as o3l
 from o3dleaf.core import progress
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 
@@ -36,8 +35,8 @@ def leaf_mesh(model, triangles):
     if model:
         leaf = o3l.load(model)
     else:
-        blade = o3l.create_blade(*wheat_scan()[:2])
-        leaf = MultiscaleLeaf(o3l.create_texture(wheat_ct()[0]), blade.frame, blade.height_map, blade.outline)
+        sample = wheat_scan()
+        leaf = o3l.create_multiscale_leaf(sample.cloud, wheat_ct()[0], sample.midrib)
     coarse = leaf.plan_mesh(0.2, closed=True).triangles
     return mesh_arrays(leaf.plan_mesh(0.2 * np.sqrt(coarse / triangles), closed=True).extract().mesh)
 

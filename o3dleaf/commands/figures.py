@@ -72,11 +72,13 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
 
     def build(self, points: Any, patch: Any, control: Any) -> "Blade | MultiscaleLeaf":
         """Build the leaf, or the blade alone where there is no micro-structure."""
+        from o3dleaf.leaf.options import BladeOptions
         from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
 
+        paper = BladeOptions(frame="paper")
         if patch is None:
-            return create_blade(points, control, unit=self.scan_unit)
-        return create_multiscale_leaf(points, patch, control, unit=self.scan_unit, texture=self)
+            return create_blade(points, control, unit=self.scan_unit, options=paper)
+        return create_multiscale_leaf(points, patch, control, unit=self.scan_unit, blade=paper, texture=self)
 
     def line(self, summary: "Drawn") -> str:
         """Return how many files there are."""

@@ -3,12 +3,14 @@
 import json
 import struct
 import zlib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import o3dleaf as o3l
+from leaf_fields import FRAMES
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.model_file import FORMAT, MAGIC, OLDEST, PREFIX, _read_header, write_model
 from o3dleaf.leaf.models import CLASSES, load
@@ -27,13 +29,19 @@ def interpolant(data):
     return o3l.PUInterpolant.fit(*data, points_per_ball=(40, 80), smoothing="gcv", unit="um")
 
 
+@cache
+def blade_in(frame):
+    """A scan, and its blade in a frame."""
+    sample = wheat_scan(count=800)
+    return sample, o3l.create_blade(sample.cloud, sample.midrib, options=o3l.BladeOptions(frame=frame))
+
+
 @pytest.fixture
 def file(interpolant, tmp_path):
     interpolant.save(tmp_path / "model.o3l")
     return tmp_path / "model.o3l"
 
 
-PAPER = o3l.BladeOptions(frame="paper")
 QUERIES = np.random.default_rng(1).uniform(-1, 5, (500, 3))
 
 
@@ -53,13 +61,14 @@ def test_a_single_interpolant_and_a_tiled_field_come_back(data, interpolant, tmp
         assert np.array_equal(o3l.load(tmp_path / f"{name}.o3l")(QUERIES), model(QUERIES))
 
 
-def test_a_whole_leaf_comes_back(interpolant, tmp_path):
-    sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
-    leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade.frame, blade.height_map, blade.outline)
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_whole_leaf_comes_back(interpolant, tmp_path, frame):
+    sample, blade = blade_in(frame)
+    leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade=blade)
     leaf.save(tmp_path / "leaf.o3l")
     found = o3l.load(tmp_path / "leaf.o3l")
     points = np.asarray(sample.cloud.points)
+    assert type(found.blade) is type(blade)
     assert np.array_equal(found(points), leaf(points))
     assert np.array_equal(found.gradient(points), leaf.gradient(points))
     assert found.blade.outline.area == leaf.blade.outline.area
@@ -79,8 +88,7 @@ NAMES = {
 
 
 def test_a_file_has_the_names_that_all_versions_know(interpolant, tmp_path):
-    sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
+    _, blade = blade_in("paper")
     leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade.frame, blade.height_map, blade.outline)
     leaf.save(tmp_path / "leaf.o3l")
     found = {}
@@ -99,12 +107,12 @@ def test_a_file_has_the_names_that_all_versions_know(interpolant, tmp_path):
     assert set(found) <= set(CLASSES)
 
 
-def test_a_leaf_of_several_patches_comes_back(interpolant, tmp_path):
-    sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_leaf_of_several_patches_comes_back(interpolant, tmp_path, frame):
+    sample, blade = blade_in(frame)
     textures = [o3l.TiledField(interpolant, (3.0, 2.2), (0.4, y), fade=0.2, shift=0.0) for y in (0.3, 0.5)]
     blend = o3l.PatchBlend(textures, [30_000.0])
-    leaf = o3l.MultiscaleLeaf(blend, blade.frame, blade.height_map, blade.outline)
+    leaf = o3l.MultiscaleLeaf(blend, blade=blade)
     leaf.save(tmp_path / "leaf.o3l")
     points = np.asarray(sample.cloud.points)
     assert np.array_equal(o3l.load(tmp_path / "leaf.o3l")(points), leaf(points))
@@ -227,8 +235,7 @@ def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
 
 
 def test_the_paper_s_blade_keeps_its_name_in_files(tmp_path):
-    sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
+    sample, blade = blade_in("paper")
     write_model(blade, tmp_path / "blade.o3l")
     header, _ = _read_header(tmp_path / "blade.o3l")
     assert header["model"]["class"] == "Blade"
@@ -239,8 +246,7 @@ def test_the_paper_s_blade_keeps_its_name_in_files(tmp_path):
 
 
 def test_a_leaf_takes_a_blade_or_all_parts_of_one(interpolant):
-    sample = wheat_scan(count=800)
-    blade, texture = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER), o3l.TiledField(interpolant)
+    (_, blade), texture = blade_in("paper"), o3l.TiledField(interpolant)
     assert o3l.MultiscaleLeaf(texture, blade=blade).blade is blade
     with pytest.raises(InputError, match="blade: is missing"):
         o3l.MultiscaleLeaf(texture, blade.frame)

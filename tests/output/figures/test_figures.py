@@ -25,7 +25,8 @@ from tolerances import ON_A_SEAM
 @pytest.fixture(scope="module")
 def leaf():
     """A strip 20 by 6 with a layer half a unit thick, wavy along, in tiles of 2 by 2, bent about a circle."""
-    return leaf_of(texture(lambda x, y, z: 0.25 + 0.1 * np.cos(np.pi * x) - np.abs(z) + 0 * y, half=0.6), bend=30.0)[0]
+    field = texture(lambda x, y, z: 0.25 + 0.1 * np.cos(np.pi * x) - np.abs(z) + 0 * y, half=0.6)
+    return leaf_of(field, bend=30.0, frame="paper")[0]
 
 
 @pytest.fixture(scope="module")

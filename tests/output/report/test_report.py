@@ -34,6 +34,26 @@ def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
     assert 0 < least <= median <= greatest <= 1 + 1e-12
 
 
+def test_of_a_surface_the_chart_and_its_fit_can_be_read():
+    """All that is measured of any blade is there too, and its warnings are those of the summary."""
+    sample = o3l.samples.wheat_scan(count=1500)
+    blade = o3l.create_blade(sample.cloud)
+    summary = summarize(blade, blade.extract_mesh(0.5), {}, scan=sample.cloud)
+    read = json.loads(json.dumps(summary, allow_nan=False))
+    along, across = np.ptp(blade.outline.bounds, axis=0)
+    assert [read["chart"]["length"], read["chart"]["width"]] == pytest.approx([along, across])
+    assert read["outline"]["area_in_the_plane"] == pytest.approx(blade.outline.area)
+    measured = json.loads(json.dumps(FitQuality.of(blade, sample.cloud).to_dict()))
+    assert {name: read["fit"][name] for name in measured if name not in ("area", "warnings")} == {
+        name: value for name, value in measured.items() if name not in ("area", "warnings")
+    }
+    assert read["notes"] == list(blade.notes)
+    assert warnings_of(summary) == blade.warnings + read["fit"]["warnings"]
+    assert not {"frame", "height_map"} & set(read)
+    least, median, greatest = read["distortion"]["thickness"]
+    assert 0 < least <= median <= greatest <= 1 + 1e-12
+
+
 def test_a_flat_blade_folds_nowhere_and_is_still_json():
     rng = np.random.default_rng(0)
     scan = np.column_stack([rng.uniform(0, 60, 800), rng.uniform(-4, 4, 800), np.zeros(800)])

@@ -31,8 +31,7 @@ def ball():
 
 @pytest.fixture(scope="module")
 def leaf():
-    blade = create_blade(*wheat_scan()[:2])
-    return MultiscaleLeaf(create_texture(wheat_ct()[0]), blade.frame, blade.height_map, blade.outline)
+    return MultiscaleLeaf(create_texture(wheat_ct()[0]), blade=create_blade(*wheat_scan()[:2]))
 
 
 @pytest.fixture(scope="module")
