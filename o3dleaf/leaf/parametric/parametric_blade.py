@@ -166,8 +166,3 @@ class ParametricBlade(Blade):
                 "smoothing": self.surface.local.smoothing.value,
             },
         }
-
-    @property
-    def warnings(self) -> list[str]:
-        """Defects, one line each; empty for a good blade."""
-        return list(self.notes)

@@ -19,7 +19,7 @@ from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.chart.flatten import carry
-from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly
+from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
@@ -32,8 +32,8 @@ KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
 FIRST_BANDWIDTH = 0.125
 """Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
-ROUNDS = 4
-"""Fits of the surface, each at feet on the one before: the last ones move them by a small part of the noise."""
+ROUNDS = 3
+"""Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.macro.build`."""
 COLLAR = 4.0
@@ -123,13 +123,13 @@ def fit_chart_surface(
     with choosing:
         problem = problem.choose(np.column_stack([near, heights]), smoothing)
     with fitting:
-        surface = problem.fit(near)
-        mesh, near = _flatten_again(surface, mesh, near)
         for round_ in range(1, ROUNDS + 1):
             surface = problem.fit(near)
             near, heights, _ = surface.feet(sites, near)
             problem = problem.reweighted(heights)
+            mesh, near = _flatten_again(surface, mesh, near)
             progress.report(round_, ROUNDS)
+        surface = problem.fit(near)
     mesh = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
     feet, heights, _ = surface.feet(points, mesh.parameters(points))
     return SurfaceFit(surface, mesh, feet, heights, problem.choice)
@@ -200,7 +200,7 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
     laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
     chart = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
     if (chart_areas(chart, laid.triangles) <= 0).any():
-        return laid, near
+        chart = relax_without_flips(laid.vertices, laid.triangles, laid.chart)
     relaxed = replace(laid, chart=_turned_onto(chart, laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
 
