@@ -133,6 +133,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.core.checks import require_positive
 
         super().check()
+        self.check_frame()
         if self.ct is None and (self.closed or self.fine or self.tile_solid or self.grid):
             raise InputError(
                 "closed, fine, tile-solid, grid: need a micro-structure, which gives the blade its thickness; give ct"

@@ -3,9 +3,11 @@
 A field made by `option` is an option of the commands too; the others are for Python alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal
 
+from o3dleaf.core.checks import require_choice
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import number_or_word, option, words_of
 
 if TYPE_CHECKING:
@@ -13,6 +15,11 @@ if TYPE_CHECKING:
 
 
 FRAMES = ("surface", "paper")
+OF_FRAME = {
+    "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "rim_radius"),
+    "paper": ("alpha", "offset"),
+}
+"""Options that one frame alone looks at."""
 
 
 def _period(text: str) -> Any:
@@ -50,6 +57,24 @@ class BladeOptions:
     offset : {"up", "normal"}
         Of frame "paper": direction along which the heights of the micro-structure are measured, see `HeightMapBlade`.
     """
+
+    def check_frame(self) -> None:
+        """Refuse an unknown frame, and options that it would not look at.
+
+        Raises
+        ------
+        InputError
+        """
+        require_choice(self.frame, FRAMES, "frame")
+        defaults = {each.name: each.default for each in fields(BladeOptions)}
+        for frame, names in OF_FRAME.items():
+            given = [name for name in names if getattr(self, name) != defaults[name]]
+            if frame != self.frame and given:
+                name = given[0]
+                raise InputError(
+                    f"{name.replace('_', '-')}: is {getattr(self, name)}, which frame '{self.frame}' does not look at; "
+                    f"leave it out, or give frame '{frame}'"
+                )
 
     frame: str = option(
         "surface",

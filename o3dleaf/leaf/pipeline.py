@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import stage
@@ -63,7 +63,8 @@ def create_blade(
         If the scan is no single leaf, or none that the blade of this frame can hold, or its size is impossible.
     """
     options = options or BladeOptions()
-    build = FRAMES[require_choice(options.frame, tuple(FRAMES), "frame")]
+    options.check_frame()
+    build = FRAMES[options.frame]
     # The scan, without points that are there twice or far from all others.
     with stage("prepare scan"):
         points = remove_faults(points_of(scan, "scan", least=3), is_far).points

@@ -81,8 +81,9 @@ CASES = {
     "an empty cloud": (("{empty}",), "empty"),
     "NaN": (("{nan}",), "NaN"),
     "two points": (("{two}",), "2 points"),
-    "a cloud on a line": (("{line}", "--midrib", "{line}"), "one line"),
-    "a cloud on a line, without a midrib": (("{line}",), "one line"),
+    "a cloud on a line": (("{line}",), "along lines"),
+    "a cloud on a line, over a plane": (("{line}", "--frame", "paper", "--midrib", "{line}"), "one line"),
+    "a cloud on a line, over a plane, without a midrib": (("{line}", "--frame", "paper"), "one line"),
     "a cloud in one place": (("{same}",), "damaged"),
     "no such file": (("{missing}",), "no such file"),
     "an unreadable cloud": (("{garbage}",), "PLY"),
@@ -100,6 +101,7 @@ CASES = {
     "an unknown unit": (("{scan}", "--scan-unit", "inch"), "unknown 'inch'"),
     "a spacing of nothing": (("{scan}", "--spacing", "0"), "spacing"),
     "a spacing larger than the leaf": (("{scan}", "--spacing", "500"), "spacing"),
+    "one larger than the paper's": (("{scan}", "--frame", "paper", "--spacing", "500"), "spacing"),
     "an unknown threshold": (("{scan}", "--ct", "{ct}", "--level", "best"), "best"),
     "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
     "no threads": (("{scan}", "--threads", "0"), "threads"),
@@ -115,7 +117,10 @@ CASES = {
     "an unknown distortion": (("{scan}", "--distortion", "taste"), "taste"),
     "a share of triangles above one": (("{scan}", "--ct", "{ct}", "--simplify", "3"), "share"),
     "an unknown period": (("{scan}", "--ct", "{ct}", "--period", "worst"), "period"),
-    "an unknown offset": (("{scan}", "--ct", "{ct}", "--offset", "down"), "down"),
+    "an unknown frame": (("{scan}", "--frame", "wooden"), "wooden"),
+    "an unknown offset": (("{scan}", "--ct", "{ct}", "--frame", "paper", "--offset", "down"), "down"),
+    "an offset of a surface": (("{scan}", "--ct", "{ct}", "--offset", "normal"), "offset: is normal, which frame"),
+    "a rim of the paper's blade": (("{scan}", "--frame", "paper", "--rim-radius", "1"), "rim-radius: is 1.0, which"),
     "a point beside the leaf": (("{scan}", "--around", "0", "0", "900"), "beside the blade"),
 }
 
@@ -143,11 +148,12 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files,
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_leaf_from_files(run, files, tmp_path):
+@pytest.mark.parametrize(("frame", "stage"), [("surface", "fit surface"), ("paper", "fit height map")])
+def test_a_leaf_from_files(run, files, tmp_path, frame, stage):
     output = tmp_path / "leaf.ply"
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
-        "--region", 90, -2, 96, 2, "-o", output,
+        "--region", 90, -2, 96, 2, "--frame", frame, "-o", output,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "extract mesh" in result.stderr
@@ -158,18 +164,23 @@ def test_a_leaf_from_files(run, files, tmp_path):
     assert summary["mesh"]["components"] == 2
     assert summary["mesh"]["manifold"]
     assert summary["settings"]["spacing"] == 0.1
-    assert {"fit micro-scale interpolant", "fit height map", "extract mesh"} <= set(summary["seconds"])
+    assert summary["settings"]["frame"] == frame
+    assert {"fit micro-scale interpolant", stage, "extract mesh"} <= set(summary["seconds"])
     assert {"python", "numba", "open3d"} <= set(summary["versions"])
     mesh = o3d.io.read_triangle_mesh(output)
     assert len(mesh.triangles) == summary["mesh"]["triangles"]
 
 
-def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_path):
+FRAMES = {"surface": (), "paper": ("--frame", "paper", "--offset", "normal")}
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_path, frame):
     scan = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
     middle = scan[np.argmin(np.linalg.norm(scan - np.median(scan, axis=0), axis=1))]
     result = run(
         "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.05,
-        "--around", *middle, "--window", 1.5, "--closed", "--period", "best", "--offset", "normal",
+        "--around", *middle, "--window", 1.5, "--closed", "--period", "best", *FRAMES[frame],
         "--tile-solid", tmp_path / "tile.stl", "--distortion", "thickness", "--no-picture", "-o", tmp_path / "leaf.stl",
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
@@ -179,7 +190,7 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
     assert summary["mesh"]["watertight"]
     assert summary["surface"]["closed"]
     assert summary["surface"]["triangles"] == len(o3d.io.read_triangle_mesh(tmp_path / "leaf.stl").triangles)
-    assert not summary["frame"]["folded"]
+    assert frame == "surface" or not summary["frame"]["folded"]
     assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl")).watertight
 
 
@@ -191,9 +202,10 @@ def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"leaf.obj", "leaf.nrrd", "leaf.json"}
-    report = json.loads((tmp_path / "leaf.json").read_text())["mesh"]
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    report, kept = summary["mesh"], [hole for hole in summary["fit"]["holes"] if not hole["filled"]]
     assert report["manifold"]
-    assert (report["components"], report["boundary_loops"]) == (2, 2)
+    assert (report["components"], report["boundary_loops"]) == (2, 2 + 2 * len(kept))
     assert {line for line in (tmp_path / "leaf.obj").read_text().splitlines() if line[:1] == "g"} == {
         "g adaxial",
         "g abaxial",

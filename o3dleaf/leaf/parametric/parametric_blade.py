@@ -10,6 +10,7 @@ import open3d as o3d
 import shapely
 
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.blade.blade import Blade, OpenEdges
@@ -142,9 +143,14 @@ class ParametricBlade(Blade):
         Raises
         ------
         ReconstructionError
-            If the region contains nothing of the blade.
+            If the region contains nothing of the blade, or the triangles would be wider than it.
         """
-        plane, triangles = triangulate(self.outline.polygon, require_positive(spacing, "spacing"), region)
+        width = float(np.ptp(self.outline.bounds, axis=0).min())
+        if require_positive(spacing, "spacing") > width:
+            raise ReconstructionError(
+                f"spacing: is {spacing:.4g}, where the blade is {width:.4g} wide; give a finer one"
+            )
+        plane, triangles = triangulate(self.outline.polygon, spacing, region)
         return build_mesh(self.lift(np.column_stack([plane, np.zeros(len(plane))])), triangles)
 
     def describe(self) -> dict[str, Any]:
