@@ -21,7 +21,7 @@ from o3dleaf import (
 FRAMES = ("surface", "paper")
 HALF_WIDTH = 3.0
 COLLAR, STEP = 2.0, 0.4
-"""Width of the strip beside the leaf that the surface is fitted to as well, and the step of what it is fitted to: all in
+"""Width of the strip beside the leaf that the surface is fitted to as well, and the step of its data: all in
 one ball, since a spline errs at the edges of its data."""
 
 

@@ -736,3 +736,6 @@ ON_THE_MARGIN = 1e-14
 
 CUT_SHEET_ANGLE = 20.0
 """Degrees; found 22. Without clearance of the lattice from the margin 2."""
+
+CUT_VERTEX = 1e-11
+"""A corner on the outline, found in windows that begin elsewhere: 1e4 roundings of 20; they come to 5e-13."""

@@ -7,8 +7,9 @@ import numpy as np
 import open3d as o3d
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 
-from leaf_fields import leaf_of
+from leaf_fields import FRAMES, HALF_WIDTH, leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, ReconstructionError
@@ -21,7 +22,7 @@ from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.leaf.tile_lattice import LAYERS, leaf_lattice, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
-from tolerances import ON_SURFACE
+from tolerances import CUT_VERTEX, ON_SURFACE
 
 HALF = 0.2037
 """Mean half thickness of the blade; its ridges run across, the tile is 2 by 2 and 1 high."""
@@ -31,24 +32,27 @@ def ridged(phase=0.0, half=HALF):
     return lambda x, y, z: half + 0.05 * np.cos(np.pi * x + phase) + 0.03 * np.sin(np.pi * y) - np.abs(z)
 
 
-@pytest.fixture(scope="module")
-def leaf():
+@pytest.fixture(scope="module", params=FRAMES)
+def leaf(request):
     """A strip of 20 by 6, bent about a circle of radius 15."""
-    return leaf_of(texture_of(ridged()), bend=15.0)[0]
+    return leaf_of(texture_of(ridged()), bend=15.0, frame=request.param)[0]
 
 
 @pytest.fixture(scope="module")
-def normal_leaf(leaf):
-    blade = leaf.blade
-    return MultiscaleLeaf(leaf.texture, blade.frame, blade.height_map, blade.outline, offset="normal")
+def paper_leaf():
+    return leaf_of(texture_of(ridged()), bend=15.0, frame="paper")[0]
+
+
+@pytest.fixture(scope="module")
+def normal_leaf(paper_leaf):
+    blade = paper_leaf.blade
+    return MultiscaleLeaf(paper_leaf.texture, blade.frame, blade.height_map, blade.outline, offset="normal")
 
 
 @pytest.fixture(scope="module")
 def blend_leaf(leaf):
     """Two textures that pass into one another midway."""
-    blade = leaf.blade
-    field = PatchBlend([leaf.texture, texture_of(ridged(1.0, 0.15))], [10.3], 0.5)
-    return MultiscaleLeaf(field, blade.frame, blade.height_map, blade.outline)
+    return MultiscaleLeaf(PatchBlend([leaf.texture, texture_of(ridged(1.0, 0.15))], [10.3], 0.5), blade=leaf.blade)
 
 
 def arrays(mesh):
@@ -130,11 +134,10 @@ def test_labels_say_which_face_a_triangle_is_of(leaf):
             assert edge.max() < 0.45
 
 
-@pytest.mark.parametrize("name", ["leaf", "normal_leaf", "blend_leaf"])
-def test_vertices_lie_on_the_surface_and_triangles_to_second_order(name, request):
-    leaf = request.getfixturevalue(name)
+def errors_between_vertices(leaf, spacings):
+    """Vertices of a window's faces lie on the surface; return what the field is in the middles of its triangles."""
     errors = []
-    for spacing in (0.06, 0.03) if name == "blend_leaf" else (0.03, 0.015):
+    for spacing in spacings:
         solid = leaf.plan_mesh(spacing, [[9.4, -0.5], [11.2, 0.5]], closed=True).extract()
         vertices, triangles = arrays(solid)
         on_rim = np.zeros(len(vertices), dtype=bool)
@@ -143,19 +146,38 @@ def test_vertices_lie_on_the_surface_and_triangles_to_second_order(name, request
         off = np.abs(leaf(vertices[face.ravel()])) / np.linalg.norm(leaf.gradient(vertices[face.ravel()]), axis=1)
         assert off.max() < ON_SURFACE * spacing
         errors.append(np.sqrt(np.mean(leaf(vertices[face].mean(axis=1)) ** 2)))
-    assert errors[0] < 0.1**2
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.35)
+    return errors
 
 
-@pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize("name", ["normal_leaf", "blend_leaf"])
-def test_other_offsets_and_blends_are_manifold_too(name, closed, request):
-    mesh = request.getfixturevalue(name).plan_mesh(0.15, closed=closed).extract()
+def is_of_second_order(errors):
+    return errors[0] < 0.1**2 and np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.35)
+
+
+def is_one_leaf(mesh, *, closed):
     report = mesh_report(mesh.mesh)
     assert report.manifold
     assert report.oriented
     assert (report.components, report.genus) == ((1, 0) if closed else (2, 0))
-    assert report.boundary_loops == (0 if closed else 2)
+    return report.boundary_loops == (0 if closed else 2)
+
+
+def test_vertices_lie_on_the_surface_and_triangles_to_second_order(leaf, blend_leaf):
+    assert is_of_second_order(errors_between_vertices(leaf, (0.03, 0.015)))
+    assert is_of_second_order(errors_between_vertices(blend_leaf, (0.06, 0.03)))
+
+
+def test_so_they_do_along_the_normal_of_the_paper_s_blade(normal_leaf):
+    assert is_of_second_order(errors_between_vertices(normal_leaf, (0.03, 0.015)))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_blends_are_manifold_too(blend_leaf, closed):
+    assert is_one_leaf(blend_leaf.plan_mesh(0.15, closed=closed).extract(), closed=closed)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_other_offsets_are_manifold_too(normal_leaf, closed):
+    assert is_one_leaf(normal_leaf.plan_mesh(0.15, closed=closed).extract(), closed=closed)
 
 
 def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
@@ -284,9 +306,23 @@ def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
         within &= found.labels != RIM
         assert 0.9 * spacing < np.median(size[within]) <= 1.6 * spacing
     assert np.all((middle[:, 2] > 0)[found.labels != RIM] == (found.labels == ADAXIAL)[found.labels != RIM])
-    coarse = leaf.plan_mesh(0.25, closed=closed).extract()
-    far = leaf.blade.flatten(arrays(coarse)[0])[:, 0] > 10
-    assert rows(arrays(coarse)[0][far]) == rows(vertices[flat[:, 0] > 10])
+    coarse, _ = arrays(leaf.plan_mesh(0.25, closed=closed).extract())
+    plane = leaf.blade.flatten(coarse)[:, :2]
+    found, expected = vertices[flat[:, 0] > 10], coarse[plane[:, 0] > 10]
+    if not leaf.cuts_edges:
+        assert rows(expected) == rows(found)
+        return
+    # Where cells are cut along the outline, vertices are those of the whole leaf but for rounding.
+    assert found.shape == expected.shape
+    assert cKDTree(found).query(expected)[0].max() <= CUT_VERTEX
+    whole = [vertices[inner_cells(flat[:, :2])], coarse[inner_cells(plane)]]
+    assert rows(whole[0]) == rows(whole[1])
+    assert len(whole[0]) > 1000
+
+
+def inner_cells(plane):
+    """Vertices of the strip beyond its middle, and farther than a coarse cell from its outline."""
+    return (plane[:, 0] > 10) & (plane[:, 0] < 19.7) & (np.abs(plane[:, 1]) < HALF_WIDTH - 0.3)
 
 
 def test_a_window_of_one_coarse_cell_has_room_for_a_finer_one(leaf):
@@ -320,15 +356,15 @@ def peak(work):
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".stl"])
-def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix):
+@pytest.mark.parametrize(("suffix", "frame"), [(".ply", "surface"), (".ply", "paper"), (".stl", "surface")])
+def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, frame):
     """Twice as long, the same memory: counting and writing hold three rows of tiles."""
     threads, needed, made = get_num_threads(), [], []
     field = texture_of(ridged())
     set_num_threads(2)
     try:
         for length in (20.0, 40.0):
-            leaf, _ = leaf_of(field, length=length)
+            leaf, _ = leaf_of(field, length=length, frame=frame)
 
             def work(leaf=leaf):
                 plan = leaf.plan_mesh(0.04, closed=True)
@@ -378,9 +414,10 @@ def test_two_windows_with_one_cell_between_are_both_set_in(leaf):
         leaf.extract_levels(0.25, [windows[0], ([[7.0, -0.25], [8.0, 0.25]], 0.125)])
 
 
-def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(leaf):
+def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(paper_leaf):
+    """The rounded corners of the α-shape cut the tiles at the margin; a rectangle of whole tiles cuts none."""
     with pytest.raises(InputError, match="the rim cuts"):
-        leaf.extract_levels(0.25, [([[6.2, -1.6], [9.1, -1.1]], 0.125)], closed=True)
+        paper_leaf.extract_levels(0.25, [([[6.2, -1.6], [9.1, -1.1]], 0.125)], closed=True)
 
 
 def test_a_window_that_is_no_finer_than_what_is_around_it_is_refused(leaf):

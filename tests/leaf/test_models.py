@@ -33,6 +33,7 @@ def file(interpolant, tmp_path):
     return tmp_path / "model.o3l"
 
 
+PAPER = o3l.BladeOptions(frame="paper")
 QUERIES = np.random.default_rng(1).uniform(-1, 5, (500, 3))
 
 
@@ -54,7 +55,7 @@ def test_a_single_interpolant_and_a_tiled_field_come_back(data, interpolant, tmp
 
 def test_a_whole_leaf_comes_back(interpolant, tmp_path):
     sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=None)
+    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
     leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade.frame, blade.height_map, blade.outline)
     leaf.save(tmp_path / "leaf.o3l")
     found = o3l.load(tmp_path / "leaf.o3l")
@@ -79,7 +80,7 @@ NAMES = {
 
 def test_a_file_has_the_names_that_all_versions_know(interpolant, tmp_path):
     sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib)
+    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
     leaf = o3l.MultiscaleLeaf(o3l.TiledField(interpolant), blade.frame, blade.height_map, blade.outline)
     leaf.save(tmp_path / "leaf.o3l")
     found = {}
@@ -100,7 +101,7 @@ def test_a_file_has_the_names_that_all_versions_know(interpolant, tmp_path):
 
 def test_a_leaf_of_several_patches_comes_back(interpolant, tmp_path):
     sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib, options=None)
+    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
     textures = [o3l.TiledField(interpolant, (3.0, 2.2), (0.4, y), fade=0.2, shift=0.0) for y in (0.3, 0.5)]
     blend = o3l.PatchBlend(textures, [30_000.0])
     leaf = o3l.MultiscaleLeaf(blend, blade.frame, blade.height_map, blade.outline)
@@ -227,7 +228,7 @@ def test_a_failure_leaves_the_old_file(interpolant, file, monkeypatch):
 
 def test_the_paper_s_blade_keeps_its_name_in_files(tmp_path):
     sample = wheat_scan(count=800)
-    blade = o3l.create_blade(sample.cloud, sample.midrib)
+    blade = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER)
     write_model(blade, tmp_path / "blade.o3l")
     header, _ = _read_header(tmp_path / "blade.o3l")
     assert header["model"]["class"] == "Blade"
@@ -239,7 +240,7 @@ def test_the_paper_s_blade_keeps_its_name_in_files(tmp_path):
 
 def test_a_leaf_takes_a_blade_or_all_parts_of_one(interpolant):
     sample = wheat_scan(count=800)
-    blade, texture = o3l.create_blade(sample.cloud, sample.midrib), o3l.TiledField(interpolant)
+    blade, texture = o3l.create_blade(sample.cloud, sample.midrib, options=PAPER), o3l.TiledField(interpolant)
     assert o3l.MultiscaleLeaf(texture, blade=blade).blade is blade
     with pytest.raises(InputError, match="blade: is missing"):
         o3l.MultiscaleLeaf(texture, blade.frame)

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 import reference
-from leaf_fields import leaf_of
+from leaf_fields import FRAMES, leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
@@ -23,14 +23,14 @@ WINDOW = [[5.03, -1.07], [8.9, 1.9]]
 EDGE = 0.15
 
 
-@pytest.fixture(scope="module")
-def leaf():
+@pytest.fixture(scope="module", params=FRAMES)
+def leaf(request):
     """A strip of 20 by 6 with ridges across, bent about a circle of radius 15."""
 
     def ridged(x, y, z):
         return HALF + 0.05 * np.cos(np.pi * x) + 0.03 * np.sin(np.pi * y) - np.abs(z)
 
-    return leaf_of(texture_of(ridged), bend=15.0)[0]
+    return leaf_of(texture_of(ridged), bend=15.0, frame=request.param)[0]
 
 
 @pytest.fixture(scope="module")

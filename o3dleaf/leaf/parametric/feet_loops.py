@@ -123,21 +123,24 @@ def ball_distances(x, y, z, start, stop, balls, far, near):
 
 @njit(nogil=True, cache=True)
 def find_starts(points, samples, starts, others):
-    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN."""
+    """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN.
+
+    In one piece: whatever is handed to another function is counted, which the threads would wait for one another over.
+    """
     groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
     group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
     count, bends = groups.shape[1], jets[:, 3:]
     widest = 0
     for g in range(count):
-        widest = max(widest, int(group_starts[g + 1] - group_starts[g]))
+        widest = max(widest, group_starts[g + 1] - group_starts[g])
     group_far, group_near, far, near = np.empty(count), np.empty(count), np.empty(widest), np.empty(widest)
     predicted, found = np.empty(CANDIDATES), np.empty((CANDIDATES, 2))
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         ball_distances(x, y, z, 0, count, groups, group_far, group_near)
-        g = np.argmin(group_far)
+        g = int(np.argmin(group_far))
         ball_distances(x, y, z, group_starts[g], group_starts[g + 1], blocks, far, near)
-        b = group_starts[g] + np.argmin(far[: group_starts[g + 1] - group_starts[g]])
+        b = group_starts[g] + int(np.argmin(far[: group_starts[g + 1] - group_starts[g]]))
         best = math.sqrt(nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)[0])
         predicted[:], found[:], nearest = np.inf, np.inf, np.inf
         for g in range(count):

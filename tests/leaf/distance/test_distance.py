@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from leaf_fields import leaf_of, texture
+from leaf_fields import FRAMES, leaf_of, texture
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.distance import distance
@@ -22,20 +22,20 @@ def slab():
     return leaf_of(texture(lambda x, y, z: HALF**2 - z**2))[0]
 
 
-@pytest.fixture(scope="module")
-def bent():
-    return leaf_of(texture(lambda x, y, z: HALF**2 - z**2), bend=10.0)
+@pytest.fixture(scope="module", params=FRAMES)
+def bent(request):
+    return leaf_of(texture(lambda x, y, z: HALF**2 - z**2), bend=10.0, frame=request.param)
 
 
-@pytest.fixture(scope="module")
-def rough():
+@pytest.fixture(scope="module", params=FRAMES)
+def rough(request):
     """Ridges and bumps on a bent blade."""
 
     def function(x, y, z):
         top = 0.2 + 0.08 * np.cos(2 * np.pi * y) + 0.05 * np.cos(np.pi * x) ** 2
         return (top - z) * (z + 0.2)
 
-    return leaf_of(texture(function, n=21), bend=10.0)
+    return leaf_of(texture(function, n=21), bend=10.0, frame=request.param)
 
 
 def box_distance(x):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from leaf_fields import leaf_of, texture
+from leaf_fields import FRAMES, leaf_of, texture
+from o3dleaf import MultiscaleLeaf
 from tolerances import BALL_CURVATURE, BENT_CURVATURE, NORMAL, PROJECTED
 
 RADIUS = 0.31
@@ -14,10 +15,10 @@ def ball():
     return leaf_of(texture(lambda x, y, z: RADIUS**2 - x**2 - y**2 - z**2))[0]
 
 
-@pytest.fixture(scope="module")
-def slab():
+@pytest.fixture(scope="module", params=FRAMES)
+def slab(request):
     """Bent on a circle of radius 10, faces at ± RADIUS: two cylinders of radius 10 ± RADIUS."""
-    return leaf_of(texture(lambda x, y, z: RADIUS**2 - z**2), bend=10.0)
+    return leaf_of(texture(lambda x, y, z: RADIUS**2 - z**2), bend=10.0, frame=request.param)
 
 
 def around(rng, count, low, high):
@@ -63,7 +64,7 @@ def test_curvature_of_a_bent_blade(slab, face):
 
 def test_curvature_is_half_the_divergence_of_the_normals(slab):
     field = texture(lambda x, y, z: RADIUS**2 - z**2 + 0.05 * np.sin(2 * np.pi * x) * np.cos(2 * np.pi * y))
-    leaf, lift = leaf_of(field, bend=10.0)
+    leaf, lift = MultiscaleLeaf(field, blade=slab[0].blade), slab[1]
     rng = np.random.default_rng(4)
     at = leaf.project(lift(rng.uniform(2, 18, 100), rng.uniform(-2, 2, 100), np.full(100, 0.3)))
     h = 1e-4

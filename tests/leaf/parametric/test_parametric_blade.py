@@ -164,7 +164,7 @@ def test_it_is_written_read_and_remeshed(surface, leaf, tmp_path, flat):
     assert np.array_equal(found(world), saved(world))
     assert found.blade.notes == ("a note",)
     assert found.blade.rim_radius == 1.0
-    leaf.write_mesh(tmp_path / "leaf.ply", 0.5, closed=True)
+    leaf.write_mesh(tmp_path / "leaf.ply", 0.25, closed=True)
     written = o3l.read_mesh(tmp_path / "leaf.ply")
     assert o3l.mesh_report(getattr(written, "mesh", written)).watertight
     window = leaf.blade.window(leaf.blade.lift([[20.0, 0.0, 0.0]])[0], 2.0)
