@@ -9,6 +9,7 @@ from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly
 from o3dleaf.leaf.instancing.components import RIM
 from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
+from o3dleaf.leaf.instancing.cut.flip_loops import flip_diagonals
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.instancing.reduced import reduce_tile
@@ -192,17 +193,54 @@ def test_a_window_beside_the_margin_leaves_it_as_it_is(closed):
     assert set(np.unique(labels)) == ({0, 1, 2} if closed else {0, 1})
 
 
-def test_ears_of_a_polygon_cover_it():
+def stars():
+    """Polygons, star-shaped about the origin, counter-clockwise."""
     rng = np.random.default_rng(0)
     for count in (3, 4, 7, 30):
         angle = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.5, count)) / count
-        corners = (rng.uniform(0.5, 2, count) * [np.cos(angle), np.sin(angle)]).T
-        triangles = np.empty((count, 3), dtype=np.int64)
-        found = cut_ears(corners, np.arange(count), np.full(count, -1), triangles, 0)
-        assert found == count - 2
-        a, b, c = corners[triangles[:found]].transpose(1, 0, 2)
-        twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-        assert twice.sum() / 2 == pytest.approx(
-            np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1)) / 2
-        )
+        yield (rng.uniform(0.5, 2, count) * [np.cos(angle), np.sin(angle)]).T
+
+
+def doubled(a, b, c):
+    """Twice the areas of triangles, > 0 where they run counter-clockwise."""
+    return (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+def test_ears_of_a_polygon_cover_it(flipped):
+    for corners in stars():
+        names, sides = np.arange(len(corners)), np.full(len(corners), -1)
+        triangles = cut_ears(corners, names, sides)
+        if flipped:
+            flip_diagonals(corners, names, sides, triangles)
+        assert len(triangles) == len(corners) - 2
+        twice = doubled(*corners[triangles].transpose(1, 0, 2))
         assert np.all(twice > 0)
+        assert twice.sum() == pytest.approx(doubled(np.zeros((1, 2)), corners, np.roll(corners, -1, axis=0)).sum())
+
+
+def test_no_corner_beyond_a_flipped_diagonal_lies_in_the_circle_of_its_triangle():
+    for corners in stars():
+        names, sides = np.arange(len(corners)), np.full(len(corners), -1)
+        triangles = cut_ears(corners, names, sides)
+        flip_diagonals(corners, names, sides, triangles)
+        beyond = {(t[k], t[k - 2]): t[k - 1] for t in triangles for k in range(3)}
+        for a, b, c in triangles:
+            lift = corners - corners[a]
+            lift = np.column_stack([lift, (lift**2).sum(axis=1)])
+            others = [beyond[edge] for edge in ((b, a), (c, b), (a, c)) if edge in beyond]
+            assert all(np.linalg.det(lift[[b, c, d]]) >= -1e-5 for d in others)
+
+
+def test_no_sliver_is_left_along_a_border_that_is_almost_straight():
+    """The corner 2 is a hair's breadth off the side from 1 to 3: the best ear, at 0, leaves a sliver there."""
+    corners = np.array([[0.0, 1 - np.sqrt(3.0)], [1.0, 1.0], [0.0, 1.0 + 1e-6], [-1.0, 1.0]])
+    triangles = cut_ears(corners, np.arange(4), np.full(4, -1))
+    assert doubled(*corners[triangles].transpose(1, 0, 2)).min() <= 1e-5
+    flip_diagonals(corners, np.arange(4), np.full(4, -1), triangles)
+    assert doubled(*corners[triangles].transpose(1, 0, 2)).min() >= 0.9
+    # Corners of one side of a cell are not joined, nor the two ends of a bridge.
+    for names, sides in (([0, 1, 0, 3], [-1, -1, -1, -1]), ([0, 1, 2, 3], [2, -1, 2, -1])):
+        triangles = np.array([[0, 1, 3], [1, 2, 3]])
+        flip_diagonals(corners, np.array(names), np.array(sides), triangles)
+        assert triangles.tolist() == [[0, 1, 3], [1, 2, 3]]

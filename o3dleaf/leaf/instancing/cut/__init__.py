@@ -4,4 +4,5 @@
 `clip_loops`  triangles clipped where the distance to the margin is zero
 `wall_loops`  the wall over the margin, column by column
 `ear_loops`   polygons of the wall triangulated
+`flip_loops`  the best diagonals of these
 """

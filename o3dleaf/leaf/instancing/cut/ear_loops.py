@@ -62,21 +62,15 @@ def find_ear(points, names, sides, left):
 
 
 @njit(nogil=True, cache=True)
-def cut_ears(points, names, sides, triangles, start):
-    """Write the triangles of a polygon, their corners by name, from a row on; return the row after them."""
+def cut_ears(points, names, sides):
+    """Return the triangles (m − 2, 3) of a polygon of m corners, rows of `points`."""
     left = np.arange(len(names))
-    while len(left) > 3:
-        n = find_ear(points, names, sides, left)
-        triangles[start, 0] = names[left[n - 1]]
-        triangles[start, 1] = names[left[n]]
-        triangles[start, 2] = names[left[(n + 1) % len(left)]]
-        start += 1
+    triangles = np.empty((max(len(left) - 2, 0), 3), dtype=np.int64)
+    for row in range(len(triangles)):
+        n = find_ear(points, names, sides, left) if len(left) > 3 else 1
+        triangles[row, 0], triangles[row, 1], triangles[row, 2] = left[n - 1], left[n], left[(n + 1) % len(left)]
         fewer = np.empty(len(left) - 1, dtype=np.int64)
         for k in range(len(fewer)):
             fewer[k] = left[k + 1 if k >= n else k]
         left = fewer
-    if len(left) == 3:
-        for corner in range(3):
-            triangles[start, corner] = names[left[corner]]
-        start += 1
-    return start
+    return triangles

@@ -5,10 +5,13 @@ pair of their ends, from below. Borders and these pieces close to loops, and the
 polygons in the upright plane over the margin, some with holes.
 """
 
+import math
+
 import numpy as np
 from numba import njit
 
 from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
+from o3dleaf.leaf.instancing.cut.flip_loops import flip_diagonals
 
 
 @njit(nogil=True, cache=True)
@@ -151,12 +154,20 @@ def with_hole(outer, hole, places):
 
 
 @njit(nogil=True, cache=True)
-def fill_loop(loop, places, sides, normal, triangles, start):
-    """Write the triangles of the wall within one loop; return the row after them."""
+def fill_loop(loop, places, sides, triangles, start):
+    """Write the triangles of the wall within one loop, in its own plane; return the row after them."""
     on_side = np.empty(len(loop), dtype=np.int64)
     for n in range(len(loop)):
         on_side[n] = sides[loop[n]]
-    return cut_ears(projected(loop, places, normal), loop, on_side, triangles, start)
+    along, across = facing(loop, places)
+    length = max(math.sqrt(along * along + across * across), 1e-300)
+    flat = projected(loop, places, (along / length, across / length))
+    ears = cut_ears(flat, loop, on_side)
+    flip_diagonals(flat, loop, on_side, ears)
+    for row in range(len(ears)):
+        for corner in range(3):
+            triangles[start + row, corner] = loop[ears[row, corner]]
+    return start + len(ears)
 
 
 @njit(nogil=True, cache=True)
@@ -176,12 +187,12 @@ def fill_cell(loops, ends, places, sides, normal, triangles, start):
             if areas[k] < 0.0 and not taken[k] and encloses(flat, projected(hole[:1], places, normal)[0]):
                 loop = with_hole(loop, hole, places)
                 taken[k] = True
-        start = fill_loop(loop, places, sides, normal, triangles, start)
+        start = fill_loop(loop, places, sides, triangles, start)
         taken[n] = True
     for n in range(len(ends)):
         if not taken[n]:
             loop = loops[ends[n - 1] if n else 0 : ends[n]]
-            start = fill_loop(loop, places, sides, facing(loop, places), triangles, start)
+            start = fill_loop(loop, places, sides, triangles, start)
     return start
 
 
