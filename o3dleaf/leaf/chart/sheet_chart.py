@@ -16,6 +16,8 @@ from o3dleaf.leaf.chart.midline import Midline, find_midline, midline_through
 from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.turn import facing, turn_chart
 
+RESOLVED = 2.0
+"""Spacings of the sheet that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
 LARGEST_FLAP = 0.1
 """Share of the area that may go where the chart lies over itself; of more it is open which layer is the leaf."""
 
@@ -149,6 +151,9 @@ def _split_petiole(vertices: FloatArray, triangles: IntArray) -> tuple[Petiole |
     """Return the petiole, found on a coarse mesh, and which triangles of the whole one are blade."""
     coarse, faces = coarsen(vertices, triangles)
     blade, petiole = find_petiole(coarse, faces)
+    spacing = float(np.sqrt(triangle_areas(vertices, triangles).sum() / len(vertices)))
+    if petiole is not None and petiole.width < RESOLVED * spacing:
+        return None, np.ones(len(triangles), dtype=bool)
     if petiole is None or coarse is vertices:
         return petiole, largest_sheet(vertices, triangles, blade)
     # The share of blade around each vertex, carried to the fine mesh, is one half along the cut.
