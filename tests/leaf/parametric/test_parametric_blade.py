@@ -177,7 +177,8 @@ def test_a_summary_describes_it(even):
     assert summary["chart"]["length"] == pytest.approx(LENGTH - 1)
     assert summary["surface"]["balls"] == len(even.surface.cover.radii)
     assert "frame" not in summary
-    assert warnings_of(summary) == ["one thing"]
+    assert summary["notes"] == ["one thing"]
+    assert warnings_of(summary) == []
 
 
 def test_figures_of_the_paper_s_blade_are_refused(leaf, tmp_path):

@@ -10,7 +10,15 @@ from scipy.spatial.transform import Rotation
 
 import reference
 from mesh_fields import DEFECTS, Analytic, planted, sphere, torus, wavy_sheets
-from o3dleaf import MultiscaleLeaf, create_blade, create_texture, extract_isosurface, inspect_mesh, mesh_report
+from o3dleaf import (
+    BladeOptions,
+    MultiscaleLeaf,
+    create_blade,
+    create_texture,
+    extract_isosurface,
+    inspect_mesh,
+    mesh_report,
+)
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
@@ -31,7 +39,9 @@ def ball():
 
 @pytest.fixture(scope="module")
 def leaf():
-    return MultiscaleLeaf(create_texture(wheat_ct()[0]), blade=create_blade(*wheat_scan()[:2]))
+    return MultiscaleLeaf(
+        create_texture(wheat_ct()[0]), blade=create_blade(*wheat_scan()[:2], options=BladeOptions(frame="paper"))
+    )
 
 
 @pytest.fixture(scope="module")
