@@ -22,6 +22,7 @@ Composed, they are one implicit function of the whole leaf.
 `fit_noise`       the noise of a scan, by which a fit is judged
 `fit_places`      where a blade does not hold its scan
 `fit_quality`     `FitQuality`: what a blade holds of its scan and what it does not
+`folds`           where a blade bends too tightly for the micro-structure
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
 `mesh_step`       the step of a mesh where none was asked for

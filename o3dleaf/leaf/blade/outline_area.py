@@ -1,5 +1,6 @@
 """The area in the plane (along, across) that a blade covers: its outline as polygons, and which points lie in it."""
 
+import threading
 from typing import Protocol
 
 import numpy as np
@@ -8,9 +9,9 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.parallel import run_blocks
 
-BLOCK = 65536
+ONE_AT_A_TIME = threading.Lock()
+"""Held while GEOS is asked."""
 
 
 class Outline(Protocol):
@@ -42,14 +43,14 @@ class Outline(Protocol):
 
 
 def in_polygon(polygon: shapely.Polygon, points: FloatArray) -> npt.NDArray[np.bool_]:
-    """Return for each of the (n, 2) points whether it lies in a polygon or on it."""
-    inside = np.empty(len(points), dtype=bool)
+    """Return for each of the (n, 2) points whether it lies in a polygon or on it.
 
-    def task(start: int, stop: int) -> None:
-        inside[start:stop] = shapely.intersects_xy(polygon, points[start:stop, 0], points[start:stop, 1])
-
-    run_blocks(task, len(points), BLOCK)
-    return inside
+    GEOS builds and uses the index of a prepared polygon without a lock, and threads that ask it together corrupt the
+    heap (libgeos issue 825): one asks at a time.
+    """
+    with ONE_AT_A_TIME:
+        shapely.prepare(polygon)
+        return np.asarray(shapely.intersects_xy(polygon, points[:, 0], points[:, 1]))
 
 
 def places_inside(outline: Outline, count: int) -> FloatArray:

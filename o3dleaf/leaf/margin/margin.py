@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray, as_number, as_points, require_positive
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.margin.margin_curve import (
     CREASE_WIDTH,
     STEP,
@@ -26,7 +26,6 @@ from o3dleaf.leaf.margin.margin_curve import (
 from o3dleaf.leaf.margin.margin_tips import with_tips
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
 
-BLOCK = 65536
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
 LEAST_HOLE = 6.0
@@ -182,14 +181,7 @@ class Margin:
 
     def contains(self, points: npt.ArrayLike) -> npt.NDArray[np.bool_]:
         """Return for each of the (n, 2) points whether it lies inside the margin or on it."""
-        places = as_points(points, dim=2)
-        inside = np.empty(len(places), dtype=bool)
-
-        def task(start: int, stop: int) -> None:
-            inside[start:stop] = shapely.intersects_xy(self.polygon, places[start:stop, 0], places[start:stop, 1])
-
-        run_blocks(task, len(places), BLOCK)
-        return inside
+        return in_polygon(self.polygon, as_points(points, dim=2))
 
 
 def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:

@@ -15,6 +15,7 @@ from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.fit_quality import FitQuality
+from o3dleaf.leaf.folds import Folds
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
@@ -75,6 +76,7 @@ def summarize(
     summary["notes"] = list(blade.notes)
     if leaf is not None:
         summary["micro_structure"] = _texture_summary(leaf)
+        summary["folds"] = Folds.of(leaf).to_dict()
     if surface is not None:
         summary["surface"] = _surface_summary(surface)
         if settings.get("remesh") is not None:
@@ -85,8 +87,9 @@ def summarize(
 
 
 def warnings_of(summary: dict[str, Any]) -> list[str]:
-    """Return the warnings in a summary: about the blade, of the paper's under its frame, and about its fit."""
-    return [*summary.get("frame", summary).get("warnings", []), *summary.get("fit", {}).get("warnings", [])]
+    """Return the warnings in a summary: about the blade, of the paper's under its frame, its fit, and its folds."""
+    parts = [summary.get("frame", summary), summary.get("fit", {}), summary.get("folds", {})]
+    return [warning for part in parts for warning in part.get("warnings", [])]
 
 
 def _shows_blade(leaf: MultiscaleLeaf | None, settings: dict[str, Any]) -> bool:
