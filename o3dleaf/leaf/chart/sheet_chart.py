@@ -18,8 +18,9 @@ from o3dleaf.leaf.chart.turn import facing, turn_chart
 
 RESOLVED = 2.0
 """Spacings of the sheet that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
-LARGEST_FLAP = 0.1
-"""Share of the area that may go where the chart lies over itself; of more it is open which layer is the leaf."""
+LARGEST_FLAP = 0.2
+"""Share of the area that may go where the chart lies over itself: what stays is four times as large. Of more it is open
+which layer is the leaf."""
 
 
 @dataclass(frozen=True, eq=False)
