@@ -54,7 +54,7 @@ def leaf_shape(tip=TIP):
 
 def cut_leaf(texture, shape=None, bend=None, edges="cut"):
     """A leaf of a texture whose outline is `shape`, its meshes cut along it."""
-    blade = leaf_of(texture, bend=bend)[0].blade
+    blade = leaf_of(texture, bend=bend, frame="paper")[0].blade
     kind = type("CutBlade", (type(blade),), {"open_edges": edges})
     outline = PlaneOutline(leaf_shape() if shape is None else shape)
     return MeasuredLeaf(texture, kind(blade.frame, blade.height_map, outline, blade.offset))

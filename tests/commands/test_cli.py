@@ -197,7 +197,7 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
 def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     result = run(
         "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
-        "--fill-holes", 8, "--fine", "95 -1 96 0.5 0.1", "--no-picture",
+        "--fill-holes", 8, "--fine", "95 3 96 4.5 0.1", "--no-picture",
         "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
         "-o", tmp_path / "leaf.obj", "-q",
     )  # fmt: skip
