@@ -197,16 +197,15 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
 def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     result = run(
         "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
-        "--fill-holes", 8, "--fine", "95 3 96 4.5 0.1", "--no-picture",
+        "--frame", "paper", "--fine", "95 -1 96 0.5 0.1", "--no-picture",
         "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
         "-o", tmp_path / "leaf.obj", "-q",
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"leaf.obj", "leaf.nrrd", "leaf.json"}
-    summary = json.loads((tmp_path / "leaf.json").read_text())
-    report, kept = summary["mesh"], [hole for hole in summary["fit"]["holes"] if not hole["filled"]]
+    report = json.loads((tmp_path / "leaf.json").read_text())["mesh"]
     assert report["manifold"]
-    assert (report["components"], report["boundary_loops"]) == (2, 2 + 2 * len(kept))
+    assert (report["components"], report["boundary_loops"]) == (2, 2)
     assert {line for line in (tmp_path / "leaf.obj").read_text().splitlines() if line[:1] == "g"} == {
         "g adaxial",
         "g abaxial",
