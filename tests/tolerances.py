@@ -739,3 +739,21 @@ CUT_SHEET_ANGLE = 20.0
 
 CUT_VERTEX = 1e-11
 """A corner on the outline, found in windows that begin elsewhere: 1e4 roundings of 20; they come to 5e-13."""
+
+# --- leaf: the surface fitted to a scan ---
+
+FLATTENED_AGAIN = 0.03
+"""Squares of stretches of a surface that could be laid flat without any, of points with noise; a chart a fifth too long
+has 0.3."""
+
+MOVED_SURFACE = 1e-3
+"""Of points with noise of 0.02: weights that decide by a threshold magnify rounding."""
+
+BESIDE_A_FIT = 1.5
+"""Deviations of the noise that a surface lies off at most, half a spacing and more inside its edge."""
+
+BESIDE_A_MAJORITY = 4.0
+"""The same where a quarter of the points lie 25 deviations off, by Huber's loss: found 2.6; by least squares 6."""
+
+NOISE_LEFT = 0.15
+"""Share of the noise that a surface chosen on held-out stretches may take up: 0.11 found; one through its points, all."""

@@ -35,7 +35,7 @@ FIRST_BANDWIDTH = 0.125
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 MAX_POINTS = 20_000
-"""Points that the surface is fitted to; of more, means in voxels: see `leaf.macro.build`."""
+"""Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 COLLAR = 4.0
 """How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
 

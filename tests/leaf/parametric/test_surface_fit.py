@@ -1,0 +1,101 @@
+"""A surface fitted to a scan lies on its points, follows the majority of its passes, and moves with it."""
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
+
+import tolerances as tol
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.rbf.kernels import as_kernel
+from o3dleaf.leaf.parametric.local_smoothing import MAX_FACTOR, choose_by_place
+from o3dleaf.leaf.parametric.surface_fit import ChartMesh, fit_chart_surface
+
+RADIUS, LENGTH, HALF_WIDTH = 6.0, 40.0, 5.0
+NOISE = 0.02
+
+
+def roll(plane, height=0.0):
+    """Return points over a strip that is rolled about a line along it: an isometry of the plane at height 0."""
+    u, v = plane.T
+    reach = RADIUS + height
+    return np.column_stack([u, reach * np.sin(v / RADIUS), reach * np.cos(v / RADIUS)])
+
+
+def places(count, seed):
+    return np.random.default_rng(seed).uniform([0, -HALF_WIDTH], [LENGTH, HALF_WIDTH], (count, 2))
+
+
+def strip(bias=0.0):
+    """Return a sheet of the strip; its chart is the plane, stretched along by `bias`."""
+    u, v = np.meshgrid(np.linspace(0, LENGTH, 41), np.linspace(-HALF_WIDTH, HALF_WIDTH, 11), indexing="ij")
+    plane = np.column_stack([u.ravel(), v.ravel()])
+    triangles = Delaunay(plane).simplices.astype(np.int64)
+    a, b, c = (plane[triangles[:, k]] for k in range(3))
+    turned = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    triangles[turned] = triangles[turned][:, ::-1]
+    return ChartMesh(roll(plane), triangles, plane * [1 + bias, 1.0])
+
+
+@pytest.fixture(scope="module")
+def scan():
+    plane = places(3000, 0)
+    return plane, roll(plane, np.random.default_rng(1).normal(0, NOISE, len(plane)))
+
+
+@pytest.fixture(scope="module")
+def fit(scan):
+    return fit_chart_surface(scan[1], strip())
+
+
+def off_cylinder(fit, margin=0.5):
+    """Return the distances from the cylinder of points of the surface, but for those at its edge."""
+    places = fit.mesh.chart
+    inner = (np.abs(places - places.mean(axis=0)) < np.ptp(places, axis=0) / 2 - margin).all(axis=1)
+    return np.abs(np.hypot(*fit.surface.jet(places[inner], 0)[0][:, 1:].T) - RADIUS)
+
+
+def test_the_surface_lies_between_its_points(fit):
+    assert off_cylinder(fit).max() < tol.BESIDE_A_FIT * NOISE
+    assert np.std(fit.heights) == pytest.approx(NOISE, rel=tol.NOISE_LEFT)
+
+
+def test_the_parameters_are_the_feet_of_the_points(fit, scan):
+    position, tangents = fit.surface.jet(fit.feet, 1)
+    along = np.einsum("nkd,nd->nk", tangents, scan[1] - position)
+    assert np.abs(along).max() < tol.CHART_FOOT * LENGTH
+
+
+def test_a_stretched_chart_becomes_that_of_the_surface(scan):
+    fit = fit_chart_surface(scan[1], strip(bias=0.2))
+    metric = fit.surface.metric(fit.mesh.chart)
+    assert np.linalg.eigvalsh(metric) == pytest.approx(1.0, abs=tol.FLATTENED_AGAIN)
+
+
+def test_the_surface_moves_with_its_scan(fit, scan):
+    turn, shift = Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_matrix(), np.array([30.0, -200.0, 7.0])
+    mesh = strip()
+    elsewhere = ChartMesh(mesh.vertices @ turn.T + shift, mesh.triangles, mesh.chart)
+    moved = fit_chart_surface(scan[1] @ turn.T + shift, elsewhere)
+    assert moved.heights == pytest.approx(fit.heights, abs=tol.MOVED_SURFACE)
+
+
+def test_a_minority_that_lies_off_is_not_followed(scan):
+    plane, points = scan
+    beside = (plane[:, 0] > 10) & (plane[:, 0] < 25) & (np.arange(len(plane)) % 4 == 0)
+    points = np.where(beside[:, np.newaxis], roll(plane, 0.5), points)
+    fit = fit_chart_surface(points, strip())
+    assert off_cylinder(fit).max() < tol.BESIDE_A_MAJORITY * NOISE
+    assert np.median(fit.heights[beside]) == pytest.approx(0.5, abs=tol.BESIDE_A_MAJORITY * NOISE)
+
+
+def test_smoothing_is_less_where_the_leaf_is_wavy():
+    plane = places(4000, 2)
+    waves = np.where(plane[:, 0] > 0.8 * LENGTH, 0.15 * np.sin(2.5 * plane[:, 0]) * np.cos(2.5 * plane[:, 1]), 0.0)
+    heights = waves + np.random.default_rng(3).normal(0, 0.05, len(plane))
+    bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
+    cover = Cover.fit(plane, bounds, (200, 400), 1.25)
+    flat = np.column_stack([plane, heights])
+    choice = choose_by_place(cover, flat, as_kernel("cubic", 2), HALF_WIDTH)
+    calm, wavy = choice.factors[plane[:, 0] < LENGTH / 2], choice.factors[plane[:, 0] > 0.85 * LENGTH]
+    assert np.median(calm) < np.median(wavy) <= MAX_FACTOR
