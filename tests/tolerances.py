@@ -756,4 +756,4 @@ BESIDE_A_MAJORITY = 4.0
 """The same where a quarter of the points lie 25 deviations off, by Huber's loss: found 2.6; by least squares 6."""
 
 NOISE_LEFT = 0.15
-"""Share of the noise that a surface chosen on held-out stretches may take up: 0.11 found; one through its points all."""
+"""Share of the noise that a surface chosen on held-out stretches takes up: 0.11 found; one through its points all."""
