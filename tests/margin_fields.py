@@ -1,36 +1,11 @@
 """Leaves that end on a curve of their own: an outline with a tip, a notch and a hole, on a flat or a bent strip."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 
+from blade_fields import KnownOutline
 from leaf_fields import leaf_of
-from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.distance.measured_leaf import MeasuredLeaf
-
-
-@dataclass(frozen=True)
-class PlaneOutline:
-    """An outline that is a polygon."""
-
-    polygon: shapely.Polygon
-
-    @property
-    def rounded(self):
-        return self.polygon
-
-    @property
-    def bounds(self):
-        return np.array(self.polygon.bounds).reshape(2, 2)
-
-    @property
-    def area(self):
-        return self.polygon.area
-
-    def contains(self, points):
-        return in_polygon(self.polygon, points)
-
 
 TIP = np.deg2rad(20)
 
@@ -56,5 +31,5 @@ def cut_leaf(texture, shape=None, bend=None, edges="cut"):
     """A leaf of a texture whose outline is `shape`, its meshes cut along it."""
     blade = leaf_of(texture, bend=bend, frame="paper")[0].blade
     kind = type("CutBlade", (type(blade),), {"open_edges": edges})
-    outline = PlaneOutline(leaf_shape() if shape is None else shape)
+    outline = KnownOutline(leaf_shape() if shape is None else shape)
     return MeasuredLeaf(texture, kind(blade.frame, blade.height_map, outline, blade.offset))

@@ -52,7 +52,8 @@ def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -
     """Return the refusal of a sheet that lies over itself when laid flat."""
     return ReconstructionError(
         f"chart: laid flat, the sheet lies over itself on {100 * overlap.share:.2g} % of its area, most at "
-        f"{_place(vertices, triangles, overlap.worst)}, as a leaf that winds round does; cut the scan there"
+        f"{_place(vertices, triangles, overlap.worst)}, as a leaf that winds round does; cut the scan there",
+        vertices[triangles[np.unique(overlap.pairs)]].mean(axis=1),
     )
 
 
@@ -131,7 +132,8 @@ def _embed(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> F
     if len(flipped):
         raise ReconstructionError(
             f"chart: the sheet cannot be laid flat at {_place(vertices, triangles, int(flipped[0]))}: "
-            f"{len(flipped)} of its triangles have no area; remesh or clean the surface there"
+            f"{len(flipped)} of its triangles have no area; remesh or clean the surface there",
+            vertices[triangles[flipped]].mean(axis=1),
         )
     return safe
 
@@ -157,7 +159,8 @@ def _require_low_distortion(vertices: FloatArray, triangles: IntArray, chart: Fl
         raise ReconstructionError(
             f"chart: {100 * share:.2g} % of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
             f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: it is closed there like a bag "
-            "or a tube, not a blade; cut the scan there, or reconstruct it without a chart"
+            "or a tube, not a blade; cut the scan there, or reconstruct it without a chart",
+            vertices[triangles[weight > 0]].mean(axis=1),
         )
 
 

@@ -6,7 +6,6 @@
 `feet`              samples of the surface, from which closest points are found
 `surface`           the surface S of the chart
 `local_smoothing`   smoothing chosen place by place
-`untangle`          single flipped triangles of a chart put right
 `surface_fit`       S fitted to the points of a scan, at parameters that are their feet
 `parametric_blade`  the blade on it
 `build`             the points of a leaf to its blade

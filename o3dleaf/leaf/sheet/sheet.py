@@ -230,10 +230,12 @@ def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
     if len(places):
         raise ReconstructionError(
             f"scan: is no single sheet: at {len(places)} places, most around {place_of(places)}, another layer lies up "
-            f"to {max(apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out"
+            f"to {max(apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out",
+            places,
         )
     if len(sheets.cut):
         raise ReconstructionError(
             f"scan: is no single sheet: parts far apart along it touch at {place_of(sheets.cut)}; allow points to be "
-            "averaged into one sheet, or cut them apart there"
+            "averaged into one sheet, or cut them apart there",
+            sheets.cut,
         )

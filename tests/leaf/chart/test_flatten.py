@@ -119,8 +119,12 @@ def spiral(turns, step=1.0):
 
 def test_a_sheet_that_winds_round_itself_is_refused_with_the_place():
     sheet, triangles = spiral(1.4)
-    with pytest.raises(ReconstructionError, match=r"lies over itself on .* % of its area, most at -?\d.*; cut"):
+    with pytest.raises(
+        ReconstructionError, match=r"lies over itself on .* % of its area, most at -?\d.*; cut"
+    ) as refused:
         flatten_sheet(sheet, triangles)
+    assert refused.value.places.shape[1] == 3
+    assert ((refused.value.places >= sheet.min(axis=0)) & (refused.value.places <= sheet.max(axis=0))).all()
     flatten_sheet(*spiral(0.8))
 
 

@@ -87,11 +87,13 @@ def _require_manifold(vertices: FloatArray, triangles: IntArray, edges: EdgeTabl
     if len(bad):
         raise ReconstructionError(
             f"chart: {len(bad)} edges join more than two triangles or two that face opposite ways, one of them at "
-            f"{place_of(vertices[edges.ends[bad[0]]].mean(axis=0))}; clean the mesh"
+            f"{place_of(vertices[edges.ends[bad[0]]].mean(axis=0))}; clean the mesh",
+            vertices[edges.ends[bad]].mean(axis=1),
         )
     twice = np.flatnonzero(fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices)) > 1)
     if len(twice):
         raise ReconstructionError(
             f"chart: the sheet meets itself in {len(twice)} single points, one of them at "
-            f"{place_of(vertices[twice[0]])}; clean the mesh"
+            f"{place_of(vertices[twice[0]])}; clean the mesh",
+            vertices[twice],
         )
