@@ -15,7 +15,10 @@ from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 
 MAX_RESIDUAL = 10.0
-"""Noise deviations beyond which a point says nothing of where the leaf ends."""
+"""Noise deviations beyond which a point says nothing of where the leaf ends, where that is more than `NEAR`."""
+NEAR = 0.5
+"""Spacings within which it does: its foot is off by less than its residual, and a scan without noise has small ones
+of every size."""
 ROUNDING = 1e-6
 """Relative difference of distances to a sheet and to a part of it that is none."""
 
@@ -79,4 +82,5 @@ def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntA
 def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
     noise = MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
-    return np.abs(fit.heights) <= MAX_RESIDUAL * noise
+    spacing = np.sqrt(fit.mesh.area / len(fit.heights))
+    return np.abs(fit.heights) <= max(MAX_RESIDUAL * noise, NEAR * spacing)
