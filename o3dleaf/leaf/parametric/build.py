@@ -83,4 +83,4 @@ def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
     noise = MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
     spacing = np.sqrt(fit.mesh.area / len(fit.heights))
-    return np.abs(fit.heights) <= max(MAX_RESIDUAL * noise, NEAR * spacing)
+    return np.asarray(np.abs(fit.heights) <= max(MAX_RESIDUAL * noise, NEAR * spacing))

@@ -5,7 +5,6 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal, TypeAlias, cast
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
@@ -21,7 +21,7 @@ from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
-from o3dleaf.leaf.macro.robust import HUBER, choose_with_balls
+from o3dleaf.leaf.macro.robust import HUBER
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.surface.cloud.downsample import thin
@@ -137,14 +137,13 @@ def fit_chart_surface(
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """What is fitted: sites (n, 3), and the smoothing, weights and size of balls that were chosen for them."""
+    """What is fitted: sites (n, 3), and the smoothing and weights that were chosen for them."""
 
     sites: FloatArray
     area: float
     width: float
     unit: str | None
     smoothing: float = 0.0
-    balls: tuple[int, int] = POINTS_PER_BALL
     choice: LocalChoice | None = None
     weights: FloatArray | None = None
 
@@ -169,7 +168,7 @@ class _Problem:
             self.sites,
             smoothing=self.smoothing if smoothing is None else smoothing,
             weights=self.weights,
-            points_per_ball=self.balls,
+            points_per_ball=POINTS_PER_BALL,
             bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
             unit=self.unit,
         )
@@ -177,10 +176,10 @@ class _Problem:
     def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
         if smoothing is None or smoothing == "robust":
-            choose = partial(choose_by_place, half_width=self.width / 2)
-            balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose)
-            weights = choice.factors * choice.weights
-            return replace(self, smoothing=choice.smoothing, balls=balls, choice=choice, weights=weights)
+            plane = np.ascontiguousarray(flat[:, :2])
+            cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
+            choice = choose_by_place(cover, flat, self.kernel, self.width / 2)
+            return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
         plane, residuals = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
         heights = PUInterpolant.fit(plane, residuals, kernel=self.kernel, degree=1, smoothing=smoothing)
         return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
