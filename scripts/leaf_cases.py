@@ -1,6 +1,5 @@
 """Leaves of known shape to judge a blade on: kinds, conditions of the scan, and those held out until the end."""
 
-import inspect
 from dataclasses import dataclass, field
 
 import o3dleaf as o3l
@@ -45,6 +44,8 @@ CONDITIONS = {
     "lines": {"noise": 0.2, "pattern": "lines"},
     "grid": {"noise": 0.0, "pattern": "grid"},
 }
+FILL = 5.0
+"""Spacings up to which holes are asked to be filled where a scan has gaps: as wide as those are, and a point's cell."""
 SPACINGS = {"wavy": 0.5, "winding": 0.5}
 """In millimeters, where it is not `SPACING`: a leaf 5 mm wide has ten points across."""
 SPACING = 0.7
@@ -63,6 +64,11 @@ class Case:
     shape: dict = field(default_factory=dict)
     spacing: float = SPACING
 
+    @property
+    def fill_holes(self):
+        """Width up to which holes are asked to be filled, in millimeters; None: it is left to the blade."""
+        return FILL * self.spacing if "gaps" in CONDITIONS[self.condition] else None
+
     def scan(self):
         """Return the scan of this case, with its truth."""
         parameters = dict(self.shape)
@@ -79,8 +85,3 @@ def cases(kinds, conditions, seeds, *, held_out=False):
         for condition in conditions
         for seed in range(seeds)
     ]
-
-
-def has_field(options, name):
-    """Whether a dataclass of options has a field."""
-    return name in inspect.signature(options).parameters

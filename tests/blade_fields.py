@@ -25,7 +25,7 @@ class KnownHole:
 
     place: Any
     area: float
-    diameter: float
+    width: float
     filled: bool
 
 

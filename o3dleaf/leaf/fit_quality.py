@@ -72,7 +72,7 @@ class FitQuality:
         Length in the world of a unit length of the plane along the midrib, across it, and in its worst and best
         direction: 1 % of the area has less, and 1 % more.
     holes : tuple of dict
-        Holes of the scan: place in the world, area, diameter, and whether they were filled.
+        Holes of the scan: place in the world, area, width, and whether they were filled.
     unit : str or None
     """
 
@@ -284,7 +284,7 @@ def _holes(blade: Blade) -> tuple[dict[str, Any], ...]:
         return ()
     centers = _on(blade, np.array([hole.place for hole in holes])).tolist()
     return tuple(
-        {"place": center, "area": hole.area, "diameter": hole.diameter, "filled": hole.filled}
+        {"place": center, "area": hole.area, "width": hole.width, "filled": hole.filled}
         for hole, center in zip(holes, centers, strict=True)
     )
 

@@ -48,7 +48,7 @@ class BladeOptions:
     keep_petiole : bool
         Whether a petiole or a stub of the stem belongs to the blade.
     fill_holes : float, optional
-        Diameter, in the scan's unit, up to which holes of the scan are filled; by default that of the widest gap over
+        Width, in the scan's unit, up to which holes of the scan are filled; by default that of the widest gap over
         which pieces of the scan had to be joined, none if it is in one piece.
     rim_radius : float, optional
         Distance from the margin over which the thickness of the micro-structure falls, in the scan's unit.
@@ -88,7 +88,7 @@ class BladeOptions:
     one_sheet: bool = option(True, "Take passes that disagree, or both sides of a thin leaf, for one surface.")
     keep_petiole: bool = option(False, "Keep the petiole, or a stub of the stem, as part of the blade.")
     fill_holes: float | None = option(
-        None, "Fill holes up to this diameter (those no larger than the scan's gaps if not given)", unit="scan-unit"
+        None, "Fill holes up to this width (those no larger than the scan's gaps if not given)", unit="scan-unit"
     )
     rim_radius: float | None = option(None, "Let the thickness fall over this distance from the rim", unit="scan-unit")
     alpha: float | None = option(

@@ -42,20 +42,20 @@ class Hole:
     ----------
     place : (2,) ndarray
         Its centroid in the chart.
-    area, diameter : float
-        Its area, and the diameter of a disc of that area.
+    area, width : float
+        Its area, and the diameter of the largest disc in it.
     filled : bool
         Whether it was filled on request.
     """
 
     place: FloatArray
     area: float
-    diameter: float
+    width: float
     filled: bool
 
     def __str__(self) -> str:
         fate = "filled" if self.filled else "kept"
-        return f"hole of {self.diameter:.3g} across at u {self.place[0]:.4g}, v {self.place[1]:.4g}: {fate}"
+        return f"hole of {self.width:.3g} across at u {self.place[0]:.4g}, v {self.place[1]:.4g}: {fate}"
 
 
 class Margin:
@@ -117,7 +117,7 @@ class Margin:
         spacing : float, optional
             The least spacing to resolve: denser places are taken to be no denser. Default: the sample's own.
         fill_holes : float, optional
-            Holes of up to this diameter are filled. By default those no wider than the widest gap over which pieces of
+            Holes of up to this width are filled. By default those no wider than the widest gap over which pieces of
             the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from holes.
         unit : str, optional
 
@@ -236,8 +236,8 @@ def _simple(curve: FloatArray) -> FloatArray:
 
 def _hole(ring: FloatArray, limit: float) -> Hole:
     polygon = shapely.Polygon(ring)
-    diameter = float(np.sqrt(4 * polygon.area / np.pi))
-    return Hole(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), diameter, diameter <= limit)
+    width = 2 * float(shapely.maximum_inscribed_circle(polygon).length)
+    return Hole(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), width, width <= limit)
 
 
 def _notes(region: SampleRegion) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
     kept, filled = Margin.fit(points), Margin.fit(points, fill_holes=11.0)
     (hole,) = kept.holes
     assert hole.place == pytest.approx([10, 2], abs=kept.spacing)
-    assert hole.diameter == pytest.approx(10, abs=kept.spacing)
+    assert hole.width == pytest.approx(10, abs=kept.spacing)
     assert not hole.filled
     assert not kept.contains([[10, 2]])[0]
     assert filled.contains([[10, 2]])[0]
