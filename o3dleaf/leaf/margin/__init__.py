@@ -1,13 +1,15 @@
 """The margin: where the leaf ends, in the chart.
 
-`margin`          the margin: the closed curve in the chart where the leaf ends
-`margin_curve`    rings smoothed without shrinking, and grown to where the leaf ends
-`margin_tips`     sharp tips restored
-`sample_region`   what a planar sample covers
-`sample_spacing`  how it is spaced, place by place
-`taper`           thickness that falls towards the margin
-`taper_loops`     the distance to the margin by a grid of cells, and the profile of the edge
-`chords`          a closed curve as chords
-`sheet_band`      the band between a lattice and the margin as triangles
-`sheet_mesh`      the plane inside a margin as triangles, cut along it
+`margin`            the margin: the closed curve in the chart where the leaf ends
+`margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
+`margin_tips`       sharp tips restored
+`sample_region`     what a planar sample covers
+`missing_area`      what the sample leaves out at the border of that
+`sample_triangles`  its Delaunay triangles
+`sample_spacing`    how it is spaced, place by place
+`taper`             thickness that falls towards the margin
+`taper_loops`       the distance to the margin by a grid of cells, and the profile of the edge
+`chords`            a closed curve as chords
+`sheet_band`        the band between a lattice and the margin as triangles
+`sheet_mesh`        the plane inside a margin as triangles, cut along it
 """

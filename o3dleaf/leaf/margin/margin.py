@@ -103,12 +103,14 @@ class Margin:
         *,
         spacing: float | None = None,
         fill_holes: float | None = None,
+        noise: float = 0.0,
         unit: str | None = None,
     ) -> "Margin":
         """Fit the margin of a sample of the leaf.
 
         The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
-        sample leaves out, half a cell for each point of the border; then the flanks of sharp tips are continued.
+        sample leaves out there (`missing_area`), less what noise has added; then the flanks of sharp tips are
+        continued.
 
         Parameters
         ----------
@@ -119,6 +121,8 @@ class Margin:
         fill_holes : float, optional
             Holes of up to this width are filled. By default those no wider than the widest gap over which pieces of
             the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from holes.
+        noise : float
+            Standard deviation of the points in the plane, which carries some of them over the edge.
         unit : str, optional
 
         Raises
@@ -134,7 +138,7 @@ class Margin:
         region = cover_sample(np.unique(points, axis=0))
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
-        outer, *inner = _rings(region, local)
+        outer, *inner = _rings(region, local, as_number(noise, "noise"))
         holes = [_hole(ring, limit) for ring in inner]
         order = sorted(range(len(holes)), key=lambda i: -holes[i].area)
         polygon = shapely.Polygon(outer)
@@ -184,7 +188,7 @@ class Margin:
         return in_polygon(self.polygon, as_points(points, dim=2))
 
 
-def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
+def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArray]:
     """Return the curves (k, 2) where the leaf ends: the outer one first, counter-clockwise, then those of holes."""
     fuse = FUSE * float(np.median(region.spacing))
     triangles = shapely.polygons(region.points[region.triangles])
@@ -199,8 +203,9 @@ def _rings(region: SampleRegion, local: Spacing) -> list[FloatArray]:
     curves = []
     for number, ring in enumerate(rings):
         own = cut[owner == number]
-        curve, growth = margin_ring(shapely.get_coordinates(ring)[:-1], region.points[own], region.missing[own], local)
-        inside, band = polygon_of(curve), grown(curve, growth)
+        places = shapely.get_coordinates(ring)[:-1]
+        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, noise)
+        inside, band = polygon_of(curve), grown(curve, np.maximum(growth - fuse, 0.0))
         area = largest(inside.difference(band) if number else inside.union(band))
         if area.is_empty:
             continue

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
+from scipy.special import erfc
 
 from o3dleaf.core.checks import FloatArray
 
@@ -17,6 +18,8 @@ COUNT_WIDTH = 4.0
 """The same for the number of points along a ring, which is noisier than their places."""
 CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
+MOST_NOISE = 0.5
+"""Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
 
 
 @dataclass(frozen=True)
@@ -67,20 +70,21 @@ def smooth(values: FloatArray, width: float) -> FloatArray:
 
 
 def margin_ring(
-    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing
+    ring: FloatArray, beside: FloatArray, missing: FloatArray, spacing: Spacing, noise: float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return the smoothed ring (k, 2) and how far (k,) the leaf goes on beyond it, to its right.
-
-    By Pick's theorem, and Euler's formula for a random sample, the triangles of n points of which b lie on the
-    border have the area of n − b/2 − 1 cells: the border is half a cell for each of its points too far inside.
 
     Parameters
     ----------
     ring : (r, 2) ndarray
         The border of the covered region, which lies on the left.
-    on_ring : (b, 2) ndarray
-        The points on it.
+    beside : (b, 2) ndarray
+        The points at which area is missing beyond it.
+    missing : (b,) ndarray
+        That area.
     spacing : Spacing
+    noise : float
+        Deviation of the points in the plane; it counts up to `MOST_NOISE` spacings.
     """
     places, local, taken = resample(ring, spacing)
     curve = smooth(places, WIDTH / STEP)
@@ -93,8 +97,31 @@ def margin_ring(
     points = gaussian_filter1d(np.bincount(nearest, missing, minlength=len(at)), COUNT_WIDTH / STEP, mode="wrap")
     sides = np.hypot(*(np.roll(curve, -1, axis=0) - np.roll(curve, 1, axis=0)).T) / 2
     run = gaussian_filter1d(sides, COUNT_WIDTH / STEP, mode="wrap")
-    growth = points / np.maximum(run, 1e-3 * local)
+    growth = without_noise(points / np.maximum(run, 1e-3 * local), np.minimum(noise, MOST_NOISE * local))
     return curve, np.clip(growth, 0, 1.5 * local)
+
+
+def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return how far (k,) the leaf goes on, where noise has moved points over its edge.
+
+    Gaussian noise carries points beyond a curve at a distance e outside of the edge. Were they no sparser than those
+    inside, they would fill a strip g = s (φ(z) − z (1 − Φ(z))), z = e / s. So of a growth g the edge lies at −e, which
+    is g itself where e is far inside, and less than 0 where g < 0.4 s. The curve follows points with noise of their
+    own, σ, so that s² = 2 σ².
+
+    Parameters
+    ----------
+    growth : (k,) ndarray
+        The strip g: area that is missing, over length.
+    noise : (k,) ndarray
+        The deviation σ in the chart's plane.
+    """
+    spread = np.sqrt(2.0) * noise
+    z = np.linspace(3.0, -6.0, 181)
+    filled = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) - z * erfc(z / np.sqrt(2)) / 2
+    share = growth / np.maximum(spread, 1e-300)
+    edge: FloatArray = np.where(share < filled[-1], -spread * np.interp(share, filled, z), growth)
+    return edge
 
 
 def grown(curve: FloatArray, growth: FloatArray) -> shapely.Geometry:

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing, local_shape
+from o3dleaf.leaf.margin.missing_area import missing_area, randomness
+from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing
+from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, triangulate
 
 USUAL = 0.9
 """Share of the triangles within a sample that say how long sides are: 1.5 spacings in a lattice, 2.1 by chance."""
@@ -62,16 +63,6 @@ class SampleRegion:
     left_out: IntArray
 
 
-@dataclass(frozen=True)
-class _Triangulation:
-    points: FloatArray
-    triangles: IntArray
-    neighbors: IntArray
-    areas: FloatArray
-    reach: FloatArray
-    """Longest side of each in the local metric of determinant 1: a length."""
-
-
 def cover_sample(points: FloatArray) -> SampleRegion:
     """Return what (n, 2) distinct points cover.
 
@@ -80,7 +71,7 @@ def cover_sample(points: FloatArray) -> SampleRegion:
     InputError
         If they lie on one line.
     """
-    mesh = _triangulate(points)
+    mesh = triangulate(points)
     spacing, short = crude_spacing(points, cKDTree(points)), FIRST_SHORT
     for _ in range(3):  # the crude spacing is too long at margins; the third pass changes it by less than a hundredth
         kept = _covered(mesh, spacing, short)
@@ -92,75 +83,29 @@ def cover_sample(points: FloatArray) -> SampleRegion:
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
-    return SampleRegion(points, mesh.triangles[kept], spacing, _missing(mesh, kept, spacing), bridged, widest, left_out)
+    missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), LONG * short)
+    return SampleRegion(points, mesh.triangles[kept], spacing, missing, bridged, widest, left_out)
 
 
-def _triangulate(points: FloatArray) -> _Triangulation:
-    try:
-        delaunay = Delaunay(points)
-    except QhullError as cause:
-        raise InputError("points: lie on one line; give points that cover an area") from cause
-    triangles = delaunay.simplices.astype(np.int64)
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    shape = local_shape(points, triangles)[triangles].mean(axis=1)
-    reach = np.zeros(len(triangles))
-    for side in (b - a, c - b, a - c):
-        square = (
-            shape[:, 0] * side[:, 0] ** 2 + 2 * shape[:, 1] * side[:, 0] * side[:, 1] + shape[:, 2] * side[:, 1] ** 2
-        )
-        reach = np.maximum(reach, np.sqrt(square))
-    clockwise = (twice < 0)[:, None]
-    triangles = np.where(clockwise, triangles[:, [0, 2, 1]], triangles)
-    neighbors = np.where(clockwise, delaunay.neighbors[:, [0, 2, 1]], delaunay.neighbors).astype(np.int64)
-    return _Triangulation(points, triangles, neighbors, np.abs(twice) / 2, reach)
+def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:
+    """Return how random the sample is, by the triangles about its deep points."""
+    cells = mesh.areas / (spacing[mesh.triangles] ** 2).mean(axis=1)
+    return randomness(cells[kept], deep[mesh.triangles[kept]].sum(axis=1))
 
 
-def _inner(mesh: _Triangulation, kept: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """Return the points of kept triangles, and those of them with kept triangles all around."""
-    used = np.zeros(len(mesh.points), dtype=bool)
-    used[mesh.triangles[kept]] = True
-    inner = used.copy()
-    inner[mesh.triangles[~kept]] = False
-    row, side = np.nonzero(mesh.neighbors < 0)
-    for turn in (1, 2):  # the side at the hull is the one opposite to its corner
-        inner[mesh.triangles[row, (side + turn) % 3]] = False
-    return used, inner
-
-
-def _deep(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray) -> BoolArray:
+def _deep(mesh: Triangulation, kept: BoolArray, spacing: FloatArray) -> BoolArray:
     """Return the points that no border has cut: `DEEP` spacings from it, or in a narrow piece less.
 
     They are told by distance, not by rings of triangles: points with large cells have fewer rings to the border.
     """
-    used, inner = _inner(mesh, kept)
+    used, inner = inner_points(mesh, kept)
     depth = cKDTree(mesh.points[used & ~inner]).query(mesh.points)[0]
     tries = [inner & (depth > share * DEEP * spacing) for share in (1.0, 0.5, 0.0)]
     enough = min(2 * NEIGHBORS, int(used.sum()))
     return next((found for found in tries if found.sum() >= enough), used)
 
 
-def _missing(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray) -> FloatArray:
-    """Return for each point (n,) the area that its border leaves out.
-
-    n points of which b lie on the border of one piece have 2 n − b − 2 triangles (Euler), two to a cell; in a lattice
-    all are half a cell, and their area is n − b/2 − 1 cells (Pick). So half a cell is missing at each point of the
-    border, and what a triangle there is smaller than half a cell, as flat ones are. Larger ones lie in pockets that
-    were filled: their area is the leaf's.
-    """
-    used, inner = _inner(mesh, kept)
-    border = used & ~inner
-    triangles = mesh.triangles[kept]
-    at_border = (~np.append(kept, False)[mesh.neighbors[kept]]).any(axis=1)
-    half = 0.5 * (spacing[triangles] ** 2).mean(axis=1)
-    small = np.where(at_border, np.maximum(half - mesh.areas[kept], 0.0), 0.0)
-    weight = border[triangles].astype(float)
-    weight *= (small / np.maximum(weight.sum(axis=1), 1.0))[:, None]
-    missing: FloatArray = np.where(border, 0.5 * spacing**2, 0.0)
-    return missing + np.bincount(triangles.ravel(), weight.ravel(), len(mesh.points))
-
-
-def _labels(mesh: _Triangulation, chosen: BoolArray) -> IntArray:
+def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
     """Return the edge-connected component of each chosen triangle, and −1 for the others."""
     rows = np.flatnonzero(chosen)
     place = np.full(len(chosen) + 1, -1)
@@ -173,7 +118,7 @@ def _labels(mesh: _Triangulation, chosen: BoolArray) -> IntArray:
     return labels
 
 
-def _covered(mesh: _Triangulation, spacing: FloatArray, short: float) -> BoolArray:
+def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArray:
     """Return the triangles that are covered: all with short sides, and the gaps that chance makes."""
     size = spacing[mesh.triangles].mean(axis=1)
     reach, cells = mesh.reach / size, mesh.areas / size**2
@@ -185,7 +130,7 @@ def _covered(mesh: _Triangulation, spacing: FloatArray, short: float) -> BoolArr
     return covered
 
 
-def _open(mesh: _Triangulation, gaps: BoolArray) -> BoolArray:
+def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:
     """Return those gaps that are open to the outside."""
     labels = _labels(mesh, gaps)
     outside = np.zeros(labels.max() + 2, dtype=bool)
@@ -193,7 +138,7 @@ def _open(mesh: _Triangulation, gaps: BoolArray) -> BoolArray:
     return gaps & outside[labels]
 
 
-def _small(mesh: _Triangulation, chosen: BoolArray, cells: FloatArray, most: float) -> BoolArray:
+def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: float) -> BoolArray:
     """Return those of the chosen triangles whose component has no more cells than chance explains."""
     if not chosen.any():
         return chosen
@@ -203,7 +148,7 @@ def _small(mesh: _Triangulation, chosen: BoolArray, cells: FloatArray, most: flo
     return chosen & small
 
 
-def _joined(mesh: _Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
     """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself

@@ -61,7 +61,9 @@ def build_parametric_blade(
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):
-        margin = Margin.fit(fit.feet[_near(fit)], fill_holes=options.fill_holes, unit=unit)
+        noise = _noise(fit)
+        near = np.abs(fit.heights) <= MAX_RESIDUAL * noise
+        margin = Margin.fit(fit.feet[near], fill_holes=options.fill_holes, noise=noise, unit=unit)
     notes = (*sheet.notes, *chart.notes, *margin.notes)
     for note in notes:
         journal.note(note)
@@ -81,6 +83,10 @@ def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntA
 
 def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
-    noise = MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
     spacing = np.sqrt(fit.mesh.area / len(fit.heights))
-    return np.asarray(np.abs(fit.heights) <= max(MAX_RESIDUAL * noise, NEAR * spacing))
+    return np.asarray(np.abs(fit.heights) <= max(MAX_RESIDUAL * _noise(fit), NEAR * spacing))
+
+
+def _noise(fit: SurfaceFit) -> float:
+    """Return the deviation of the points from the surface, which is taken for that along it too."""
+    return MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise

@@ -1,0 +1,82 @@
+"""The Delaunay triangles of a planar sample, with what is measured of each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.sample_spacing import BoolArray, local_shape
+
+
+@dataclass(frozen=True)
+class Triangulation:
+    """The Delaunay triangles of a planar sample.
+
+    Attributes
+    ----------
+    points : (n, 2) ndarray
+    triangles : (m, 3) int ndarray
+        Counter-clockwise.
+    neighbors : (m, 3) int ndarray
+        The triangle opposite to each corner; −1 at the hull.
+    areas : (m,) ndarray
+    metric : (n, 3) ndarray
+        The local metric of determinant 1 (`local_shape`).
+    reach : (m,) ndarray
+        Longest side of each in that metric: a length.
+    """
+
+    points: FloatArray
+    triangles: IntArray
+    neighbors: IntArray
+    areas: FloatArray
+    metric: FloatArray
+    reach: FloatArray
+
+
+def triangulate(points: FloatArray) -> Triangulation:
+    """Return the Delaunay triangles of (n, 2) distinct points.
+
+    Raises
+    ------
+    InputError
+        If they lie on one line.
+    """
+    try:
+        delaunay = Delaunay(points)
+    except QhullError as cause:
+        raise InputError("points: lie on one line; give points that cover an area") from cause
+    triangles = delaunay.simplices.astype(np.int64)
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    metric = local_shape(points, triangles)
+    reach = longest_sides((a, b, c), metric[triangles].mean(axis=1))
+    clockwise = (twice < 0)[:, None]
+    triangles = np.where(clockwise, triangles[:, [0, 2, 1]], triangles)
+    neighbors = np.where(clockwise, delaunay.neighbors[:, [0, 2, 1]], delaunay.neighbors).astype(np.int64)
+    return Triangulation(points, triangles, neighbors, np.abs(twice) / 2, metric, reach)
+
+
+def longest_sides(corners: tuple[FloatArray, FloatArray, FloatArray], metric: FloatArray) -> FloatArray:
+    """Return the longest side (m,) of triangles, three arrays (m, 2) of corners, in a metric (m, 3) for each."""
+    a, b, c = corners
+    squares = [
+        metric[:, 0] * side[:, 0] ** 2 + 2 * metric[:, 1] * side[:, 0] * side[:, 1] + metric[:, 2] * side[:, 1] ** 2
+        for side in (b - a, c - b, a - c)
+    ]
+    return np.asarray(np.sqrt(np.max(squares, axis=0)))
+
+
+def inner_points(mesh: Triangulation, kept: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return the points of kept triangles, and those of them with kept triangles all around."""
+    used = np.zeros(len(mesh.points), dtype=bool)
+    used[mesh.triangles[kept]] = True
+    inner = used.copy()
+    inner[mesh.triangles[~kept]] = False
+    row, side = np.nonzero(mesh.neighbors < 0)
+    for turn in (1, 2):  # the side at the hull is the one opposite to its corner
+        inner[mesh.triangles[row, (side + turn) % 3]] = False
+    return used, inner
