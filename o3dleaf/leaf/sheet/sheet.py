@@ -15,6 +15,7 @@ from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.widths import (
+    LINK,
     OFF,
     STEEP,
     WIDEST,
@@ -48,8 +49,6 @@ MEETING = 3.0
 """Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 FEWEST_CONTACTS = 8
 """Places where a rim touches another part at least, for sheets to branch there."""
-LINK = 3.0
-"""Spacings within which places of layers are one layer."""
 
 
 @dataclass(frozen=True, eq=False)
