@@ -7,6 +7,7 @@
 `surface`           the surface S of the chart
 `local_smoothing`   smoothing chosen place by place
 `surface_fit`       S fitted to the points of a scan, at parameters that are their feet
+`tight_bends`       bends tighter than a scan can show
 `parametric_blade`  the blade on it
 `build`             the points of a leaf to its blade
 """
