@@ -1,6 +1,7 @@
 """How wide a cloud must be averaged to be one sheet: by its noise everywhere, and more where layers lie."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -104,8 +105,16 @@ def _lie_parallel(places: FloatArray, facing: FloatArray, link: float) -> BoolAr
     return np.asarray(middle[group] >= MOSTLY)
 
 
-def find_passes(points: FloatArray, sheets: OpenSheets) -> tuple[FloatArray, float]:
-    """Return places (k, 3) where points (n, 3) were averaged from two layers as if they were noise, and how far apart.
+class Passes(NamedTuple):
+    """Places (k, 3) where two layers were averaged as if they were noise, how far apart, of what share of points."""
+
+    places: FloatArray
+    apart: float
+    share: float
+
+
+def find_passes(points: FloatArray, sheets: OpenSheets) -> Passes:
+    """Return where points (n, 3) were averaged from two layers as if they were noise.
 
     Among the points around a place their heights over the sheet fall into two groups there: the excess kurtosis, of
     noise 0 and of a full slab -1.2, is less. In fewer than a twentieth of the places that is chance.
@@ -119,8 +128,8 @@ def find_passes(points: FloatArray, sheets: OpenSheets) -> tuple[FloatArray, flo
     square = (height**2).mean(axis=1)
     double = (height**4).mean(axis=1) < (3 + SLAB) * square**2
     if double.mean() < CHANCE:
-        return np.empty((0, 3)), 0.0
-    return points[rows[double]], 2 * float(np.sqrt(np.median(square[double])))
+        return Passes(np.empty((0, 3)), 0.0, 0.0)
+    return Passes(points[rows[double]], 2 * float(np.sqrt(np.median(square[double]))), float(double.mean()))
 
 
 def same_facing(overlaps: Overlaps) -> IntArray:
