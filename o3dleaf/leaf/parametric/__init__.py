@@ -1,6 +1,8 @@
 """The blade as a surface of its own: x = S(u, v) + w n(u, v), u along the midrib and v across it.
 
-`surface_loops`     the surface, its normal and the lift along it
+`spline_loops`      sums of r³ in one ball
+`surface_loops`     the surface of all balls
+`lift_loops`        its normal, curvatures and the lift along it
 `feet_loops`        closest points
 `splines`           splines of three components in one ball
 `feet`              samples of the surface, from which closest points are found
