@@ -128,7 +128,8 @@ def ball_distances(x, y, z, start, stop, balls, far, near):
 def find_starts(points, samples, starts, others):
     """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN.
 
-    In one piece: whatever is handed to another function is counted, which the threads would wait for one another over.
+    The loops over samples are in one piece: whatever is handed to another function is counted, which the threads would
+    wait for one another over; few samples get as far as being considered.
     """
     groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
     group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
@@ -157,19 +158,27 @@ def find_starts(points, samples, starts, others):
                 square, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
                 distance = math.sqrt(square)
                 best = min(best, distance)
-                # Beside a sample that is nearer, this one would lead to the same foot.
-                beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
-                if distance < predicted[0] + BESIDE * step and not (beside and distance > nearest):
-                    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
-                    left = math.sqrt(max(left, 0.0))
-                    if left < predicted[0]:
-                        nearest = distance
-                    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+                nearest = consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found)
         starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
         others[i, 0] = others[i, 1] = np.nan
         c = rival(predicted, found, step)
         if c > 0:
             others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
+
+
+@njit(nogil=True, cache=True)
+def consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found):
+    """Put the foot that sample s leads to into the list of candidates; return how near the best one's sample is."""
+    # Beside a sample that is nearer, this one would lead to the same foot.
+    beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
+    if not distance < predicted[0] + BESIDE * step or (beside and distance > nearest):
+        return nearest
+    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
+    left = math.sqrt(max(left, 0.0))
+    if left < predicted[0]:
+        nearest = distance
+    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+    return nearest
 
 
 @njit(nogil=True, cache=True)
