@@ -56,7 +56,21 @@ def part_layers(points: FloatArray, spacing: float, noise: float) -> IntArray:
     order = np.argsort(-np.bincount(label), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return np.asarray(rank[label])
+    return _joined(points, normals, rank[label])
+
+
+def _joined(points: FloatArray, normals: FloatArray, layer: IntArray) -> IntArray:
+    """Return the layers (n,) with points of tiny ones given to that of the neighbor whose plane they are nearest to."""
+    large = np.bincount(layer)[layer] >= FEWEST
+    if large.all() or not large.any():
+        return layer
+    rows, few = np.flatnonzero(large), np.flatnonzero(~large)
+    near = rows[cKDTree(points[rows]).query(points[few], k=[*range(1, 1 + min(TRIED, len(rows)))], workers=-1)[1]]
+    away = points[few][:, np.newaxis] - points[near]
+    slope = np.abs(np.einsum("nki,nki->nk", away, normals[near])) / np.maximum(np.linalg.norm(away, axis=2), 1e-300)
+    joined = layer.copy()
+    joined[few] = layer[near[np.arange(len(few)), slope.argmin(axis=1)]]
+    return joined
 
 
 def _majority_planes(points: FloatArray, noise: float) -> FloatArray:
