@@ -1,12 +1,15 @@
 """The blade as a surface of its own: x = S(u, v) + w n(u, v), u along the midrib and v across it.
 
-`surface_loops`     the surface, its normal and the lift along it
+`spline_loops`      sums of r³ in one ball
+`surface_loops`     the surface of all balls
+`lift_loops`        its normal, curvatures and the lift along it
 `feet_loops`        closest points
 `splines`           splines of three components in one ball
 `feet`              samples of the surface, from which closest points are found
 `surface`           the surface S of the chart
 `local_smoothing`   smoothing chosen place by place
 `surface_fit`       S fitted to the points of a scan, at parameters that are their feet
+`tight_bends`       bends tighter than a scan can show
 `parametric_blade`  the blade on it
 `build`             the points of a leaf to its blade
 """

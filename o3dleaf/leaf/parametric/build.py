@@ -12,6 +12,7 @@ from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 
 MAX_RESIDUAL = 10.0
@@ -61,9 +62,8 @@ def build_parametric_blade(
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):
-        noise = _noise(fit)
-        near = np.abs(fit.heights) <= MAX_RESIDUAL * noise
-        margin = Margin.fit(fit.feet[near], fill_holes=options.fill_holes, noise=noise, unit=unit)
+        shows = _near(fit) & ~past_tight_bends(fit, sheet.spacing)
+        margin = Margin.fit(fit.feet[shows], fill_holes=options.fill_holes, noise=_noise(fit), unit=unit)
     notes = (*sheet.notes, *chart.notes, *margin.notes)
     for note in notes:
         journal.note(note)

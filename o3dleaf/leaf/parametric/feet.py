@@ -12,7 +12,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.parametric import feet_loops, surface_loops
 from o3dleaf.leaf.parametric.feet_loops import Samples
-from o3dleaf.leaf.parametric.surface_loops import JET, VectorBalls
+from o3dleaf.leaf.parametric.spline_loops import JET, VectorBalls
 
 SAMPLE_COUNT = 20_000
 """Samples of a surface, about: on a leaf 200 mm long and 12 mm wide one every third of a millimeter."""

@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
-from o3dleaf.leaf.parametric.surface_loops import JET, jets_at
+from o3dleaf.leaf.parametric.spline_loops import JET
+from o3dleaf.leaf.parametric.surface_loops import jets_at
 
 MIN_EIGENVALUE = 0.1
 """Least eigenvalue of the second derivatives in the surface's metric: 0 at a focus, where steps would have no end."""
@@ -26,6 +27,8 @@ ROUNDING = 1e-10
 """Of |r|²: less does not tell whether a step led away, but then the step is short enough to be trusted."""
 SLOW = 0.1
 """Share of the last step at which they are found anew too: near a focus small changes of them matter."""
+SETTLED, KEPT, RENEWED = 0, 1, 2
+"""What comes after a step: nothing, another one with the second derivatives at hand, or one with new ones."""
 CANDIDATES = 6
 """Blocks whose best samples are compared; sheets that touch give two or three."""
 APART = 4.0
@@ -125,7 +128,8 @@ def ball_distances(x, y, z, start, stop, balls, far, near):
 def find_starts(points, samples, starts, others):
     """Write where Newton's method begins for each point of a block (n, 2), and for some a second place, else NaN.
 
-    In one piece: whatever is handed to another function is counted, which the threads would wait for one another over.
+    The loops over samples are in one piece: whatever is handed to another function is counted, which the threads would
+    wait for one another over; few samples get as far as being considered.
     """
     groups, blocks, places, step = samples.groups, samples.blocks, samples.places, samples.step
     group_starts, block_starts, plane, jets = samples.group_starts, samples.block_starts, samples.plane, samples.jets
@@ -154,22 +158,38 @@ def find_starts(points, samples, starts, others):
                 square, s = nearest_sample(x, y, z, block_starts[b], block_starts[b + 1], places)
                 distance = math.sqrt(square)
                 best = min(best, distance)
-                # Beside a sample that is nearer, this one would lead to the same foot.
-                beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
-                if distance < predicted[0] + BESIDE * step and not (beside and distance > nearest):
-                    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
-                    left = math.sqrt(max(left, 0.0))
-                    if left < predicted[0]:
-                        nearest = distance
-                    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+                nearest = consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found)
         starts[i, 0], starts[i, 1] = found[0, 0], found[0, 1]
         others[i, 0] = others[i, 1] = np.nan
-        for c in range(1, CANDIDATES):
-            if predicted[c] > predicted[0] + CLOSE * step:
-                break
-            if max(abs(found[c, 0] - found[0, 0]), abs(found[c, 1] - found[0, 1])) > APART * step:
-                others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
-                break
+        c = rival(predicted, found, step)
+        if c > 0:
+            others[i, 0], others[i, 1] = found[c, 0], found[c, 1]
+
+
+@njit(nogil=True, cache=True)
+def consider(x, y, z, s, distance, nearest, plane, jets, bends, step, predicted, found):
+    """Put the foot that sample s leads to into the list of candidates; return how near the best one's sample is."""
+    # Beside a sample that is nearer, this one would lead to the same foot.
+    beside = max(abs(plane[s, 0] - found[0, 0]), abs(plane[s, 1] - found[0, 1])) < APART * step
+    if not distance < predicted[0] + BESIDE * step or (beside and distance > nearest):
+        return nearest
+    p, q, _, _, left = newton_step(x, y, z, s, jets, s, bends, step)
+    left = math.sqrt(max(left, 0.0))
+    if left < predicted[0]:
+        nearest = distance
+    insert(left, plane[s, 0] + p, plane[s, 1] + q, predicted, found)
+    return nearest
+
+
+@njit(nogil=True, cache=True)
+def rival(predicted, found, step):
+    """Return the number of the nearest candidate on another sheet than the first that is almost as near, 0 for none."""
+    for c in range(1, CANDIDATES):
+        if predicted[c] > predicted[0] + CLOSE * step:
+            return 0
+        if max(abs(found[c, 0] - found[0, 0]), abs(found[c, 1] - found[0, 1])) > APART * step:
+            return c
+    return 0
 
 
 @njit(nogil=True, cache=True)
@@ -188,12 +208,11 @@ def insert(distance, u, v, predicted, found):
 def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
     """Write (u, v) of the feet of a block of points, their signed heights, and which of them were reached.
 
-    Newton's method from `starts` (n, 2), a round for all points at a time; a step that leads away is halved. The
-    second derivatives of the first round serve as long as steps are short.
+    Newton's method from `starts` (n, 2), a round for all points at a time. The second derivatives of the first round
+    serve as long as steps are short.
     """
     count = len(points)
-    bends, last = np.empty((count, 3, 3)), np.full(count, np.inf)
-    moves, before = np.zeros((count, 2)), np.full(count, np.inf)
+    bends, moves, last = np.empty((count, 3, 3)), np.zeros((count, 2)), np.full((count, 2), np.inf)
     for i in range(count):
         feet[i, 0], feet[i, 1], converged[i] = starts[i, 0], starts[i, 1], False
     fresh, known = np.arange(count), np.empty(0, dtype=np.int64)
@@ -210,31 +229,40 @@ def find_feet(points, starts, balls, step, max_step, feet, heights, converged):
                     for row in range(3):
                         for k in range(3):
                             bends[i, row, k] = jets[j, 3 + row, k]
-                x, y, z = points[i, 0], points[i, 1], points[i, 2]
-                p, q, length, square, _ = newton_step(x, y, z, j, jets, i, bends, max_step)
-                heights[i] = height_over(x, y, z, j, jets)
-                floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
-                if square > before[i] * (1.0 + ROUNDING) + floor * floor:
-                    moves[i, 0], moves[i, 1], last[i] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * last[i]
-                    feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
+                heights[i] = height_over(points[i, 0], points[i, 1], points[i, 2], j, jets)
+                after = advance(i, points, jets, j, bends, step, max_step, feet, moves, last)
+                if after == RENEWED:
                     again[renewed] = i
                     renewed += 1
-                    continue
-                rate = min(length / last[i], 0.99) if last[i] < np.inf else 0.99
-                feet[i, 0], feet[i, 1] = feet[i, 0] + p, feet[i, 1] + q
-                settled = length * rate / (1.0 - rate) <= floor or (length < STALLED * step and rate > 0.5)
-                moves[i, 0], moves[i, 1], last[i], before[i] = p, q, length, square
-                if settled:
-                    converged[i] = True
-                elif length > STALE * step or SLOW < rate < 0.99:
-                    again[renewed] = i
-                    renewed += 1
-                else:
+                elif after == KEPT:
                     on[kept] = i
                     kept += 1
+                else:
+                    converged[i] = True
         fresh, known = again[:renewed], on[:kept]
         if renewed + kept == 0:
             break
+
+
+@njit(nogil=True, cache=True)
+def advance(i, points, jets, j, bends, step, max_step, feet, moves, last):
+    """Move foot i by Newton's step from jet j, or half of the last one back if that led away; return what comes next.
+
+    `moves` (n, 2) are the last steps in the plane; `last` (n, 2) their lengths in space, and |r|² before them.
+    """
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    p, q, length, square, _ = newton_step(x, y, z, j, jets, i, bends, max_step)
+    floor = 1e-14 * (abs(x) + abs(y) + abs(z)) + 1e-11 * step
+    if square > last[i, 1] * (1.0 + ROUNDING) + floor * floor:
+        moves[i, 0], moves[i, 1], last[i, 0] = 0.5 * moves[i, 0], 0.5 * moves[i, 1], 0.5 * last[i, 0]
+        feet[i, 0], feet[i, 1] = feet[i, 0] - moves[i, 0], feet[i, 1] - moves[i, 1]
+        return RENEWED
+    rate = min(length / last[i, 0], 0.99) if last[i, 0] < np.inf else 0.99
+    feet[i, 0], feet[i, 1] = feet[i, 0] + p, feet[i, 1] + q
+    moves[i, 0], moves[i, 1], last[i, 0], last[i, 1] = p, q, length, square
+    if length * rate / (1.0 - rate) <= floor or (length < STALLED * step and rate > 0.5):
+        return SETTLED
+    return RENEWED if length > STALE * step or SLOW < rate < 0.99 else KEPT
 
 
 @njit(nogil=True, cache=True)

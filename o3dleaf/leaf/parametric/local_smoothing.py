@@ -20,9 +20,6 @@ WINDOW = 600
 tenth of it."""
 PRIOR = 200
 """Points' worth of the whole leaf's mean losses that are added to a window's: a few points decide nothing."""
-MAX_FACTOR = 5.0
-"""The smoothing of the whole leaf over that of a place, at most: a bandwidth 1.4 times narrower. More would follow the
-passes of a scan where they fold together, with bends tighter than a leaf is thick."""
 BLENDED = 3
 """Balls whose smoothing a point's is the mean of, in the logarithm, each by its nearness."""
 
@@ -59,7 +56,7 @@ def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic,
     count = min(BLENDED, len(cover.centers))
     distance, balls = cKDTree(cover.centers).query(plane, k=[*range(1, count + 1)], workers=-1)
     nearness = 1 / np.maximum(distance, 1e-12 * cover.radii.max())
-    factors = np.exp(np.minimum((nearness * ratio[balls]).sum(axis=1) / nearness.sum(axis=1), np.log(MAX_FACTOR)))
+    factors = np.exp((nearness * ratio[balls]).sum(axis=1) / nearness.sum(axis=1))
     nearest = local[balls[:, 0]]
     weights = trials.weights[nearest, np.arange(len(plane))]
     widest = float(trials.bandwidths[local].max())

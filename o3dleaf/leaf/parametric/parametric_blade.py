@@ -19,7 +19,7 @@ from o3dleaf.leaf.blade.lifted import Lifted
 from o3dleaf.leaf.blade.outline_area import Outline, in_polygon
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.margin.taper import Taper
-from o3dleaf.leaf.parametric import surface_loops
+from o3dleaf.leaf.parametric import lift_loops
 from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, sample_surface
 from o3dleaf.leaf.parametric.feet_loops import Samples
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -101,7 +101,7 @@ class ParametricBlade(Blade):
 
         def task(start: int, stop: int) -> None:
             rows = slice(start, stop)
-            surface_loops.lift(places[rows], tapers[rows], balls, points[rows])
+            lift_loops.lift(places[rows], tapers[rows], balls, points[rows])
 
         run_blocks(task, len(places), BLOCK)
         return points
@@ -114,7 +114,7 @@ class ParametricBlade(Blade):
         def task(start: int, stop: int) -> None:
             rows = slice(start, stop)
             into = lifted.world[rows], lifted.columns[rows]
-            surface_loops.lift_with_jacobian(flat[rows], tapers[rows], balls, *into)
+            lift_loops.lift_with_jacobian(flat[rows], tapers[rows], balls, *into)
 
         run_blocks(task, len(flat), BLOCK)
         return lifted

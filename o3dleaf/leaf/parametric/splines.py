@@ -12,7 +12,7 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
-from o3dleaf.leaf.parametric.surface_loops import VectorBalls
+from o3dleaf.leaf.parametric.spline_loops import VectorBalls
 
 CUBIC = Polyharmonic(3, 2)
 """φ = r³ in the plane: C² at its data and fast."""

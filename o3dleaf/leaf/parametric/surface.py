@@ -19,11 +19,11 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.splines import LocalSplines, fit_splines
 from o3dleaf.fitting.pu.interpolant import OVERLAP
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
-from o3dleaf.leaf.parametric import surface_loops
+from o3dleaf.leaf.parametric import lift_loops
 from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, closest_feet, feet_from, jets_of, sample_surface
 from o3dleaf.leaf.parametric.feet_loops import Samples
+from o3dleaf.leaf.parametric.spline_loops import VectorBalls
 from o3dleaf.leaf.parametric.splines import CUBIC, VectorSplines
-from o3dleaf.leaf.parametric.surface_loops import VectorBalls
 
 REACH = 4.0
 """Distance from the sites, in their mean spacings, to which feet are looked for where no outline is given."""
@@ -164,7 +164,7 @@ class ChartSurface:
         """Return the principal curvatures (n, 2), positive where S bends towards its normal, least first."""
         jets = jets_of(self.balls, as_points(uv, "uv", dim=2), 2)
         found = np.empty((len(jets), 2))
-        surface_loops.curvatures(jets, found)
+        lift_loops.curvatures(jets, found)
         return found
 
     @property

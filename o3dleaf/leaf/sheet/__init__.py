@@ -6,6 +6,7 @@
 `holes`          small holes closed, flaps of other sheets cut off
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
+`parting`        layers told apart where they lie closer than points
 `leftovers`      pieces, layers and branchings that a sheet leaves out
 `sheet`          `find_sheet`: all of it together
 `average_loops`  the compiled loops of averaging and thinning

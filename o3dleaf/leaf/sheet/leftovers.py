@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
 
@@ -63,7 +64,9 @@ class Leftovers:
             far = np.linalg.norm(feet - scan[rows], axis=1)
             inner = np.where(rim.query(feet)[0] > NEAR * spacing, far, np.inf)
             distance.append(float(far.min()))
-            branch.append(feet[inner.argmin()] if inner.min() <= TOUCHING * spacing and len(rows) >= FEWEST else None)
+            # What nowhere leaves the sheet lies over it, and meets it nowhere.
+            meets = inner.min() <= TOUCHING * spacing and far.max() > NEAR * spacing and len(rows) >= FEWEST
+            branch.append(feet[inner.argmin()] if meets else None)
         return cls(scan, groups, tuple(distance), tuple(branch), held, spacing)
 
     def piece(self, number: int) -> IntArray:
@@ -127,19 +130,15 @@ def place_of(points: FloatArray) -> str:
     return " ".join(f"{x:.4g}" for x in middle)
 
 
-def tell_averaging(
-    points: FloatArray, width: FloatArray, base: float, passes: FloatArray, apart: float
-) -> tuple[str, ...]:
-    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`.
-
-    At the places `passes` (k, 3) two layers `apart` were taken for noise.
-    """
+def tell_averaging(points: FloatArray, width: FloatArray, base: float, passes: Passes) -> tuple[str, ...]:
+    """Return what is to be said of points (n, 3) averaged over a `width` (n,), wider than noise needs, `base`."""
     notes = []
     if base > 0:
         notes.append(f"noise: points were averaged over {base:.3g} to lay the sheet through them")
-    if len(passes):
+    if len(passes.places):
         notes.append(
-            f"two layers {apart:.3g} apart lie within the noise and were averaged to one, around {place_of(passes)}"
+            f"two layers {passes.apart:.3g} apart lie within the noise and were averaged to one: about "
+            f"{100 * passes.share:.2g} % of the points, around {place_of(passes.places)}"
         )
     wide = width > base
     if wide.any():

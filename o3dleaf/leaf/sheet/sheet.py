@@ -14,7 +14,9 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
+from o3dleaf.leaf.sheet.parting import other_layers
 from o3dleaf.leaf.sheet.widths import (
+    LINK,
     OFF,
     STEEP,
     WIDEST,
@@ -48,8 +50,6 @@ MEETING = 3.0
 """Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 FEWEST_CONTACTS = 8
 """Places where a rim touches another part at least, for sheets to branch there."""
-LINK = 3.0
-"""Spacings within which places of layers are one layer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +119,17 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
 
 
+NONE = np.empty(0, np.int64)
+
+
 class _Solved(NamedTuple):
-    """Sheets at widths (n,), which exceed `base` where layers were averaged, and the points' spacing."""
+    """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'."""
 
     sheets: OpenSheets
     width: FloatArray
     base: float
     rows: IntArray
+    others: IntArray = NONE
 
 
 def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
@@ -157,10 +161,12 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
             f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {place_of(vertices)}; "
             "give the points of a leaf, closer together"
         )
-    rows = pool[held[cKDTree(scan[solved.rows]).query(scan[pool], workers=-1)[1]]]
-    passes, apart = find_passes(scan[solved.rows], sheets)
-    joined = len(passes) > 0 or bool((solved.width > solved.base).any())
-    notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes, apart) + tell_cuts(sheets.cut, flaps)
+    made_of = np.concatenate([solved.rows, solved.others])
+    of_sheet = np.append(held, np.zeros(len(solved.others), bool))
+    rows = pool[of_sheet[cKDTree(scan[made_of]).query(scan[pool], workers=-1)[1]]]
+    passes = find_passes(scan[solved.rows], sheets)
+    joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
+    notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes) + tell_cuts(sheets.cut, flaps)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
 
@@ -184,6 +190,11 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     fewer = _thin_sides(sheets)
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
+    if base == 0 and len(find_layers(sheets)[0]) >= FEWEST:
+        others = other_layers(cloud.points, spacing, cloud.noise)
+        if len(others):
+            solved = _solve(scan, np.delete(some, others), one_sheet=one_sheet)
+            return solved._replace(others=np.append(some[others], solved.others))
     for round_ in range(ROUNDS):
         after = layers.after(*find_layers(sheets), LINK * spacing)
         if after.like(layers):
@@ -225,12 +236,12 @@ def _thin_sides(sheets: OpenSheets) -> int:
 def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
     """Raise `ReconstructionError` where layers lie over the largest sheet."""
     layers = Layers.none().after(*find_layers(sheets), LINK * sheets.spacing)
-    passes, apart = find_passes(points, sheets)
-    places = np.concatenate([layers.places, passes])
+    passes = find_passes(points, sheets)
+    places = np.concatenate([layers.places, passes.places])
     if len(places):
         raise ReconstructionError(
             f"scan: is no single sheet: at {len(places)} places, most around {place_of(places)}, another layer lies up "
-            f"to {max(apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out",
+            f"to {max(passes.apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out",
             places,
         )
     if len(sheets.cut):

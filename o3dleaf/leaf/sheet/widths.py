@@ -1,6 +1,7 @@
 """How wide a cloud must be averaged to be one sheet: by its noise everywhere, and more where layers lie."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -9,6 +10,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, Overlaps, nearest_layers
 from o3dleaf.surface.cloud.surfels import thinned
+from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
@@ -26,6 +28,9 @@ STEEP = 0.8
 PARALLEL = 0.35
 """Cosine between the normals of passes of one sheet at least, 70°: they are rough where passes lie double; a sheet that
 stands upright on another one is no pass of it."""
+MOSTLY = 0.5
+"""The same of half the places of a pass, 60°: single ones are rough. What lies askew as a whole is the other side of a
+fold."""
 OFF = 1.5
 """Distance in spacings from which on a point is off a sheet, not between its vertices nor beside its margin."""
 FALL = 0.5
@@ -37,6 +42,8 @@ SLAB, CHANCE = -1.2, 0.05
 """Excess kurtosis of points that fill a slab evenly, and the share of places that may have less by chance."""
 LEFT = 0.2
 """Share of the places of layers that may be left after they were averaged; where it is more the layer lasts."""
+LINK = 3.0
+"""Spacings within which places of layers are one layer."""
 FEWEST = 8
 """Fewer places than this are no layer: single points that noise has lifted, and creases, are as many."""
 MORE = 1.2
@@ -54,26 +61,60 @@ def noise_width(noise: float, spacing: float) -> float:
 def find_layers(sheets: OpenSheets) -> tuple[FloatArray, FloatArray]:
     """Return places (k, 3) where a second layer lies over the largest sheet, and how far off it is (k,).
 
-    Layers are points off the sheet that lie parallel to it, and parts of the sheet that face its way with nothing
-    between; of a sheet without a rim also the side that faces away, as of a thin leaf scanned from both sides.
+    Layers are points above or below the sheet that lie parallel to it, and parts of the sheet that face its way with
+    nothing between; of a sheet without a rim also the side that faces away, as of a thin leaf scanned from both sides.
     """
     vertices, triangles = sheets.sheet()
     reach = WIDEST * sheets.spacing
     normals = vertex_normals(vertices, triangles)
-    off = np.flatnonzero((sheets.off > OFF * sheets.spacing) & (sheets.off <= reach))
-    below = cKDTree(vertices).query(sheets.points[off], workers=-1)[1]
-    off = off[np.abs(np.einsum("ij,ij->i", sheets.normals[off], normals[below])) >= PARALLEL]
+    off, parallel = _points_above(sheets, vertices, triangles, normals)
     distance, facing, _ = nearest_layers(vertices, normals, reach, STEEP)
     layer = np.isfinite(distance) & (facing >= PARALLEL)
     if not find_holes(vertices, triangles).is_rim.any():
         layer |= np.isfinite(distance) & (facing <= -PARALLEL)
-    gap = np.where(layer, distance, 0.0).max(axis=1)
-    rows = np.flatnonzero(gap > 0)
-    return np.concatenate([sheets.points[off], vertices[rows]]), np.concatenate([sheets.off[off], gap[rows]])
+    gap = np.where(layer, distance, 0.0)
+    rows = np.flatnonzero(gap.max(axis=1) > 0)
+    places, need = (
+        np.concatenate([sheets.points[off], vertices[rows]]),
+        np.append(sheets.off[off], gap.max(axis=1)[rows]),
+    )
+    facing = np.append(parallel, np.abs(facing[rows, gap[rows].argmax(axis=1)]))
+    kept = _lie_parallel(places, facing, LINK * sheets.spacing)
+    return places[kept], need[kept]
 
 
-def find_passes(points: FloatArray, sheets: OpenSheets) -> tuple[FloatArray, float]:
-    """Return places (k, 3) where points (n, 3) were averaged from two layers as if they were noise, and how far apart.
+def _points_above(
+    sheets: OpenSheets, vertices: FloatArray, triangles: IntArray, normals: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return the points (k,) that lie above or below a sheet, not beside it, and the cosine between the normals."""
+    off = np.flatnonzero((sheets.off > OFF * sheets.spacing) & (sheets.off <= WIDEST * sheets.spacing))
+    if not len(off):
+        return off, np.empty(0)
+    feet = nearest_on_mesh(vertices, triangles, sheets.points[off])
+    below = normals[cKDTree(vertices).query(feet, workers=-1)[1]]
+    height = np.abs(np.einsum("ij,ij->i", sheets.points[off] - feet, below))
+    parallel: FloatArray = np.abs(np.einsum("ij,ij->i", sheets.normals[off], below))
+    above = (height >= STEEP * sheets.off[off]) & (parallel >= PARALLEL)
+    return off[above], parallel[above]
+
+
+def _lie_parallel(places: FloatArray, facing: FloatArray, link: float) -> BoolArray:
+    """Return which places (k,) belong to clusters that lie parallel to the sheet below them, by their cosines (k,)."""
+    group = _clusters(places, link)
+    middle = np.array([np.median(facing[group == number]) for number in range(int(group.max(initial=-1)) + 1)])
+    return np.asarray(middle[group] >= MOSTLY)
+
+
+class Passes(NamedTuple):
+    """Places (k, 3) where two layers were averaged as if they were noise, how far apart, of what share of points."""
+
+    places: FloatArray
+    apart: float
+    share: float
+
+
+def find_passes(points: FloatArray, sheets: OpenSheets) -> Passes:
+    """Return where points (n, 3) were averaged from two layers as if they were noise.
 
     Among the points around a place their heights over the sheet fall into two groups there: the excess kurtosis, of
     noise 0 and of a full slab -1.2, is less. In fewer than a twentieth of the places that is chance.
@@ -87,8 +128,8 @@ def find_passes(points: FloatArray, sheets: OpenSheets) -> tuple[FloatArray, flo
     square = (height**2).mean(axis=1)
     double = (height**4).mean(axis=1) < (3 + SLAB) * square**2
     if double.mean() < CHANCE:
-        return np.empty((0, 3)), 0.0
-    return points[rows[double]], 2 * float(np.sqrt(np.median(square[double])))
+        return Passes(np.empty((0, 3)), 0.0, 0.0)
+    return Passes(points[rows[double]], 2 * float(np.sqrt(np.median(square[double]))), float(double.mean()))
 
 
 def same_facing(overlaps: Overlaps) -> IntArray:

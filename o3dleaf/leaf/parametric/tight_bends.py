@@ -1,0 +1,48 @@
+"""Bends tighter than a scan can show: as a rule where a surface goes on past its sheet, around the edge of a fold."""
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit
+
+TIGHTEST = 1.0
+"""Radius of a bend in spacings at least: from one point to the next the surface then turns by a radian."""
+EVERY, AROUND = 0.5, 0.5
+"""Distance in spacings of the places where bends are looked for, and from the points: the blade ends half a spacing
+beyond them."""
+PAST = 1e-6
+"""Distance from the sheet in spacings from which on a place lies past its edge."""
+
+
+def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
+    """Return which points (n,) have feet past the edge of the sheet where the surface bends too tightly.
+
+    There nothing holds the surface but what lies beyond a gap, towards which it turns: as at the edge of a fold of
+    which one side was not seen. Points of the far side have feet on such a bend, but the blade does not go there.
+    """
+    places = tight_bends(fit.surface, fit.feet, spacing)
+    if not len(places):
+        return np.zeros(len(fit.feet), bool)
+    beside = cKDTree(places).query(fit.feet, workers=-1)[0] <= AROUND * spacing
+    return np.asarray(beside & (_distances(fit.mesh, fit.feet) > PAST * spacing))
+
+
+def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> FloatArray:
+    """Return places (k, 2) around feet (n, 2) of points of a spacing where a surface bends too tightly."""
+    step = EVERY * spacing
+    cells = np.unique(np.floor(feet / step).astype(np.int64), axis=0)
+    reach = int(np.ceil(AROUND / EVERY))
+    shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
+    places = (np.unique((cells[:, np.newaxis] + shifts).reshape(-1, 2), axis=0) + 0.5) * step
+    places = places[cKDTree(feet).query(places, workers=-1)[0] <= AROUND * spacing]
+    return places[np.abs(surface.curvatures(places)).max(axis=1, initial=0.0) * TIGHTEST * spacing > 1.0]
+
+
+def _distances(mesh: ChartMesh, plane: FloatArray) -> FloatArray:
+    """Return the distances (n,) of places (n, 2) of the chart from the sheet laid flat."""
+    flat, places = (np.column_stack([each, np.zeros(len(each))]) for each in (mesh.chart, plane))
+    return np.sqrt(igl.point_mesh_squared_distance(places, flat, mesh.triangles)[0])
