@@ -11,7 +11,7 @@ REACH = 3.0
 SHARPEST, BLUNTEST = np.radians(2.0), np.radians(80.0)
 """Angles of tips. Sharper ones would begin a hundred spacings before they end; blunter ones are rounded by less than
 the noise of the margin."""
-WIDTHS = (3.5, 5.0, 2.5)
+WIDTHS = (3.5, 5.0, 7.0, 2.5)
 """Where tips begin, by the spacings between their flanks, in the order of trial."""
 UNLIKE = 0.15
 """By what share a tip's area may differ from a triangle's of the same centroid; a round end's does by a quarter."""
