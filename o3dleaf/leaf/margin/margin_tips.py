@@ -1,4 +1,4 @@
-"""Sharp tips of a margin, which a sample ends before and smoothing rounds: both flanks continued until they meet."""
+"""Sharp tips of a margin, which a sample ends before and smoothing rounds: triangles with the centroids of the ends."""
 
 import numpy as np
 import shapely
@@ -8,20 +8,16 @@ from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
 
 REACH = 3.0
 """A tip is looked for where the curve turns within so many spacings to both sides: what smoothing has rounded."""
-SHARPEST, BLUNTEST = np.radians(5.0), np.radians(80.0)
-"""Angles of tips. Sharper ones are parallel flanks to a fit of a few points; blunter ones are rounded by less than the
-noise of the margin."""
-FLANKS = ((3.5, 10.0), (3.5, 6.0), (2.0, 10.0), (2.0, 6.0))
-"""Where flanks are fitted, in spacings: from where they are so far apart, and for that length. Nearer to the tip,
-points of both are one row; where the flanks bend, less is straight."""
-STRAIGHT = 0.25
-"""A flank may stray from its line by this many spacings (rms), as noise does."""
-BENT = 0.5
-"""Spacings by which a tip may lie outside its straight flanks: one that bends more ends as its points do."""
-WHOLE = 0.85
-"""Share of the turn from flank to flank that lies within `REACH`: less is a round lobe, not a rounded tip."""
-BEYOND = 1.0
-"""A tip may go on beyond the curve by the area of so many points: what a sample leaves out in the mean."""
+SHARPEST, BLUNTEST = np.radians(2.0), np.radians(80.0)
+"""Angles of tips. Sharper ones would begin a hundred spacings before they end; blunter ones are rounded by less than
+the noise of the margin."""
+WIDTHS = (3.5, 5.0, 7.0, 2.5)
+"""Where tips begin, by the spacings between their flanks, in the order of trial."""
+UNLIKE = 0.15
+"""By what share a tip's area may differ from a triangle's of the same centroid; a round end's does by a quarter."""
+BENT = 0.65
+"""Spacings by which a tip may lie outside its straight flanks, twice the deviation of a random sample's margin: one
+that bends more ends as its points do."""
 
 
 def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
@@ -41,7 +37,7 @@ def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
             break
         if any(_between(center, start, stop, len(curve)) for start, stop, _ in found):
             continue
-        tip = _tip(curve, int(center), float(local[center]), float(turns[center]))
+        tip = _tip(curve, int(center), float(local[center]))
         if tip is None or any(_overlap(tip, other, len(curve)) for other in found):
             continue
         if shapely.Polygon(_replaced(curve, [*found, tip])).is_valid:
@@ -61,23 +57,17 @@ def _turns(curve: FloatArray) -> FloatArray:
     return turns
 
 
-def _tip(curve: FloatArray, center: int, spacing: float, turn: float) -> tuple[int, int, FloatArray] | None:
-    """Return where the rounded tip begins and ends, and the corner to put there; None where there is no sharp one."""
+def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, FloatArray] | None:
+    """Return where the rounded tip begins and ends, and the curve (k, 2) to put there; None for no sharp one."""
     count = len(curve)
-    for width, length in FLANKS:
+    for width in WIDTHS:
         middle, first = _centered(curve, center, width * spacing)
-        last = first + round(length / STEP)
-        if last >= count // 2:
+        if first >= count // 4:
             continue
-        before = _line(curve[(middle - np.arange(first, last)) % count], spacing)
-        after = _line(curve[(middle + np.arange(first, last)) % count], spacing)
-        if before is None or after is None:
-            continue
-        if turn >= WHOLE * np.arccos(np.clip(-(before[1] @ after[1]), -1, 1)):
-            arc = curve[(middle + np.arange(-first, first + 1)) % count]
-            corner = _corner(arc, before, after, spacing)
-            if corner is not None and _holds(corner, arc, spacing):
-                return (middle - first) % count, (middle + first) % count, corner
+        arc = curve[(middle + np.arange(-first, first + 1)) % count]
+        flanks = _flanks(arc, STEP * spacing)
+        if flanks is not None and _holds(flanks, arc, spacing):
+            return (middle - first) % count, (middle + first) % count, flanks
     return None
 
 
@@ -98,41 +88,39 @@ def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
     return center, first
 
 
-def _line(flank: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:
-    """Return a point of the line through a flank, and its direction towards the tip; None where it is not straight."""
-    middle = flank.mean(axis=0)
-    _, values, axes = np.linalg.svd(flank - middle, full_matrices=False)
-    if values[1] > STRAIGHT * spacing * np.sqrt(len(flank)):
+def _flanks(arc: FloatArray, step: float) -> FloatArray | None:
+    """Return both flanks (k, 2) of a tip that ends sharp, without their ends; None where the arc is no rounded one.
+
+    Growth leaves out no area, but a narrow tip's is a strip of even width: its centroid stays, at a third of the height
+    of the triangle on the same base. A square end has 4/3 of the area of that triangle, an elliptic one 5/4. The
+    triangle is bent as the arc is, along the parabola through the middles between its sides.
+    """
+    tip = shapely.Polygon(arc)
+    middle = (arc[0] + arc[-1]) / 2
+    axis = shapely.get_coordinates(tip.centroid)[0] - middle
+    height = 3 * float(np.hypot(*axis))
+    axis = axis / max(height / 3, 1e-300)
+    side = np.array([axis[1], -axis[0]])
+    base = float((arc[0] - arc[-1]) @ side)
+    angle = 2 * np.arctan2(base / 2, height)
+    if not SHARPEST <= angle <= BLUNTEST or abs(tip.area / (base * height / 2) - 1) > UNLIKE:
         return None
-    direction: FloatArray = axes[0] * np.sign(axes[0] @ (flank[0] - flank[-1]))
-    return middle, direction
+    half = len(arc) // 2
+    spine, widths = (arc[:half] + arc[:half:-1]) / 2 - middle, np.hypot(*(arc[:half] - arc[:half:-1]).T)
+    x, y = spine @ axis, spine @ side
+    bend = np.linalg.lstsq(np.stack([x, x**2], axis=1) * widths[:, None], y * widths, rcond=None)[0]
+    share = np.arange(1, max(2, round(height / step)) + 1) / max(2, round(height / step))
+    along = share * height
+    line = middle + along[:, None] * axis + (bend[0] * along + bend[1] * along**2)[:, None] * side
+    before, after = (line + (1 - share)[:, None] * (end - middle) for end in (arc[0], arc[-1]))
+    return np.vstack([before, after[-2::-1]])
 
 
-def _corner(
-    arc: FloatArray, before: tuple[FloatArray, FloatArray], after: tuple[FloatArray, FloatArray], spacing: float
-) -> FloatArray | None:
-    """Return where two flanks meet, or less far out where points would be missed; None where they do not."""
-    (p, d), (q, e) = before, after
-    across = d[0] * e[1] - d[1] * e[0]
-    angle = np.arctan2(-across, d @ e)
-    if not SHARPEST <= angle <= BLUNTEST:
-        return None
-    corner = p + d * (((q - p)[0] * e[1] - (q - p)[1] * e[0]) / across)
-    axis = (d + e) / np.linalg.norm(d + e)
-    far = arc[np.argmax(arc.dot(axis))]
-    if (corner - far) @ axis <= 0:
-        return None
-    # Beyond the curve the tip is about the triangle in front of it.
-    beyond = np.tan(angle / 2) * float((corner - far) @ axis) ** 2
-    most = BEYOND * spacing**2
-    if beyond > most:
-        corner = corner - axis * (float((corner - far) @ axis) * (1 - np.sqrt(most / beyond)))
-    return np.asarray(corner)
-
-
-def _holds(corner: FloatArray, arc: FloatArray, spacing: float) -> bool:
-    """Return whether straight flanks to the corner leave out nothing of a curved tip."""
-    tip = shapely.Polygon([arc[0], corner, arc[-1]])
+def _holds(flanks: FloatArray, arc: FloatArray, spacing: float) -> bool:
+    """Return whether a tip between two flanks leaves out nothing of the arc, and has its area."""
+    tip, rounded = shapely.Polygon(np.vstack([arc[:1], flanks, arc[-1:]])), shapely.Polygon(arc)
+    if not tip.is_valid or abs(tip.area / rounded.area - 1) > UNLIKE:
+        return False
     return bool(shapely.distance(tip, shapely.points(arc)).max() <= BENT * spacing)
 
 
@@ -145,25 +133,20 @@ def _overlap(tip: tuple[int, int, FloatArray], other: tuple[int, int, FloatArray
 
 
 def _replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> FloatArray:
-    """Return the curve with straight flanks, in steps as before, in place of what is rounded."""
+    """Return the curve with the flanks of tips in place of what is rounded."""
     if not tips:
         return curve
     count = len(curve)
     keep = np.ones(count, dtype=bool)
-    pieces: dict[int, FloatArray] = {}
-    for start, stop, corner in tips:
-        inside = (start + 1 + np.arange((stop - start) % count - 1)) % count
-        keep[inside] = False
-        pieces[int(start)] = np.vstack([_straight(curve[start], corner, curve), _straight(corner, curve[stop], curve)])
+    flanks: dict[int, FloatArray] = {}
+    for start, stop, tip in tips:
+        keep[(start + 1 + np.arange((stop - start) % count - 1)) % count] = False
+        flanks[int(start)] = tip
     first = int(np.flatnonzero(keep)[0])
-    order = (first + np.arange(count)) % count
-    parts = [np.vstack([curve[[i]], pieces[int(i)][1:]]) if int(i) in pieces else curve[[i]] for i in order if keep[i]]
+    parts: list[FloatArray] = []
+    for i in (first + np.arange(count)) % count:
+        if keep[i]:
+            parts.append(curve[[i]])
+        if int(i) in flanks:
+            parts.append(flanks[int(i)])
     return np.vstack(parts)
-
-
-def _straight(start: FloatArray, stop: FloatArray, curve: FloatArray) -> FloatArray:
-    """Return points from `start` to before `stop`, in the mean step of the curve."""
-    step = np.hypot(*np.diff(curve, axis=0).T).mean()
-    count = max(1, round(float(np.hypot(*(stop - start)) / step)))
-    line: FloatArray = start + (np.arange(count) / count)[:, None] * (stop - start)
-    return line
