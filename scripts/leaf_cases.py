@@ -44,8 +44,8 @@ CONDITIONS = {
     "lines": {"noise": 0.2, "pattern": "lines"},
     "grid": {"noise": 0.0, "pattern": "grid"},
 }
-FILL = 5.0
-"""Spacings up to which holes are asked to be filled where a scan has gaps: as wide as those are, and a point's cell."""
+FILL = 6.0
+"""Spacings up to which holes are asked to be filled where a scan has gaps: as wide as those are, and a spacing to either side."""
 SPACINGS = {"wavy": 0.5, "winding": 0.5}
 """In millimeters, where it is not `SPACING`: a leaf 5 mm wide has ten points across."""
 SPACING = 0.7

@@ -119,8 +119,9 @@ class Margin:
         spacing : float, optional
             The least spacing to resolve: denser places are taken to be no denser. Default: the sample's own.
         fill_holes : float, optional
-            Holes of up to this width are filled. By default those no wider than the widest gap over which pieces of
-            the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from holes.
+            Holes and slits of up to this width are filled. By default holes no wider than the widest gap over which
+            pieces of the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from
+            holes.
         noise : float
             Standard deviation of the points in the plane, which carries some of them over the edge.
         unit : str, optional
@@ -135,7 +136,7 @@ class Margin:
         points = as_points(uv, "uv", dim=2, least=3)
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
-        region = cover_sample(np.unique(points, axis=0))
+        region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)
         local = Spacing(cKDTree(region.points), np.maximum(region.spacing, least))
         limit = region.widest if given is None else given
         outer, *inner = _rings(region, local, as_number(noise, "noise"))

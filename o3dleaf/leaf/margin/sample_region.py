@@ -63,8 +63,8 @@ class SampleRegion:
     left_out: IntArray
 
 
-def cover_sample(points: FloatArray) -> SampleRegion:
-    """Return what (n, 2) distinct points cover.
+def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
+    """Return what (n, 2) distinct points cover, and the slits from its border that are no wider than asked.
 
     Raises
     ------
@@ -80,6 +80,7 @@ def cover_sample(points: FloatArray) -> SampleRegion:
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     kept, bridged, widest = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
+    kept |= _open(mesh, ~kept) & (_widths(mesh) <= fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
@@ -128,6 +129,13 @@ def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArra
     enclosed = gaps & ~_open(mesh, gaps)
     covered: BoolArray = ~gaps | _small(mesh, enclosed, cells, CHANCE * short**2)
     return covered
+
+
+def _widths(mesh: Triangulation) -> FloatArray:
+    """Return the diameters abc/2A of the empty circumcircles: how wide the gap is that a Delaunay triangle lies in."""
+    corners = mesh.points[mesh.triangles]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return np.asarray(sides.prod(axis=1) / np.maximum(2 * mesh.areas, np.finfo(float).tiny))
 
 
 def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:

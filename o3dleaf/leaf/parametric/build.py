@@ -5,7 +5,7 @@ import numpy as np
 
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.macro.robust import MAD
 from o3dleaf.leaf.margin.margin import Margin
