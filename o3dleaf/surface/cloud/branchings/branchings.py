@@ -1,0 +1,117 @@
+"""Where sheets of a cloud meet along lines, and how far from there they are cut."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.surface.cloud.neighbors import IndexArray
+
+NEAREST = 6
+"""Places that a point's distance from the lines is measured to: of several at one station some lie nearer than the next."""
+
+
+@dataclass(frozen=True, eq=False)
+class Branchings:
+    """Lines along which three or more sheets meet, as places one or two spacings apart, each with a short segment.
+
+    Attributes
+    ----------
+    places : (k, 3) ndarray
+        On the lines.
+    directions : (k, 3) ndarray
+        Unit vectors along them.
+    sheets : (k,) ndarray of int64
+        How many sheets meet at each place.
+    half : (k,) ndarray
+        Half the length of the segment at each place, the distance to its neighbors on the line.
+    clearance : (k,) ndarray
+        Distance from the line up to which points are left out and a surface is cut.
+    line : (k,) ndarray of int64
+        Which line each place is on, from 0 on, that with most places first.
+    """
+
+    places: FloatArray
+    directions: FloatArray
+    sheets: IndexArray
+    half: FloatArray
+    clearance: FloatArray
+    line: IndexArray
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.places)
+
+    def nearness(self, points: npt.NDArray[np.float64]) -> FloatArray:
+        """Return the (n,) distances of points (n, 3) from the nearest line over the clearance there: below 1 is cut.
+
+        Far from all lines, where nothing is cut, it is infinite.
+        """
+        near = np.full(len(points), np.inf)
+        reach = float(np.hypot(self.half.max(), self.clearance.max()))
+        row = self._tree.query(points, k=np.arange(1, NEAREST + 1), distance_upper_bound=2 * reach, workers=-1)[1]
+        for place in row.T:
+            some = np.flatnonzero(place < len(self))
+            at = place[some]
+            arm = points[some] - self.places[at]
+            along = np.clip(np.einsum("ij,ij->i", arm, self.directions[at]), -self.half[at], self.half[at])
+            off = np.linalg.norm(arm - along[:, np.newaxis] * self.directions[at], axis=1)
+            near[some] = np.minimum(near[some], off / self.clearance[at])
+        return near
+
+    def tell(self, left_out: int) -> tuple[str, ...]:
+        """Return a line of text for each line of places: how many sheets meet, where, and how many points were cut."""
+        lines = []
+        for number in range(int(self.line.max()) + 1):
+            on = self.line == number
+            places = self.places[on]
+            middle = places[np.linalg.norm(places - np.median(places, axis=0), axis=1).argmin()]
+            at = " ".join(f"{x:.4g}" for x in middle)
+            lines.append(f"{int(np.median(self.sheets[on]))} sheets meet at {at}")
+        counted = f"cut there, {left_out:,} points left out"
+        return (*lines[:-1], f"{lines[-1]}; {counted}")
+
+
+def join_places(places: FloatArray, reach: FloatArray) -> IndexArray:
+    """Return which line (k,) each of some places is on: those within their `reach` (k,) hang together, largest first."""
+    one, other = _pairs(places, reach)
+    graph = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(len(places), len(places)))
+    label = connected_components(graph, directed=False)[1]
+    order = np.argsort(-np.bincount(label), kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return np.asarray(rank[label], np.int64)
+
+
+def half_gaps(places: FloatArray, directions: FloatArray, reach: FloatArray, least: FloatArray) -> FloatArray:
+    """Return half the distance (k,) along the line from each place to the next one, on the side where it is farther.
+
+    The next one is more than `least` (k,) away; within `reach` (k,) it is sought. A place at an end has none: half the
+    reach is what it has seen of its sheets.
+    """
+    one, other = _pairs(places, reach)
+    one, other = np.concatenate([one, other]), np.concatenate([other, one])
+    along = np.einsum("ij,ij->i", places[other] - places[one], directions[one])
+    half = least.copy()
+    for side in (along, -along):
+        ahead = side > least[one]
+        following = np.full(len(places), np.inf)
+        np.minimum.at(following, one[ahead], side[ahead])
+        half = np.maximum(half, np.minimum(following, reach) / 2)
+    return half
+
+
+def _pairs(places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return all pairs of places within the reach of both."""
+    pairs = cKDTree(places).query_pairs(float(reach.max()), output_type="ndarray")
+    far = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    one, other = pairs[far <= np.minimum(reach[pairs[:, 0]], reach[pairs[:, 1]])].astype(np.int64).T
+    return one, other
