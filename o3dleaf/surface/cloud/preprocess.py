@@ -16,7 +16,7 @@ from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
-from o3dleaf.surface.cloud.neighbors import IndexArray
+from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
@@ -180,7 +180,11 @@ class _Usable(NamedTuple):
         _require_enough(int(np.sum(~cut)), len(cut))
         kept, removed = self.cloud.take(~cut), self.cloud.removed._replace(cut=int(cut.sum()))
         notes = self.cloud.notes + met.tell(int(cut.sum()))
-        return _Usable(replace(kept, removed=removed, notes=notes, branchings=met), self.rows[~cut], None)
+        kept = replace(kept, removed=removed, notes=notes, branchings=met)
+        if len(kept.surfels.points) == len(kept):
+            planes = fit_planes(kept.points, met.part(kept.points, kept.tree, kept.neighbors.row))
+            vars(kept)["surfels"] = replace(kept.surfels, planes=planes)
+        return _Usable(kept, self.rows[~cut], None)
 
     def parted(self, cut: npt.NDArray[np.bool_]) -> "_Usable":
         """Leave out what is to be cut out, a mask (n,)."""

@@ -20,7 +20,7 @@ EMPTY = 0.04
 """Share of the points up to which a direction holds none: an even share is 0.028, a fourth of three arms' 0.08."""
 LEAST_SHARE = 0.25
 """Points of an arm in a shell at least, over those of the arm that has most there: arms of unlike density count too."""
-FEWEST = 3
+FEWEST = 2
 """Points of an arm in a shell at least."""
 EXPLAINED = 0.9
 """Share of the points that belongs to arms at least."""
@@ -95,7 +95,7 @@ def count_arms(axes: Axes, tree: cKDTree, noise: FloatArray) -> Arms:
     enough = held >= np.maximum(FEWEST, LEAST_SHARE * held.max(axis=1, keepdims=True))
     off, heading = _fit(key, ring.place[on], ring.radius[on], ring.count * MOST)
     thin = off.reshape(-1, MOST) <= (NOISES * noise / axes.spacing + THICK)[:, np.newaxis]
-    good &= (thin & (enough.sum(axis=2) > 1) | ~real).all(axis=1)
+    good &= (thin & (held.sum(axis=2) >= SHELLS * FEWEST) | ~real).all(axis=1)
     angle = _least_angle(np.where(real, heading.reshape(-1, MOST), np.nan))
     good &= angle >= LEAST_ANGLE
     return Arms(np.where(good, most, 0), angle, (enough.all(axis=2) | ~real).all(axis=1))

@@ -15,6 +15,11 @@ from o3dleaf.surface.cloud.neighbors import IndexArray
 NEAREST = 6
 """Places that a point's distance from the lines is measured to: of several at one station some lie nearer than the next."""
 
+WITHIN = 4.0
+"""Clearances from a line within which neighbors may lie on another sheet: 2.3 spacings beyond the cut, and some."""
+MORE = 4
+"""Times as many neighbors among which those of the own sheet are sought: as many sheets as may meet, and one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Branchings:
@@ -30,6 +35,8 @@ class Branchings:
         How many sheets meet at each place.
     half : (k,) ndarray
         Half the length of the segment at each place, the distance to its neighbors on the line.
+    angle : (k,) ndarray
+        Least angle between two of the sheets, in radians.
     clearance : (k,) ndarray
         Distance from the line up to which points are left out and a surface is cut.
     line : (k,) ndarray of int64
@@ -40,6 +47,7 @@ class Branchings:
     directions: FloatArray
     sheets: IndexArray
     half: FloatArray
+    angle: FloatArray
     clearance: FloatArray
     line: IndexArray
 
@@ -67,6 +75,22 @@ class Branchings:
             near[some] = np.minimum(near[some], off / self.clearance[at])
         return near
 
+    def part(self, points: FloatArray, tree: cKDTree, rows: IndexArray) -> IndexArray:
+        """Return the neighbors `rows` (n, k) of points (n, 3) without those on another sheet, and more of the own.
+
+        Seen from the line, another sheet is half the least angle or more away.
+        """
+        some, wanted = np.flatnonzero(self.nearness(points) < WITHIN), rows.shape[1]
+        near = tree.query(points[some], k=np.arange(1, min(MORE * wanted, tree.n) + 1), workers=-1)[1]
+        at = self._tree.query(points[some])[1]
+        own = _across(points[some] - self.places[at], self.directions[at])
+        other = _across(points[near] - self.places[at, np.newaxis], self.directions[at, np.newaxis])
+        away = np.einsum("ij,ikj->ik", own, other) < np.cos(self.angle[at] / 2)[:, np.newaxis]
+        away[:, 0] = False
+        parted = rows.copy()
+        parted[some] = np.take_along_axis(near, np.argsort(away, axis=1, kind="stable")[:, :wanted], axis=1)
+        return parted
+
     def tell(self, left_out: int) -> tuple[str, ...]:
         """Return a line of text for each line of places: how many sheets meet, where, and how many points were cut."""
         lines = []
@@ -78,6 +102,12 @@ class Branchings:
             lines.append(f"{int(np.median(self.sheets[on]))} sheets meet at {at}")
         counted = f"cut there, {left_out:,} points left out"
         return (*lines[:-1], f"{lines[-1]}; {counted}")
+
+
+def _across(arm: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the unit vectors (..., 3) of arms upright to directions (..., 3)."""
+    upright = arm - np.einsum("...j,...j->...", arm, direction)[..., np.newaxis] * direction
+    return np.asarray(upright / np.maximum(np.linalg.norm(upright, axis=-1, keepdims=True), np.finfo(np.float64).tiny))
 
 
 def join_places(places: FloatArray, reach: FloatArray) -> IndexArray:

@@ -115,7 +115,8 @@ def _lines(axes: Axes, arms: Arms) -> Branchings | None:
     if not len(kept):
         return None
     axes, line = axes.take(kept), np.unique(line[kept], return_inverse=True)[1]
-    apart = SEPARATE / (2 * np.sin(np.minimum(arms.angle[kept], np.pi) / 2))
+    angle = arms.angle[kept]
+    apart = SEPARATE / (2 * np.sin(angle / 2))
     clearance = np.maximum(CLEARANCE, apart) * axes.spacing
     half = half_gaps(axes.point, axes.direction, LINK * axes.spacing, APART * axes.spacing)
-    return Branchings(axes.point, axes.direction, arms.count[kept], half, clearance, line.astype(np.int64))
+    return Branchings(axes.point, axes.direction, arms.count[kept], half, angle, clearance, line.astype(np.int64))
