@@ -10,8 +10,8 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import distance_mask
-from o3dleaf.surface.reconstruction.trim import cut_below
 
 MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
@@ -41,8 +41,7 @@ def extract_near(field: PUInterpolant, cloud: CloudLike, spacing: float | None =
     mesh = extract_isosurface(field, step, seeds=data.points, within=distance_mask(data), features=creased)
     if data.branchings is None:
         return mesh
-    vertices, triangles = require_triangles(mesh)
-    return build_mesh(*cut_below(vertices, triangles, np.minimum(data.branchings.nearness(vertices), 2.0) - 1.0))
+    return build_mesh(*cut_at_branchings(*require_triangles(mesh), data, data.branchings))
 
 
 def mesh_step(spacing: float, count: int) -> float:

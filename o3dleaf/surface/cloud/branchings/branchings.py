@@ -75,6 +75,10 @@ class Branchings:
             near[some] = np.minimum(near[some], off / self.clearance[at])
         return near
 
+    def clearance_at(self, points: FloatArray) -> FloatArray:
+        """Return the clearance (n,) at the places nearest to points (n, 3)."""
+        return np.asarray(self.clearance[self._tree.query(points, workers=-1)[1]])
+
     def part(self, points: FloatArray, tree: cKDTree, rows: IndexArray) -> IndexArray:
         """Return the neighbors `rows` (n, k) of points (n, 3) without those on another sheet, and more of the own.
 

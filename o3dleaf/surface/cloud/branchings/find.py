@@ -23,9 +23,9 @@ LENGTH = 8.0
 """Spacings of a line at least, as long as the neighborhoods that it is seen in: a shorter one is one look's mistake."""
 LINK = 2 * ALONG
 """Spacings within which places are of one line: each has seen its sheets half as far along."""
-CLEARANCE = 1.5
+CLEARANCE = 1.75
 """Spacings off the line up to which points are left out: planes nearer to it are of points from several sheets."""
-SEPARATE = 1.75
+SEPARATE = 2.0
 """Spacings that the cut ends of two sheets are apart at least: nearer a field joins them."""
 EVEN = 16
 """Places over which the spacing is the median: points at random clump within few spacings."""
