@@ -17,6 +17,8 @@ NEAREST = 6
 
 WITHIN = 4.0
 """Clearances from a line within which neighbors may lie on another sheet: 2.3 spacings beyond the cut, and some."""
+STRAIGHT = float(np.cos(np.radians(10.0)))
+"""Cosine of the angle by which two places farther apart may lie off the line of each: a gap is not bent round."""
 MORE = 4
 """Times as many neighbors among which those of the own sheet are sought: as many sheets as may meet, and one."""
 
@@ -114,9 +116,12 @@ def _across(arm: FloatArray, direction: FloatArray) -> FloatArray:
     return np.asarray(upright / np.maximum(np.linalg.norm(upright, axis=-1, keepdims=True), np.finfo(np.float64).tiny))
 
 
-def join_places(places: FloatArray, reach: FloatArray) -> IndexArray:
-    """Return which line (k,) each of some places is on: those within their `reach` (k,) hang together, largest first."""
-    one, other = _pairs(places, reach)
+def join_places(places: FloatArray, directions: FloatArray, reach: FloatArray) -> IndexArray:
+    """Return which line (k,) each of some places is on, the largest first.
+
+    Those within half their `reach` (k,) hang together, and those within all of it that lie on one straight line.
+    """
+    one, other = _pairs(places, directions, reach)
     graph = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(len(places), len(places)))
     label = connected_components(graph, directed=False)[1]
     order = np.argsort(-np.bincount(label), kind="stable")
@@ -128,10 +133,10 @@ def join_places(places: FloatArray, reach: FloatArray) -> IndexArray:
 def half_gaps(places: FloatArray, directions: FloatArray, reach: FloatArray, least: FloatArray) -> FloatArray:
     """Return half the distance (k,) along the line from each place to the next one, on the side where it is farther.
 
-    The next one is more than `least` (k,) away; within `reach` (k,) it is sought. A place at an end has none: half the
-    reach is what it has seen of its sheets.
+    The next one is more than `least` (k,) away, and joined as in `join_places`. A place at an end has none: a quarter
+    of the reach is what it has seen of its sheets.
     """
-    one, other = _pairs(places, reach)
+    one, other = _pairs(places, directions, reach)
     one, other = np.concatenate([one, other]), np.concatenate([other, one])
     along = np.einsum("ij,ij->i", places[other] - places[one], directions[one])
     half = least.copy()
@@ -139,13 +144,15 @@ def half_gaps(places: FloatArray, directions: FloatArray, reach: FloatArray, lea
         ahead = side > least[one]
         following = np.full(len(places), np.inf)
         np.minimum.at(following, one[ahead], side[ahead])
-        half = np.maximum(half, np.minimum(following, reach) / 2)
+        half = np.maximum(half, np.where(np.isinf(following), reach / 2, following) / 2)
     return half
 
 
-def _pairs(places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return all pairs of places within the reach of both."""
-    pairs = cKDTree(places).query_pairs(float(reach.max()), output_type="ndarray")
-    far = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
-    one, other = pairs[far <= np.minimum(reach[pairs[:, 0]], reach[pairs[:, 1]])].astype(np.int64).T
-    return one, other
+def _pairs(places: FloatArray, directions: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return all pairs of places that are on one line."""
+    one, other = cKDTree(places).query_pairs(float(reach.max()), output_type="ndarray").astype(np.int64).T
+    arm = places[other] - places[one]
+    far, least = np.linalg.norm(arm, axis=1), np.minimum(reach[one], reach[other])
+    along = np.minimum(*(np.abs(np.einsum("ij,ij->i", arm, directions[end])) for end in (one, other)))
+    joined = (far <= least / 2) | (far <= least) & (along >= STRAIGHT * far)
+    return one[joined], other[joined]

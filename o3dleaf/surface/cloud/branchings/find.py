@@ -13,7 +13,7 @@ from o3dleaf.surface.cloud.branchings.axes import FEWEST, Axes, find_axes
 from o3dleaf.surface.cloud.branchings.branchings import Branchings, half_gaps, join_places
 from o3dleaf.surface.cloud.neighbors import IndexArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.surfels import FLAT, Surfels
+from o3dleaf.surface.cloud.surfels import Surfels
 
 ROUGH = 0.25
 """Flatness of a neighborhood above which it may lie where sheets meet: of two at 35° to a third it has 0.3."""
@@ -21,8 +21,9 @@ APART = 1.5
 """Spacings between the places that are looked at: each finds the line within two."""
 LENGTH = 8.0
 """Spacings of a line at least, as long as the neighborhoods that it is seen in: a shorter one is one look's mistake."""
-LINK = 2 * ALONG
-"""Spacings within which places are of one line: each has seen its sheets half as far along."""
+LINK = 4 * ALONG
+"""Spacings within which places on a straight line are of one, and half as many of any: each has seen its sheets a
+quarter as far along, and random points leave gaps that are twice as long."""
 CLEARANCE = 1.75
 """Spacings off the line up to which points are left out: planes nearer to it are of points from several sheets."""
 SEPARATE = 2.0
@@ -51,7 +52,7 @@ def find_branchings(cloud: CloudLike) -> Branchings | None:
     if surfels.flatness > ROUGH:
         return None
     ratio = _flatness(surfels)
-    flat = ratio <= FLAT
+    flat = ratio <= ROUGH
     places, spacing = _places(surfels, ratio > ROUGH, flat)
     if not len(places):
         return None
@@ -104,7 +105,7 @@ def _lines(axes: Axes, arms: Arms) -> Branchings | None:
     """Return the places that make lines of which the sure ones reach so far that they are none by chance."""
     if not len(axes):
         return None
-    line = join_places(axes.point, LINK * axes.spacing)
+    line = join_places(axes.point, axes.direction, LINK * axes.spacing)
     count = int(line.max()) + 1
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, line[arms.sure], axes.point[arms.sure])
