@@ -38,9 +38,13 @@ class Arms(NamedTuple):
     `sure` (m,) is False where an arm has few points in one of the shells: by chance, or because it begins elsewhere.
     """
 
-    count: IndexArray
+    sheets: IndexArray
     angle: FloatArray
     sure: npt.NDArray[np.bool_]
+
+    def take(self, rows: IndexArray) -> "Arms":
+        """Return those of some of the lines."""
+        return Arms(self.sheets[rows], self.angle[rows], self.sure[rows])
 
 
 class _Ring(NamedTuple):
@@ -50,7 +54,7 @@ class _Ring(NamedTuple):
     place: FloatArray
     radius: FloatArray
     bin: IndexArray
-    count: int
+    lines: int
 
     @classmethod
     def of(cls, axes: Axes, tree: cKDTree) -> "_Ring":
@@ -82,18 +86,18 @@ def count_arms(axes: Axes, tree: cKDTree, noise: FloatArray) -> Arms:
     """
     ring = _Ring.of(axes, tree)
     arm = _label(ring)
-    most = np.zeros(ring.count, np.int64)
+    most = np.zeros(ring.lines, np.int64)
     np.maximum.at(most, ring.owner, arm)
     good = (most >= 3) & (most <= MOST)
-    whole = np.bincount(ring.owner, minlength=ring.count)
-    good &= np.bincount(ring.owner, arm > 0, ring.count) >= EXPLAINED * whole
+    whole = np.bincount(ring.owner, minlength=ring.lines)
+    good &= np.bincount(ring.owner, arm > 0, ring.lines) >= EXPLAINED * whole
     on = (arm > 0) & good[ring.owner]
     key = ring.owner[on] * MOST + arm[on] - 1
     real = np.arange(MOST) < most[:, np.newaxis]
     shell = np.minimum(((ring.radius[on] - INNER) / (OUTER - INNER) * SHELLS).astype(np.int64), SHELLS - 1)
-    held = np.bincount(key * SHELLS + shell, minlength=ring.count * MOST * SHELLS).reshape(-1, MOST, SHELLS)
+    held = np.bincount(key * SHELLS + shell, minlength=ring.lines * MOST * SHELLS).reshape(-1, MOST, SHELLS)
     enough = held >= np.maximum(FEWEST, LEAST_SHARE * held.max(axis=1, keepdims=True))
-    off, heading = _fit(key, ring.place[on], ring.radius[on], ring.count * MOST)
+    off, heading = _fit(key, ring.place[on], ring.radius[on], ring.lines * MOST)
     thin = off.reshape(-1, MOST) <= (NOISES * noise / axes.spacing + THICK)[:, np.newaxis]
     good &= (thin & (held.sum(axis=2) >= SHELLS * FEWEST) | ~real).all(axis=1)
     angle = _least_angle(np.where(real, heading.reshape(-1, MOST), np.nan))
@@ -102,8 +106,8 @@ def count_arms(axes: Axes, tree: cKDTree, noise: FloatArray) -> Arms:
 
 
 def _label(ring: _Ring) -> IndexArray:
-    """Return the arm (p,) of each point, from 1 on, 0 for none: a run of directions that hold points, and one beside."""
-    held = np.bincount(ring.owner * BINS + ring.bin, minlength=ring.count * BINS).reshape(-1, BINS)
+    """Return the arm (p,) of each point, from 1 on, 0 for none: a run of directions with points, and one beside."""
+    held = np.bincount(ring.owner * BINS + ring.bin, minlength=ring.lines * BINS).reshape(-1, BINS)
     full = held >= EMPTY * np.maximum(held.sum(axis=1, keepdims=True), 1 / EMPTY)
     turned = (np.argmin(full, axis=1)[:, np.newaxis] + np.arange(BINS)) % BINS  # begins in a gap, if there is one
     rolled = np.take_along_axis(full, turned, axis=1)
@@ -126,7 +130,7 @@ def _fit(key: IndexArray, place: FloatArray, radius: FloatArray, count: int) -> 
     side = mean[key, 0] * place[:, 1] - mean[key, 1] * place[:, 0]
 
     def total(values: FloatArray) -> FloatArray:
-        return np.bincount(key, values, count)
+        return np.asarray(np.bincount(key, values, count), np.float64)
 
     matrix = np.stack([total(radius**2), total(radius**3), total(radius**3), total(radius**4)], axis=1)
     matrix = matrix.reshape(-1, 2, 2) + 1e-9 * np.eye(2)

@@ -90,13 +90,14 @@ def _meet(owner: IndexArray, normal: FloatArray, arm: FloatArray, across: FloatA
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, np.newaxis]
     off = np.einsum("pj,pj->p", flat, np.einsum("pi,pij->pj", arm, across[owner]))
     near = 1 / (1 + np.einsum("pi,pi->p", arm, arm) / (NEAR * width[owner]) ** 2)
-    center, weight = np.zeros((len(width), 2)), near
+    center: FloatArray = np.zeros((len(width), 2))
+    weight = near
     for _ in range(ROUNDS):
         weighted = weight[:, np.newaxis] * flat
         matrix = _sums(owner, weighted[:, :, np.newaxis] * flat[:, np.newaxis], len(width))
         matrix += 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(2)
         right = _sums(owner, weighted * off[:, np.newaxis], len(width))
-        center = np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0]
+        center = np.asarray(np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0], np.float64)
         miss = (off - np.einsum("pj,pj->p", flat, center[owner])) / (OFF * width[owner])
         weight = near / (1 + miss**2) ** 2
     return center
@@ -104,6 +105,6 @@ def _meet(owner: IndexArray, normal: FloatArray, arm: FloatArray, across: FloatA
 
 def _sums(owner: IndexArray, values: FloatArray, count: int) -> FloatArray:
     """Return the sums (count, ...) of the rows of values (p, ...) by their owners."""
-    flat = values.reshape(len(values), -1)
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     sums = np.column_stack([np.bincount(owner, column, count) for column in flat.T])
     return np.asarray(sums.reshape(count, *values.shape[1:]), np.float64)

@@ -13,7 +13,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 NEAREST = 6
-"""Places that a point's distance from the lines is measured to: of several at one station some lie nearer than the next."""
+"""Places that a point's distance from the lines is measured to: several stand at one station."""
 
 WITHIN = 4.0
 """Clearances from a line within which neighbors may lie on another sheet: 2.3 spacings beyond the cut, and some."""

@@ -39,8 +39,8 @@ def find_branchings(cloud: CloudLike) -> Branchings | None:
 
     Where neighborhoods are not flat, the flat ones around say through which line their planes pass, and the points in
     the plane across it how many sheets leave it. Creases have two, and corners of solids, where faces meet in a point,
-    no such line. Lines of an even number of sheets are left: bodies that touch make such, whose inside and
-    outside alternate around it. Under noise neighborhoods are those of groups of points (`Surfels`), and spacings those of groups.
+    no such line. Lines of an even number of sheets are left: bodies that touch make such, whose inside and outside
+    alternate around them. Under noise neighborhoods and spacings are those of groups of points (`Surfels`).
 
     Parameters
     ----------
@@ -63,12 +63,13 @@ def find_branchings(cloud: CloudLike) -> Branchings | None:
     for i, j in blocks(len(places), BATCH_SIZE):
         axes = find_axes(surfels.points[places[i:j]], spacing[i:j], points, normals)
         arms = count_arms(axes, tree, np.full(len(axes), off))
-        met = np.flatnonzero(arms.count)
+        met = np.flatnonzero(arms.sheets)
         found.append(axes.take(met))
-        arms_of.append(Arms(*(each[met] for each in arms)))
+        arms_of.append(arms.take(met))
         progress.report(j, len(places))
     axes = Axes(*(np.concatenate(each) for each in zip(*found, strict=True)))
-    return _lines(axes, Arms(*(np.concatenate(each) for each in zip(*arms_of, strict=True))))
+    sheets, angle, sure = (np.concatenate(each) for each in zip(*arms_of, strict=True))
+    return _lines(axes, Arms(sheets, angle, sure))
 
 
 def _flatness(surfels: Surfels) -> FloatArray:
@@ -111,7 +112,7 @@ def _lines(axes: Axes, arms: Arms) -> Branchings | None:
     np.minimum.at(low, line[arms.sure], axes.point[arms.sure])
     np.maximum.at(high, line[arms.sure], axes.point[arms.sure])
     length = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
-    odd = 2 * np.bincount(line, arms.count % 2) > np.bincount(line)
+    odd = 2 * np.bincount(line, arms.sheets % 2) > np.bincount(line)
     kept = np.flatnonzero((length[line] >= LENGTH * axes.spacing) & odd[line])
     if not len(kept):
         return None
@@ -120,4 +121,4 @@ def _lines(axes: Axes, arms: Arms) -> Branchings | None:
     apart = SEPARATE / (2 * np.sin(angle / 2))
     clearance = np.maximum(CLEARANCE, apart) * axes.spacing
     half = half_gaps(axes.point, axes.direction, LINK * axes.spacing, APART * axes.spacing)
-    return Branchings(axes.point, axes.direction, arms.count[kept], half, angle, clearance, line.astype(np.int64))
+    return Branchings(axes.point, axes.direction, arms.sheets[kept], half, angle, clearance, line.astype(np.int64))
