@@ -1,4 +1,4 @@
-"""Lines along which three sheets meet are found and cut; creases, corners, thin sheets and bodies that touch are not."""
+"""Lines along which three sheets meet are found and cut; creases, corners, thin sheets and touching bodies are not."""
 
 import numpy as np
 import pytest
