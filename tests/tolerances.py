@@ -551,6 +551,22 @@ is 0.02, under noise, where neighborhoods are wider, 0.084 was found; cutting al
 OPPOSED_LEFT = 0.01
 """Share of normals that neighbors oppose once sheets are cut apart: none found but under noise; a seam has 0.02."""
 
+BRANCH_OFF = 0.6
+"""Spacings that the places of a branching lie off its line: found 0.1, and 0.4 under noise of 0.2 spacings; a point of
+the cloud itself, at which it was looked for, lies up to 2 off."""
+
+BRANCH_TURN = 0.95
+"""Cosine of a branching's directions with its line: found 0.98 under noise; the other eigenvectors have 0."""
+
+BRANCH_END = 2.0
+"""Spacings by which the segments of a branching may end before its line does: they reach beyond it by 0 to 4."""
+
+BRANCH_CUT = 3.0
+"""Spacings off the line within which sheets end: found 1.2 to 1.9, and 2.7 where noise makes groups of two points."""
+
+BRANCH_AREA = 0.1
+"""Share of the area, of three sheets one by one: a cut of 2 spacings takes 4.5 %; handles between them give it back."""
+
 ALMOST_ALL = 0.999
 """Share of normals on the right side: found 1.0000, and 0.9991 at the bare edges of two sheets; one wrong patch of a
 thousandth of the points is too much."""

@@ -30,7 +30,7 @@ def read_point_cloud(
 
     Coordinates come as they stand in the file, in float64. Those of LAS (by convention) and E57 (by its standard) are
     in meters and stay so: say it where the unit is asked for. LAS and LAZ need ``pip install 'o3dleaf[las]'``, E57
-    ``pip install 'o3dleaf[e57]'``; of these, coordinates alone are read.
+    ``pip install 'o3dleaf[e57]'``. Colors come along, and normals of LAS; for intensities the cloud has no place.
 
     Parameters
     ----------

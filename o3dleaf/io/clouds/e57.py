@@ -1,20 +1,24 @@
 """E57 files, by pye57, an extra."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds.columns import Columns
 
 SUFFIXES = (".e57",)
+AXES = ("cartesianX", "cartesianY", "cartesianZ")
+COLORS = ("colorRed", "colorGreen", "colorBlue")
 
 
 def read_e57(file: Path) -> Columns:
-    """Return the valid points of all scans of an E57 file, each in its place by its pose, in float64.
+    """Return the valid points of all scans of an E57 file, each in its place by its pose, with colors, if any.
 
-    Coordinates are in meters, as the standard (ASTM E2807) says; they are never converted: name it
-    (``--scan-unit m``).
+    Colors come where every scan has some. Coordinates, in float64, are in meters, as the standard (ASTM E2807) says;
+    they are never converted: name it (``--scan-unit m``).
 
     Raises
     ------
@@ -28,7 +32,7 @@ def read_e57(file: Path) -> Columns:
     try:
         opened = pye57.E57(str(file))
         try:
-            scans = [opened.read_scan(number, ignore_missing_fields=True) for number in range(opened.scan_count)]
+            scans = [_read(opened, number) for number in range(opened.scan_count)]
         finally:
             opened.close()
     except (pye57.libe57.E57Exception, ValueError, KeyError, OSError, RuntimeError) as cause:
@@ -36,5 +40,15 @@ def read_e57(file: Path) -> Columns:
         raise InputError(f"{file}: cannot be read as E57 ({reason}); export it again") from cause
     if not scans:
         raise InputError(f"{file}: has no scan; export one with points")
-    axes = ("cartesianX", "cartesianY", "cartesianZ")
-    return Columns(np.concatenate([np.stack([scan[axis] for axis in axes], axis=1) for scan in scans]))
+    points = np.concatenate([_stacked(scan, AXES) for scan in scans])
+    colored = all(name in scan for scan in scans for name in COLORS)
+    return Columns(points, None, np.concatenate([_stacked(scan, COLORS) for scan in scans]) if colored else None)
+
+
+def _read(opened: Any, number: int) -> dict[str, Any]:
+    """Return the columns of one scan that are there."""
+    return dict(opened.read_scan(number, colors=True, ignore_missing_fields=True))
+
+
+def _stacked(scan: dict[str, Any], names: tuple[str, ...]) -> FloatArray:
+    return np.stack([np.asarray(scan[name], dtype=np.float64) for name in names], axis=1)

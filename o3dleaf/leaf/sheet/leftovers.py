@@ -80,7 +80,8 @@ class Leftovers:
         large = [rows for rows in self.groups if len(rows) >= FEWEST]
         if number - 2 >= len(large):
             all_of = self._name(self.held) + "".join(f"; {self._name(rows)}" for rows in large[:SHOWN])
-            raise ReconstructionError(f"piece: is {number}, but the scan has {1 + len(large)}: {all_of}")
+            places = np.array([np.median(self.scan[rows], axis=0) for rows in (self.held, *large)])
+            raise ReconstructionError(f"piece: is {number}, but the scan has {1 + len(large)}: {all_of}", places)
         return large[number - 2]
 
     def tell(self) -> tuple[str, ...]:

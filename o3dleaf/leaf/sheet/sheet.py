@@ -50,6 +50,8 @@ MEETING = 3.0
 """Spacings that the sides of a thin leaf are brought within, by thinning, before they are averaged."""
 FEWEST_CONTACTS = 8
 """Places where a rim touches another part at least, for sheets to branch there."""
+SHOWN = 200
+"""Places that are marked of a whole surface at most: a picture shows no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +155,15 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     if not find_holes(vertices, triangles).is_rim.any():
         raise ReconstructionError(
             f"scan: its points close around a volume at {place_of(vertices)}, {np.ptp(vertices, axis=0).max():.3g} "
-            "across, and no sheet is open there; give one side of the leaf"
+            "across, and no sheet is open there; give one side of the leaf",
+            _some(vertices),
         )
     held = distance_to_mesh(vertices, triangles, sheets.points) <= OFF * spacing
     if held.sum() < FEWEST:
         raise ReconstructionError(
             f"scan: only {held.sum()} of {len(held):,} points lie on one sheet, at {place_of(vertices)}; "
-            "give the points of a leaf, closer together"
+            "give the points of a leaf, closer together",
+            _some(vertices),
         )
     made_of = np.concatenate([solved.rows, solved.others])
     of_sheet = np.append(held, np.zeros(len(solved.others), bool))
@@ -177,7 +181,8 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     if cloud.surfels.flatness > FULL:
         raise ReconstructionError(
             f"scan: its {len(cloud):,} points at {place_of(cloud.points)} show no surface: they fill a volume or lie "
-            "along lines; give the points of a leaf, with less noise"
+            "along lines; give the points of a leaf, with less noise",
+            _some(cloud.points),
         )
     spacing = cloud.spacing
     base = noise_width(cloud.noise, spacing)
@@ -204,6 +209,11 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
         sheets = OpenSheets.of(cloud.points, width, spacing)
         progress.report(round_ + 1, ROUNDS)
     return _Solved(_part_branches(cloud.points, width, sheets), width, base, some)
+
+
+def _some(points: FloatArray) -> FloatArray:
+    """Return those of points (n, 3) that are marked of a whole surface."""
+    return points[thinned(len(points), -(-len(points) // SHOWN))]
 
 
 def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) -> OpenSheets:

@@ -4,6 +4,7 @@
 `cells`           points sorted into cubic cells
 `noise`           standard deviation of the noise
 `surfels`         points or groups of them with their planes
+`branchings`      lines along which three or more sheets meet
 `oriented_cloud`  the one class for a cloud, with its tree, neighbors, spacing and noise
 `outliers`        points that belong to no surface
 `normals`         agreement of neighbors' normals, and the pieces that agree

@@ -56,7 +56,7 @@ def voxel_down_sample(cloud: CloudLike, voxel_size: float) -> OrientedCloud:
     )
     unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
     removed = whole.removed._replace(averaged=whole.removed.averaged + len(points) - len(mean))
-    return OrientedCloud(mean, unit, weight, removed, whole.notes)
+    return OrientedCloud(mean, unit, weight, removed, whole.notes, whole.branchings)
 
 
 def adaptive_down_sample(cloud: CloudLike) -> OrientedCloud:
@@ -121,7 +121,7 @@ def thin(cloud: CloudLike, most: int) -> OrientedCloud:
     weight = np.asarray(np.bincount(group, whole.weights, count), dtype=np.float64)
     mean = np.column_stack([np.bincount(group, whole.weights * points[:, axis], count) for axis in range(3)])
     removed = whole.removed._replace(averaged=whole.removed.averaged + len(points) - count)
-    return OrientedCloud(mean / weight[:, np.newaxis], None, weight, removed, whole.notes)
+    return OrientedCloud(mean / weight[:, np.newaxis], None, weight, removed, whole.notes, whole.branchings)
 
 
 def remove_tails(cloud: OrientedCloud) -> OrientedCloud:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks import FloatArray, as_normals, as_weights
 from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
+from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
 from o3dleaf.surface.cloud.noise import noise_across
 from o3dleaf.surface.cloud.surfels import Surfels
@@ -19,7 +20,7 @@ from o3dleaf.surface.cloud.surfels import Surfels
 class Removed(NamedTuple):
     """Points removed for being NaN or infinite, there twice, outliers, averaged in their voxel, and cut out.
 
-    Cut out are those along lines where the normals of an open sheet contradict one another.
+    Cut out are those along lines where sheets branch, or the normals of an open sheet contradict one another.
     """
 
     non_finite: int = 0
@@ -46,6 +47,8 @@ class OrientedCloud:
         Points that preprocessing took out, counted by reason.
     notes : tuple of str
         What was decided on the way, one sentence each.
+    branchings : Branchings or None
+        Lines along which its sheets are cut apart.
     """
 
     points: FloatArray
@@ -53,6 +56,7 @@ class OrientedCloud:
     weights: FloatArray
     removed: Removed = field(default_factory=Removed)
     notes: tuple[str, ...] = ()
+    branchings: Branchings | None = None
 
     @classmethod
     def of(

@@ -12,20 +12,23 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
+from o3dleaf.surface.cloud.branchings.branchings import Branchings
+from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
-from o3dleaf.surface.cloud.neighbors import IndexArray
+from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
 
 UNUSABLE = 0.1
 """Share of given normals on the wrong side of a noisy cloud beyond which their directions are not used either."""
-SHARES = (3, 5, 3, 5, 4)
-"""About how long the steps of preprocessing take: sorting, outliers, planes, sides, and the order restored."""
+SHARES = (3, 5, 3, 1, 5, 4)
+"""About how long the steps of preprocessing take: sorting, outliers, planes, branchings, sides, the order restored."""
 MIN_POINTS = 10
 """Fewer points do not determine a quadratic, let alone a surface."""
 
+Branch = Callable[[OrientedCloud], Branchings | None]
 Detect = Callable[[OrientedCloud], npt.NDArray[np.bool_]]
 Estimate = Callable[[OrientedCloud], npt.ArrayLike]
 Orient = Callable[[OrientedCloud], Orientation]
@@ -37,10 +40,13 @@ def preprocess_point_cloud(
     normals: npt.ArrayLike | None = None,
     voxel_size: float | None = None,
     outliers: Detect | None = detect_outliers,
+    branchings: Branch | None = find_branchings,
     estimate: Estimate | None = None,
     orient: Orient | None = orient_normals,
 ) -> OrientedCloud:
     """Return a cloud without non-finite points, duplicates and outliers, each with its outward normal.
+
+    Where three sheets meet, no three normals agree: the points there are left out too, and the lines known.
 
     Parameters
     ----------
@@ -54,6 +60,9 @@ def preprocess_point_cloud(
         Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
     outliers : callable, optional
         ``outliers(cloud) -> (n,) mask`` of points that belong to no surface; None keeps everything.
+    branchings : callable, optional
+        ``branchings(cloud) -> Branchings or None``, the lines along which sheets meet: points near them are left out,
+        and a surface is cut there. None leaves sheets together.
     estimate : callable, optional
         ``estimate(cloud) -> (n, 3)`` unit normals of either sign, where the cloud has none; left out, `orient` finds
         both directions and sides.
@@ -75,13 +84,15 @@ def preprocess_point_cloud(
         raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
     if voxel_size is not None:
         require_positive(voxel_size, "voxel_size")
-    sorting, finding, measuring, siding, ending = progress.split(*SHARES)
+    sorting, finding, measuring, branching, siding, ending = progress.split(*SHARES)
     with sorting:
         usable = _Usable.of(points, _weights_of(cloud, len(points)))
     with finding:
         usable = usable.without(outliers, len(points))
     with measuring:
         _ = usable.cloud.spacing  # and with it the neighbors and planes that the sides are found by
+    with branching:
+        usable = usable.apart(branchings, None if given is None else given[usable.rows])
     with siding:
         orientation = _find_normals(usable.cloud, None if given is None else given[usable.rows], estimate, orient)
     with ending:
@@ -160,6 +171,22 @@ class _Usable(NamedTuple):
         removed = self.cloud.removed._replace(outliers=int(stray.sum()))
         return _Usable(replace(self.cloud.take(~stray), removed=removed), self.rows[~stray], None)
 
+    def apart(self, branchings: Branch | None, normals: FloatArray | None) -> "_Usable":
+        """Leave out what lies near the lines along which sheets meet, by a step that finds them."""
+        known = self.cloud if normals is None else self.cloud.with_normals(np.nan_to_num(normals))
+        met = None if branchings is None else branchings(known)
+        if met is None:
+            return self
+        cut = met.nearness(self.cloud.points) < 1
+        _require_enough(int(np.sum(~cut)), len(cut))
+        kept, removed = self.cloud.take(~cut), self.cloud.removed._replace(cut=int(cut.sum()))
+        notes = self.cloud.notes + met.tell(int(cut.sum()))
+        kept = replace(kept, removed=removed, notes=notes, branchings=met)
+        if len(kept.surfels.points) == len(kept):
+            planes = fit_planes(kept.points, met.part(kept.points, kept.tree, kept.neighbors.row))
+            vars(kept)["surfels"] = replace(kept.surfels, planes=planes)
+        return _Usable(kept, self.rows[~cut], None)
+
     def parted(self, cut: npt.NDArray[np.bool_]) -> "_Usable":
         """Leave out what is to be cut out, a mask (n,)."""
         return _Usable(self.cloud.take(~cut), self.rows[~cut], None)
@@ -171,7 +198,7 @@ class _Usable(NamedTuple):
 
 def _cut_out(cloud: OrientedCloud, cut: npt.NDArray[np.bool_]) -> OrientedCloud:
     """Return a cloud without the points of a mask (n,), which are counted."""
-    return replace(cloud.take(~cut), removed=cloud.removed._replace(cut=int(cut.sum())))
+    return replace(cloud.take(~cut), removed=cloud.removed._replace(cut=cloud.removed.cut + int(cut.sum())))
 
 
 def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:

@@ -2,6 +2,7 @@
 
 `fit`                   an oriented cloud to a field
 `proximity`             distances to the nearest data, in their own spacings
+`branch_cut`           a surface cut where sheets of its data branch
 `extract`               the surface of a field near the data
 `along_mesh`            distances along a mesh
 `trim`                  the surface cut off where it goes on past its data

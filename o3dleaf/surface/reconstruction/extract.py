@@ -5,10 +5,12 @@ import open3d as o3d
 
 from o3dleaf.core.checks import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.mesh_arrays import build_mesh, require_triangles
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import distance_mask
 
 MIN_STEP = 0.6
@@ -22,6 +24,8 @@ PER_POINT = 3.0
 def extract_near(field: PUInterpolant, cloud: CloudLike, spacing: float | None = None) -> o3d.geometry.TriangleMesh:
     """Return the surface of a field as far as four spacings beyond its data, with the field's creases as edges.
 
+    Where sheets of the data branch it is cut: they end beside the line along which they meet.
+
     Parameters
     ----------
     field : PUInterpolant
@@ -34,7 +38,10 @@ def extract_near(field: PUInterpolant, cloud: CloudLike, spacing: float | None =
     step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
     creased = isinstance(field.local, LocalCreasedSplines)
     require_positive(step, "spacing")
-    return extract_isosurface(field, step, seeds=data.points, within=distance_mask(data), features=creased)
+    mesh = extract_isosurface(field, step, seeds=data.points, within=distance_mask(data), features=creased)
+    if data.branchings is None:
+        return mesh
+    return build_mesh(*cut_at_branchings(*require_triangles(mesh), data, data.branchings))
 
 
 def mesh_step(spacing: float, count: int) -> float:

@@ -35,6 +35,42 @@ def write_e57(file, shift):
     return file
 
 
+COLORS = np.random.default_rng(4).integers(0, 256, POINTS.shape)
+UPRIGHT = np.eye(3)[np.random.default_rng(5).integers(0, 3, len(POINTS))]
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+@pytest.mark.parametrize("full", [1, 257])
+def test_las_has_its_colors_and_normals(tmp_path, suffix, full):
+    """Of 8 bits, as many programs write them, or of 16, as the format says."""
+    laspy = pytest.importorskip("laspy")
+    las = laspy.read(write_las(tmp_path / f"plain{suffix}"))
+    plain = read_point_cloud(tmp_path / f"plain{suffix}")
+    assert not plain.has_colors()
+    assert not plain.has_normals()
+    las.red, las.green, las.blue = (full * COLORS).T.astype(np.uint16)
+    for name, column in zip(("NormalX", "NormalY", "NormalZ"), UPRIGHT.T, strict=True):
+        las.add_extra_dim(laspy.ExtraBytesParams(name=name, type=np.float32))
+        las[name] = column
+    las.write(tmp_path / f"whole{suffix}")
+    cloud = read_point_cloud(tmp_path / f"whole{suffix}")
+    assert np.asarray(cloud.colors) == pytest.approx(COLORS / 255)
+    assert np.array_equal(np.asarray(cloud.normals), UPRIGHT)
+
+
+def test_e57_has_its_colors(tmp_path):
+    pye57 = pytest.importorskip("pye57")
+    e57 = pye57.E57(str(tmp_path / "scan.e57"), mode="w")
+    columns = [*POINTS.T, *COLORS.T.astype(np.uint8)]
+    names = ("cartesianX", "cartesianY", "cartesianZ", "colorRed", "colorGreen", "colorBlue")
+    for half in (slice(0, 150), slice(150, None)):
+        e57.write_scan_raw({k: np.ascontiguousarray(c[half]) for k, c in zip(names, columns, strict=True)})
+    e57.close()
+    cloud = read_point_cloud(tmp_path / "scan.e57")
+    assert np.asarray(cloud.colors) == pytest.approx(COLORS / 255)
+    assert not read_point_cloud(write_e57(tmp_path / "plain.e57", FAR)).has_colors()
+
+
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 def test_las_keeps_the_digits_of_far_coordinates(tmp_path, suffix):
     """A float32 of 5,400,000 is off by a quarter of a meter; differences here are good to the file's scale."""

@@ -171,7 +171,7 @@ def test_a_mesh_that_is_no_sheet_is_refused_with_the_place(eaten):
         flatten_sheet(np.concatenate([sheet, sheet + 500]), twice)
 
 
-def test_a_sheet_with_a_handle_is_refused():
+def test_a_sheet_with_a_handle_is_refused_at_the_shortest_loop_around_it():
     u, v = np.meshgrid(np.arange(24), np.arange(12), indexing="ij")
     corner = lambda i, j: (i % 24) * 12 + j % 12  # noqa: E731
     quads = np.stack([corner(u, v), corner(u + 1, v), corner(u + 1, v + 1), corner(u, v + 1)], axis=-1).reshape(-1, 4)
@@ -179,5 +179,12 @@ def test_a_sheet_with_a_handle_is_refused():
     triangles = np.delete(triangles, [0, len(quads)], axis=0)
     a, b = u.ravel() * 2 * np.pi / 24, v.ravel() * 2 * np.pi / 12
     torus = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=1)
-    with pytest.raises(ReconstructionError, match=r"has 1 handle"):
+    with pytest.raises(ReconstructionError, match=r"has 1 handle") as caught:
         flatten_sheet(torus, triangles)
+    # Through the hole and around the tube: twelve chords of a circle of radius 1, in one half plane through the axis.
+    loop = caught.value.places
+    assert len(loop) == 12
+    assert np.ptp(np.arctan2(loop[:, 1], loop[:, 0])) < 2 * np.pi / 24 + 1e-9
+    ring = np.column_stack([np.hypot(loop[:, 0], loop[:, 1]) - 3, loop[:, 2]])
+    assert np.linalg.norm(ring, axis=1) == pytest.approx(np.ones(12))
+    assert np.linalg.norm(ring.mean(axis=0)) < 1e-9

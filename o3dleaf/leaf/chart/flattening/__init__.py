@@ -1,5 +1,6 @@
 """Maps of a sheet to the plane: what they ask of it, how they are found, how they stretch it.
 
+`handles`      where a sheet has handles
 `sheet_shape`  what a chart asks of a mesh
 `geodesics`    distances along a sheet
 `stretch`      how a chart stretches its sheet

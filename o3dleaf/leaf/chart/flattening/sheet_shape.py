@@ -5,6 +5,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.leaf.chart.flattening.handles import shortest_handle
 from o3dleaf.surface.mesh.topology import (
     BoundaryRings,
     EdgeTable,
@@ -17,6 +18,9 @@ from o3dleaf.surface.mesh.topology import (
 
 __all__ = ["BoundaryRings", "largest_sheet", "place_of", "require_sheet", "rim_first"]
 
+SHOWN = 200
+"""Places that are marked of a whole surface at most: a picture shows no more."""
+
 
 def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
     """Return the boundary rings of a disc with holes, the rim first, or raise `ReconstructionError` with the place."""
@@ -25,21 +29,27 @@ def require_sheet(vertices: FloatArray, triangles: IntArray) -> BoundaryRings:
     edges = EdgeTable.of(triangles)
     _require_manifold(vertices, triangles, edges)
     pieces = int(label_triangles(triangles, edges).max()) + 1
+    used = vertices[np.unique(triangles)]
+    used = used[:: -(-len(used) // SHOWN)]
     if pieces > 1:
-        raise ReconstructionError(f"chart: the sheet is in {pieces} pieces; give one of them")
+        raise ReconstructionError(f"chart: the sheet is in {pieces} pieces; give one of them", used)
     loops = find_holes(vertices, triangles, edges)
     if not len(loops.edges):
-        middle = place_of(vertices[np.unique(triangles)].mean(axis=0))
         raise ReconstructionError(
-            f"chart: the surface about {middle} is closed and has no margin; a leaf's blade is one open sheet: "
-            "give one side of it"
+            f"chart: the surface about {place_of(used.mean(axis=0))}, {np.ptp(used, axis=0).max():.3g} across, is "
+            "closed and has no margin; a leaf's blade is one open sheet: give one side of it",
+            used,
         )
     rings = trace_rings(edges, loops)
     handles = (2 - len(rings) - _euler(triangles, edges)) // 2
     if handles:
+        loop = vertices[shortest_handle(vertices, triangles, edges, loops)]
+        around = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
         raise ReconstructionError(
-            f"chart: the sheet about {place_of(vertices[np.unique(triangles)].mean(axis=0))} has {handles} handle(s), "
-            "where folds or scan passes touch, and cannot be laid flat; give it as one sheet"
+            f"chart: the sheet has {handles} handle(s), the smallest {around:.3g} around at "
+            f"{place_of(loop.mean(axis=0))}, where folds or scan passes touch, and cannot be laid flat; cut it there, "
+            "or give it as one sheet",
+            loop,
         )
     return rings
 

@@ -1,0 +1,110 @@
+"""Lines through which the planes of neighborhoods pass: of a crease, of a branching, and of nothing else."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.surface.cloud.neighbors import IndexArray
+
+AROUND = 5.0
+"""Spacings around a place within which planes are looked at: some eighty neighborhoods of a sheet, half of them away
+from where it meets others."""
+FEWEST = 12
+"""Planes that a line is found from at least: of three sheets four each."""
+BENT = 0.05
+"""Least eigenvalue of the planes' normals up to which they are upright to one line: 13° off it, in the mean."""
+TURNED = 0.08
+"""Middle eigenvalue from which on they are not those of one sheet: a third of them turned by 40°."""
+NEAR = 2.0
+"""Spacings from the place where it was looked for up to which a line counts: other places see a farther one better."""
+OFF = 0.5
+"""Spacings off the line at which a plane counts a quarter: it belongs to a sheet that does not meet the others."""
+ROUNDS = 6
+
+
+class Axes(NamedTuple):
+    """Lines near places, each with the plane across it.
+
+    Attributes
+    ----------
+    point : (m, 3) ndarray
+        The point of the line in the plane across it.
+    direction : (m, 3) ndarray
+        Unit vectors along the lines.
+    across : (m, 3, 2) ndarray
+        Two unit vectors of the plane across, in columns.
+    spacing : (m,) ndarray
+        Of the cloud around.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    across: FloatArray
+    spacing: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    def take(self, rows: IndexArray) -> "Axes":
+        """Return some of the lines."""
+        return Axes(self.point[rows], self.direction[rows], self.across[rows], self.spacing[rows])
+
+
+def pairs_within(tree: cKDTree, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return for all points of a tree within the `reach` (m,) of places (m, 3) the place's row and the point's."""
+    lists = tree.query_ball_point(places, reach, workers=-1, return_sorted=True)
+    counts = np.fromiter(map(len, lists), np.int64, len(places))
+    inside = np.concatenate([np.asarray(each, np.int64) for each in lists]) if len(lists) else np.empty(0, np.int64)
+    return np.repeat(np.arange(len(places)), counts), inside
+
+
+def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, normals: FloatArray) -> Axes:
+    """Return the lines near some of the places (m, 3) that the planes at points (n, 3) around them pass through.
+
+    The line's direction t is the one that the normals n (n, 3) are all upright to, the least eigenvector of Σ n nᵀ;
+    where it passes, least squares over the planes' distances say, those that pass by counting less and less.
+    """
+    owner, row = pairs_within(cKDTree(points), places, AROUND * spacing)
+    normal, arm = normals[row], points[row] - places[owner]
+    count = np.bincount(owner, minlength=len(places))
+    spread = _sums(owner, normal[:, :, np.newaxis] * normal[:, np.newaxis], len(places))
+    value, vector = np.linalg.eigh(spread / np.maximum(count, 1)[:, np.newaxis, np.newaxis])
+    edge = (count >= FEWEST) & (value[:, 0] <= BENT) & (value[:, 1] >= TURNED)
+    kept = np.flatnonzero(edge)
+    number = np.full(len(places), -1)
+    number[kept] = np.arange(len(kept))
+    mine = edge[owner]
+    owner, normal, arm = number[owner[mine]], normal[mine], arm[mine]
+    across, width = np.ascontiguousarray(vector[kept, :, 1:]), spacing[kept]
+    center = _meet(owner, normal, arm, across, width)
+    near = np.flatnonzero(np.linalg.norm(center, axis=1) <= NEAR * width)
+    point = places[kept] + np.einsum("mij,mj->mi", across, center)
+    return Axes(point, np.ascontiguousarray(vector[kept, :, 0]), across, width).take(near)
+
+
+def _meet(owner: IndexArray, normal: FloatArray, arm: FloatArray, across: FloatArray, width: FloatArray) -> FloatArray:
+    """Return where planes meet, (m, 2) in the planes across, from the place in whose neighborhood each is."""
+    flat = np.einsum("pi,pij->pj", normal, across[owner])
+    flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-12)[:, np.newaxis]
+    off = np.einsum("pj,pj->p", flat, np.einsum("pi,pij->pj", arm, across[owner]))
+    near = 1 / (1 + np.einsum("pi,pi->p", arm, arm) / (NEAR * width[owner]) ** 2)
+    center: FloatArray = np.zeros((len(width), 2))
+    weight = near
+    for _ in range(ROUNDS):
+        weighted = weight[:, np.newaxis] * flat
+        matrix = _sums(owner, weighted[:, :, np.newaxis] * flat[:, np.newaxis], len(width))
+        matrix += 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(2)
+        right = _sums(owner, weighted * off[:, np.newaxis], len(width))
+        center = np.asarray(np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0], np.float64)
+        miss = (off - np.einsum("pj,pj->p", flat, center[owner])) / (OFF * width[owner])
+        weight = near / (1 + miss**2) ** 2
+    return center
+
+
+def _sums(owner: IndexArray, values: FloatArray, count: int) -> FloatArray:
+    """Return the sums (count, ...) of the rows of values (p, ...) by their owners."""
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
+    sums = np.column_stack([np.bincount(owner, column, count) for column in flat.T])
+    return np.asarray(sums.reshape(count, *values.shape[1:]), np.float64)
