@@ -32,10 +32,6 @@ KERNEL = "cubic"
 """r³: twice differentiable at its data, as the curvature of the blade needs."""
 FIRST_BANDWIDTH = 0.125
 """Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
-SMOOTHEST = 4.0
-"""Bandwidth of the smoothing in spacings at most: it leaves a sixteenth of the noise, as 0.063 s/h of it passes what
-falls with the fifth power of the frequency; more would only need balls of thousands of points, whose cost is their
-cube."""
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 MAX_POINTS = 20_000
@@ -181,9 +177,7 @@ class _Problem:
     def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
         if smoothing is None or smoothing == "robust":
-            # Smoothings are tried up to a bandwidth of half of it.
-            half_width = min(self.width / 2, 2 * SMOOTHEST * self.spacing)
-            choose = partial(choose_by_place, half_width=half_width)
+            choose = partial(choose_by_place, half_width=self.width / 2)
             balls, choice = choose_with_balls(flat, self.kernel, self.balls, OVERLAP, choose)
             weights = choice.factors * choice.weights
             return replace(self, smoothing=choice.smoothing, balls=balls, choice=choice, weights=weights)
