@@ -39,10 +39,11 @@ def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> Floa
     shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     places = (np.unique((cells[:, np.newaxis] + shifts).reshape(-1, 2), axis=0) + 0.5) * step
     places = places[cKDTree(feet).query(places, workers=-1)[0] <= AROUND * spacing]
-    return places[np.abs(surface.curvatures(places)).max(axis=1, initial=0.0) * TIGHTEST * spacing > 1.0]
+    bend = np.abs(surface.curvatures(places)).max(axis=1, initial=0.0)
+    return np.asarray(places[bend * TIGHTEST * spacing > 1.0])
 
 
 def _distances(mesh: ChartMesh, plane: FloatArray) -> FloatArray:
     """Return the distances (n,) of places (n, 2) of the chart from the sheet laid flat."""
     flat, places = (np.column_stack([each, np.zeros(len(each))]) for each in (mesh.chart, plane))
-    return np.sqrt(igl.point_mesh_squared_distance(places, flat, mesh.triangles)[0])
+    return np.asarray(np.sqrt(igl.point_mesh_squared_distance(places, flat, mesh.triangles)[0]))
