@@ -2,7 +2,8 @@
 
 `flattening`   maps of a sheet to the plane, and what is asked of it
 `axis`         the ends of a blade in the plane, sections across it
-`flatten`      `flatten_sheet`: the chart of a sheet
+`stalk`        a stalk among points, and where it widens into the blade
+`flatten`      `lay_flat`: the chart of a sheet
 `petiole`      the petiole, by its cross-section
 `midline`      the midrib in the chart
 `turn`         the chart turned so that the midrib lies along u

@@ -1,4 +1,4 @@
-"""`flatten_sheet`: the chart of a sheet, a map to the plane that keeps lengths as well as any can."""
+"""`lay_flat`: the chart of a sheet, a map to the plane that keeps lengths as well as any can."""
 
 import igl
 import numpy as np
@@ -9,7 +9,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
-from o3dleaf.leaf.chart.flattening.overlap import Overlap, find_overlap
+from o3dleaf.leaf.chart.flattening.overlap import Overlap
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
@@ -23,29 +23,6 @@ WORST_SHARE = 0.01
 """Of the area, beyond `WORST`, that is refused: less is a fold of a few triangles at a rough margin."""
 OVERLAP = 1e-3
 """Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""
-
-
-def flatten_sheet(vertices: FloatArray, triangles: IntArray) -> FloatArray:
-    """Return the (n, 2) near-isometric chart of a sheet, as `lay_flat` does, or refuse it where it lies over itself.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray
-        In any unit, which is the chart's.
-    triangles : (m, 3) ndarray of int
-        A connected, oriented, manifold mesh of genus 0 with a boundary: a disc, with holes or without.
-
-    Raises
-    ------
-    ReconstructionError
-        If it is no such mesh, or has no chart of low distortion that lies flat without overlap; with the place.
-    """
-    rings = require_sheet(vertices, triangles)
-    chart = lay_flat(vertices, triangles)
-    overlap = find_overlap(chart, triangles, rings)
-    if overlap is not None and overlap.share > OVERLAP:
-        raise overlap_error(overlap, vertices, triangles)
-    return chart
 
 
 def overlap_error(overlap: Overlap, vertices: FloatArray, triangles: IntArray) -> ReconstructionError:

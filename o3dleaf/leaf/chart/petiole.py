@@ -1,44 +1,38 @@
-"""The petiole or stem stub of a sheet, found by its cross-section: long, narrow against the blade, and not tapering."""
+"""The petiole or stem stub of a leaf, found among its points by its cross-section, and where the blade begins."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
-from o3dleaf.leaf.chart.flattening.geodesics import Ways
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of
+from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
+from o3dleaf.leaf.chart.stalk.point_ways import PointWays
+from o3dleaf.leaf.chart.stalk.sections import sections_along
+from o3dleaf.leaf.chart.stalk.stretches import find_stretch
 
-NARROW = 0.25
-"""Of the blade's width, that a petiole's cross-section is at most: blades do not wait that narrow for long."""
-SLENDER, SLENDER_NECK = 2.5, 4.0
-"""Times its width that a petiole is long; and a neck with something wider outside it, a stub of the stem."""
-STEADY = 0.5
-"""Width of its outer third over that of its inner third: 0.2 for a tip that tapers straight, 1 for a stalk."""
-FLARE = 1.5
-"""Times its median width that a petiole may be wide where the blade begins."""
-LARGEST_STUB = 0.25
-"""Share of the whole area that may lie outside a neck; more is a blade by itself."""
-LONG, LONG_IF_ROUND = 0.75, 0.25
-"""Times the blade's width that a petiole is long if it is flat, and if its cross-section is curled: flat and shorter
-ones are shreds of a margin."""
-ROUND = 0.75
-"""Length of the mean normal over a stretch as long as wide that counts as curled: 1 flat, 0.64 half a tube, 0 all."""
-BINS = (24, 240)
-"""Stations of the profile of widths, least and most: ten a blade's width, as far as that goes."""
+MOST = 20_000
+"""Points among which a petiole is looked for, at most; the junction is found among all."""
+FEWEST = 24
+"""Points of a leaf at least, as of a sheet."""
+RESOLVED = 2.0
+"""Spacings that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
 
 
 @dataclass(frozen=True)
 class Petiole:
-    """A petiole or stem stub that was found on a sheet; lengths in the sheet's unit.
+    """A petiole or stem stub that was found on a scan; lengths in the scan's unit.
 
     Attributes
     ----------
     length : float
-        From its end to the junction with the blade, on the surface.
+        From its end to the junction with the blade, along the surface.
     width : float
-        Median length of its cross-section, around it as far as the surface goes.
+        Straight across, the median.
     area : float
+        Of what was scanned of it, its stub included.
     end, junction : (3,) tuple of float
         Its outer end, and the middle of the section where the blade begins, in world coordinates.
     """
@@ -56,100 +50,63 @@ class Petiole:
         )
 
 
-def find_petiole(vertices: FloatArray, triangles: IntArray) -> tuple[BoolArray, Petiole | None]:
-    """Return which (m,) triangles are blade, and the petiole or None.
+def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None]:
+    """Return which (n,) points are not petiole, and the petiole or None.
 
-    The lengths of the circles about one end of the leaf are its widths; a petiole is a stretch of them that is
-    narrow against the widest, long against itself, and does not taper to the end as a tip does.
+    The leaf is cut into sections at equal distance from one of its ends; a petiole is a stretch of them that is
+    narrow against the widest, long against itself, and does not taper to the end as a tip does. It ends at the plane
+    across it from which on its sections widen.
 
     Parameters
     ----------
-    vertices : (n, 3) ndarray
-    triangles : (m, 3) ndarray of int
-        One sheet with a boundary, of some thousand triangles.
+    points : (n, 3) ndarray
+        Of one leaf, both sides of the petiole or one.
+    noise : float
+        Standard deviation of the points across the surface.
     """
-    blade, found = np.ones(len(triangles), dtype=bool), None
-    ways = Ways(vertices, triangles)
+    blade, found = np.ones(len(points), dtype=bool), None
+    if len(points) < FEWEST:
+        return blade, found
+    some = np.arange(len(points))
+    if len(points) > MOST:
+        some = np.sort(np.random.default_rng(0).permutation(len(points))[:MOST])
+    ways = PointWays(points[some])
+    coarse = float(np.sqrt(np.median(ways.cells)))
+    spacing = coarse * float(np.sqrt(len(some) / len(points)))
+    own, reached = _nearest(points, some, ways)
     for end in ways.far_ends():
-        distance = ways.from_vertex(end)
-        cut = _junction(vertices, triangles, distance)
-        if cut is None:
+        distance = ways.from_point(end)
+        stretch = find_stretch(sections_along(ways.points, ways.cells, distance, noise))
+        if stretch is None or stretch.width < RESOLVED * coarse:
             continue
-        outside = distance[triangles].mean(axis=1) < cut[0]
-        petiole = _measure(vertices, triangles, distance, cut, end)
+        each = np.where(reached, distance[own], np.inf)
+        junction = find_junction(points, each, stretch, spacing, noise)
+        if junction is None or junction.width < RESOLVED * spacing:
+            continue
+        outside = junction.outside(points, each)
+        petiole = _measure(ways, outside[some[ways.rows]], distance, junction, end)
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
     return blade, found
 
 
-def width_profile(
-    vertices: FloatArray, triangles: IntArray, distance: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return stations (k,) of a distance, lengths (k,) of its level lines there and areas (k,) up to each.
-
-    The length of a level line is the derivative of the area within it, where the distance's gradient is one.
-    """
-    area, reach = triangle_areas(vertices, triangles), float(distance.max())
-    width = area.sum() / reach
-    count = int(np.clip(10 * reach / width, *BINS))
-    corners = distance[triangles]
-    # Each triangle spread over three inner points: fewer steps between bins than its middle alone makes.
-    samples = (corners.sum(axis=1, keepdims=True) + 3 * corners) / 6
-    spread = np.repeat(area[:, np.newaxis] / 3, 3, axis=1)
-    held, edges = np.histogram(samples, bins=count, range=(0.0, reach), weights=spread)
-    length = held / np.diff(edges)
-    padded = np.pad(length, 2, mode="edge")
-    smooth = np.convolve(padded, np.array([1, 4, 6, 4, 1]) / 16, mode="valid")
-    return (edges[1:] + edges[:-1]) / 2, smooth, np.cumsum(held)
+def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntArray, BoolArray]:
+    """Return for each of (n, 3) points the nearest one of the ways, and whether it hangs together with them."""
+    if len(some) == len(points):
+        own, reached = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=bool)
+        own[ways.rows], reached[ways.rows] = np.arange(len(ways.rows)), True
+        return own, reached
+    nearest = cKDTree(points[some]).query(points, workers=-1)[1]
+    row = np.full(len(some), -1, dtype=np.int64)
+    row[ways.rows] = np.arange(len(ways.rows))
+    own = row[nearest]
+    return np.maximum(own, 0), own >= 0
 
 
-def _junction(vertices: FloatArray, triangles: IntArray, distance: FloatArray) -> tuple[float, float] | None:
-    """Return the distance from an end at which a petiole there meets the blade, and its width; None without one."""
-    stations, width, area = width_profile(vertices, triangles, distance)
-    step = stations[1] - stations[0]
-    narrow = width <= NARROW * np.quantile(width, 0.95)
-    # The outermost narrow stretch that counts: from the end, or with no more than a stub outside it.
-    change = np.flatnonzero(np.diff(np.concatenate([[False], narrow, [False]])))
-    for first, last in zip(change[::2], change[1::2], strict=True):
-        outside = area[first - 1] if first else 0.0
-        if outside > LARGEST_STUB * area[-1] or area[last - 1] > 0.5 * area[-1]:
-            break
-        stretch = width[first:last]
-        usual = float(np.median(stretch))
-        steady = np.flatnonzero(stretch <= FLARE * usual)
-        stretch = stretch[: int(steady[-1]) + 1]
-        length = len(stretch) * step
-        third = max(1, len(stretch) // 3)
-        is_steady = bool(first) or stretch[:third].mean() >= STEADY * stretch[-third:].mean()
-        slender = length >= (SLENDER_NECK if first else SLENDER) * usual
-        widest = float(np.quantile(width, 0.95))
-        if not (is_steady and slender and length >= LONG_IF_ROUND * widest):
-            continue
-        reach = first * step + length
-        if length >= LONG * widest or _flatness(vertices, triangles, distance, reach, usual) < ROUND:
-            return reach, usual
-    return None
-
-
-def _flatness(vertices: FloatArray, triangles: IntArray, distance: FloatArray, reach: float, width: float) -> float:
-    """Return the length of the mean unit normal over pieces of a stalk that are as long as wide."""
-    middle = distance[triangles].mean(axis=1)
-    outside = middle < reach
-    first, second, third = (vertices[triangles[outside, corner]] for corner in range(3))
-    normal = np.cross(second - first, third - first) / 2
-    piece = (middle[outside] / width).astype(np.int64)
-    whole = np.stack([np.bincount(piece, weights=normal[:, axis]) for axis in range(3)], axis=1)
-    return float(np.linalg.norm(whole, axis=1).sum() / np.linalg.norm(normal, axis=1).sum())
-
-
-def _measure(
-    vertices: FloatArray, triangles: IntArray, distance: FloatArray, cut: tuple[float, float], end: int
-) -> Petiole:
-    """Return the record of a petiole that is cut off at a distance from its end."""
-    outside = distance[triangles].mean(axis=1) < cut[0]
-    used = np.unique(triangles[outside])
-    near = used[np.argsort(np.abs(distance[used] - cut[0]), kind="stable")[: max(3, len(used) // 50)]]
-    x, y, z = vertices[near].mean(axis=0)
-    a, b, c = vertices[end]
-    area = float(triangle_areas(vertices, triangles[outside]).sum())
-    return Petiole(float(cut[0]), cut[1], area, (float(a), float(b), float(c)), (float(x), float(y), float(z)))
+def _measure(ways: PointWays, outside: BoolArray, distance: FloatArray, junction: Junction, end: int) -> Petiole:
+    """Return the record of a petiole whose points, among those of the ways, are known."""
+    x, y, z = junction.place
+    a, b, c = ways.points[end]
+    length = junction.reach(ways.points, distance)
+    area = float(ways.cells[outside].sum())
+    return Petiole(length, junction.width, area, (float(a), float(b), float(c)), (float(x), float(y), float(z)))

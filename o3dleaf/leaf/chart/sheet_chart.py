@@ -1,4 +1,4 @@
-"""`chart_sheet`: a sheet without its petiole, laid flat and turned so that its midrib lies along u."""
+"""`chart_sheet`: a sheet laid flat and turned so that its midrib lies along u."""
 
 from dataclasses import dataclass
 
@@ -8,16 +8,13 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
-from o3dleaf.leaf.chart.flatten import OVERLAP, carry, coarsen, lay_flat, overlap_error
+from o3dleaf.leaf.chart.flatten import OVERLAP, carry, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
-from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of, require_sheet
+from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles
 from o3dleaf.leaf.chart.midline import Midline, find_midline, midline_through
-from o3dleaf.leaf.chart.petiole import Petiole, find_petiole
 from o3dleaf.leaf.chart.turn import facing, turn_chart
 
-RESOLVED = 2.0
-"""Spacings of the sheet that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
 LARGEST_FLAP = 0.2
 """Share of the area that may go where the chart lies over itself: what stays is four times as large. Of more it is open
 which layer is the leaf."""
@@ -31,12 +28,10 @@ class Chart:
     ----------
     vertices : (n, 3) ndarray
     triangles : (m, 3) ndarray of int64
-        Counter-clockwise seen from the upper side, in space and in the plane; without petiole.
+        Counter-clockwise seen from the upper side, in space and in the plane.
     uv : (n, 2) ndarray
     midline : Midline
         From u = 0 to the tip; its mean line is v = 0.
-    petiole : Petiole or None
-        What was found, cut off or not.
     stretch : Stretch
     notes : tuple of str
         What was decided, with places in the world.
@@ -46,7 +41,6 @@ class Chart:
     triangles: IntArray
     uv: FloatArray
     midline: Midline
-    petiole: Petiole | None
     stretch: Stretch
     notes: tuple[str, ...]
 
@@ -59,7 +53,7 @@ def chart_sheet(
     midrib: FloatArray | None = None,
     up: FloatArray | None = None,
     base: FloatArray | None = None,
-    keep_petiole: bool = False,
+    junction: FloatArray | None = None,
 ) -> Chart:
     """Return the chart of a sheet.
 
@@ -74,8 +68,8 @@ def chart_sheet(
         Direction that the upper (adaxial) side faces on the mean; the world's z if left out.
     base : (3,) array_like, optional
         A point of the world near the base of the blade.
-    keep_petiole : bool
-        Whether a petiole or stem stub stays part of the blade.
+    junction : (3,) ndarray, optional
+        Where a petiole was cut off: the middle of the base.
 
     Raises
     ------
@@ -83,52 +77,34 @@ def chart_sheet(
         If it cannot be laid flat, with the place.
     """
     vertices, triangles = drop_unused_vertices(np.asarray(vertices, dtype=np.float64), np.asarray(triangles, np.int64))
-    finding, flattening, turning = progress.split(1, 5, 2)
+    flattening, turning = progress.split(5, 2)
     hint = None if base is None else np.asarray(base, dtype=np.float64)
-    notes, end = [], np.zeros(len(vertices), dtype=bool)
-    with finding:
-        require_sheet(vertices, triangles)
-        petiole, blade = _split_petiole(vertices, triangles)
-    if petiole is not None:
-        notes.append(f"{petiole}: {'kept as part of the blade' if keep_petiole else 'cut off'}")
-        hint = np.array(petiole.end) if hint is None else hint
-        if not keep_petiole:
-            end = _at_cut(vertices, triangles, blade, petiole)
-            vertices, triangles, used = _part(vertices, triangles, blade)
-            end = end[used]
-    upright, note = facing(vertices, triangles, up)
-    notes.append(note)
+    upright, facing_note = facing(vertices, triangles, up)
+    notes = [facing_note]
     with flattening:
         flat = lay_flat(vertices, triangles)
         kept, flaps = _single_layer(vertices, triangles, flat)
         vertices, triangles, used = _part(vertices, triangles, kept)
-        flat, end = flat[used], end[used]
+        flat = flat[used]
         notes += [flaps] if flaps else []
     with turning:
         if midrib is None:
-            junction = flat[end].mean(axis=0) if end.any() and _begins_there(vertices, end, hint) else None
-            midline = find_midline(vertices, triangles, flat, base=hint, junction=junction)
+            start = None
+            if junction is not None and _begins_there(vertices, junction, hint):
+                start = carry(vertices, triangles, flat, junction[np.newaxis])[0]
+            midline = find_midline(vertices, triangles, flat, base=hint, junction=start)
         else:
             midline = midline_through(vertices, triangles, flat, _from_hint(midrib, base))
         uv, midline, bend = turn_chart(flat, midline, mirrored=not upright)
     if not upright:
         triangles = triangles[:, ::-1].copy()
     notes += [*midline.notes, *([bend] if bend else [])]
-    return Chart(vertices, triangles, uv, midline, petiole, stretch_quantiles(vertices, triangles, uv), tuple(notes))
+    return Chart(vertices, triangles, uv, midline, stretch_quantiles(vertices, triangles, uv), tuple(notes))
 
 
 def _part(vertices: FloatArray, triangles: IntArray, kept: BoolArray) -> tuple[FloatArray, IntArray, IntArray]:
     """Return the sheet of some triangles, and which of the old vertices its own are."""
     return *drop_unused_vertices(vertices, triangles[kept]), np.unique(triangles[kept])
-
-
-def _at_cut(vertices: FloatArray, triangles: IntArray, blade: BoolArray, petiole: Petiole) -> BoolArray:
-    """Return which (n,) vertices lie on the cut between blade and petiole."""
-    shared = np.zeros(len(vertices), dtype=bool)
-    shared[np.intersect1d(triangles[blade], triangles[~blade])] = True
-    away = np.linalg.norm(vertices - np.array(petiole.junction), axis=1)
-    # Shreds that the cut parted from the blade lie elsewhere.
-    return np.asarray(shared & (away <= max(3 * petiole.width, float(away[shared].min(initial=np.inf)))))
 
 
 def _from_hint(midrib: FloatArray, base: FloatArray | None) -> FloatArray:
@@ -139,32 +115,12 @@ def _from_hint(midrib: FloatArray, base: FloatArray | None) -> FloatArray:
     return midrib[::-1] if last < first else midrib
 
 
-def _begins_there(vertices: FloatArray, end: BoolArray, hint: FloatArray | None) -> bool:
-    """Return whether the blade begins at the cut: not if a point given is nearer to what is farthest from the cut."""
+def _begins_there(vertices: FloatArray, junction: FloatArray, hint: FloatArray | None) -> bool:
+    """Return whether the blade begins at a junction: not if a point given is nearer to what is farthest from it."""
     if hint is None:
         return True
-    cut = vertices[end].mean(axis=0)
-    other = vertices[np.argmax(np.linalg.norm(vertices - cut, axis=1))]
-    return bool(np.linalg.norm(hint - cut) <= np.linalg.norm(hint - other))
-
-
-def _split_petiole(vertices: FloatArray, triangles: IntArray) -> tuple[Petiole | None, BoolArray]:
-    """Return the petiole, found on a coarse mesh, and which triangles of the whole one are blade."""
-    coarse, faces = coarsen(vertices, triangles)
-    blade, petiole = find_petiole(coarse, faces)
-    spacing = float(np.sqrt(triangle_areas(vertices, triangles).sum() / len(vertices)))
-    if petiole is not None and petiole.width < RESOLVED * spacing:
-        return None, np.ones(len(triangles), dtype=bool)
-    if petiole is None or coarse is vertices:
-        return petiole, largest_sheet(vertices, triangles, blade)
-    # The share of blade around each vertex, carried to the fine mesh, is one half along the cut.
-    weight = np.repeat(triangle_areas(coarse, faces), 3)
-    whole = np.bincount(faces.ravel(), weights=weight, minlength=len(coarse))
-    share = np.bincount(faces.ravel(), weights=weight * np.repeat(blade, 3), minlength=len(coarse)) / np.maximum(
-        whole, np.finfo(float).tiny
-    )
-    fine = carry(coarse, faces, share[:, np.newaxis], vertices)[:, 0]
-    return petiole, largest_sheet(vertices, triangles, fine[triangles].mean(axis=1) > 0.5)
+    other = vertices[np.argmax(np.linalg.norm(vertices - junction, axis=1))]
+    return bool(np.linalg.norm(hint - junction) <= np.linalg.norm(hint - other))
 
 
 def _single_layer(vertices: FloatArray, triangles: IntArray, flat: FloatArray) -> tuple[BoolArray, str | None]:

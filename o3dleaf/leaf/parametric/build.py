@@ -1,11 +1,15 @@
 """From the points of one leaf to its blade as a parametrised surface, step by step."""
 
+from typing import NamedTuple
+
 import igl
 import numpy as np
 
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.macro.robust import MAD
 from o3dleaf.leaf.margin.margin import Margin
@@ -14,6 +18,7 @@ from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 MAX_RESIDUAL = 10.0
 """Noise deviations beyond which a point says nothing of where the leaf ends, where that is more than `NEAR`."""
@@ -44,16 +49,17 @@ def build_parametric_blade(
     """
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
+        points, petiole = _part_petiole(points, options)
         sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
-    # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0, without the petiole.
+    # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
     with journal.stage("lay flat"):
         chart = chart_sheet(
             sheet.vertices,
             sheet.triangles,
             midrib=midrib,
             up=options.up,
-            base=options.base,
-            keep_petiole=options.keep_petiole,
+            base=petiole.base if options.base is None else options.base,
+            junction=petiole.junction,
         )
     # A smoothed partition of unity S(u, v) through the points at their feet.
     with journal.stage("fit surface"):
@@ -64,10 +70,39 @@ def build_parametric_blade(
     with journal.stage("find margin"):
         shows = _near(fit) & ~past_tight_bends(fit, sheet.spacing)
         margin = Margin.fit(fit.feet[shows], fill_holes=options.fill_holes, noise=_noise(fit), unit=unit)
-    notes = (*sheet.notes, *chart.notes, *margin.notes)
+    notes = (*sheet.notes, *petiole.notes, *chart.notes, *margin.notes)
     for note in notes:
         journal.note(note)
     return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
+
+
+class _Parted(NamedTuple):
+    """What a petiole says of the blade: its base, the middle of the cut, and a line of the read-out."""
+
+    base: FloatArray | None = None
+    junction: FloatArray | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:
+    """Return the points without those of the petiole, unless it is to be kept, and what is known of it.
+
+    Of several pieces the largest one's petiole is looked for: it is that of the leaf, unless another is asked for.
+    """
+    if options.piece not in (None, 1):
+        return points, _Parted()
+    try:
+        noise = OrientedCloud.of(points).noise
+    except InputError:
+        # No surface shows in these points; the search for a sheet says so, and where.
+        return points, _Parted()
+    blade, petiole = find_petiole(points, noise)
+    if petiole is None:
+        return points, _Parted()
+    end, junction = np.array(petiole.end), np.array(petiole.junction)
+    if options.keep_petiole:
+        return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
+    return points[blade], _Parted(end, junction, (f"{petiole}: cut off",))
 
 
 def _rows_of_blade(points: FloatArray, sheet: OpenSheet, chart: Chart) -> IntArray:

@@ -4,12 +4,13 @@ import shapely
 
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.leaf.chart.flatten import flatten_sheet
+from o3dleaf.leaf.chart.flatten import lay_flat
 from o3dleaf.leaf.chart.flattening.embedding import convex_chart, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, stretch_quantiles, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
+from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, rolled, triangulated
 
@@ -29,7 +30,7 @@ def helicoid(flat, turn, length):
 def test_a_sheet_that_was_rolled_up_is_flattened_to_itself(eaten):
     flat, triangles = eaten
     sheet = rolled(flat, radius=15.0)
-    chart = flatten_sheet(sheet, triangles)
+    chart = lay_flat(sheet, triangles)
     # What the triangles are short of the cylinder's arcs is of the square of their size over its radius.
     assert np.abs(triangle_stretch(sheet, triangles, chart) - 1).max() < tol.CHORDS_OF_A_ROLL
     apart = np.linalg.norm(chart[:, None] - chart[None], axis=2), np.linalg.norm(flat[:, None] - flat[None], axis=2)
@@ -48,7 +49,7 @@ def test_the_stretch_is_that_of_the_affine_map():
 def test_a_twist_of_half_a_turn_is_stretched_by_no_more_than_the_curvature_asks():
     flat, triangles = triangulated(shapely.box(0, -8, 200, 8), 3.0)
     sheet = helicoid(flat, np.pi, 200.0)
-    chart = flatten_sheet(sheet, triangles)
+    chart = lay_flat(sheet, triangles)
     found = stretch_quantiles(sheet, triangles, chart)
     # A margin is longer than the axis by (1 + 0.1257^2)^(1/2) = 1.0079.
     assert 0.992 <= found.least <= 1 <= found.most <= 1.005
@@ -61,7 +62,7 @@ def test_a_cup_is_stretched_less_than_a_map_that_keeps_angles_must():
     distance = np.linalg.norm(flat, axis=1)
     share = np.divide(np.sin(distance / 20), distance, out=np.full(len(flat), 1 / 20), where=distance > 0)
     sheet = 20 * np.column_stack([flat * share[:, None], np.cos(distance / 20)])
-    found = stretch_quantiles(sheet, triangles, flatten_sheet(sheet, triangles))
+    found = stretch_quantiles(sheet, triangles, lay_flat(sheet, triangles))
     # Of a cap of one radian the conformal map is 1 / cos^2(1/2) = 1.298 times larger at the rim than in the middle.
     assert found.most / found.least < 1.25
     exact = triangle_stretch(sheet, triangles, flat)
@@ -73,7 +74,7 @@ def test_a_fine_sheet_is_carried_along_by_its_coarse_one():
     flat, triangles = triangulated(ellipse(100.0, 50.0), 0.85)
     assert len(triangles) > 10_000
     sheet = rolled(flat)
-    chart = flatten_sheet(sheet, triangles)
+    chart = lay_flat(sheet, triangles)
     found = stretch_quantiles(sheet, triangles, chart)
     assert max(1 - found.least, found.most - 1) < tol.CARRIED_STRETCH
     assert np.all(chart_areas(chart, triangles) > 0)
@@ -83,7 +84,7 @@ def test_a_chart_does_not_depend_on_where_the_sheet_lies(eaten):
     flat, triangles = eaten
     sheet = rolled(flat)
     turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
-    charts = [flatten_sheet(each, triangles) for each in (sheet, sheet @ (turn * np.linalg.det(turn)).T + 100)]
+    charts = [lay_flat(each, triangles) for each in (sheet, sheet @ (turn * np.linalg.det(turn)).T + 100)]
     lengths = [np.linalg.norm(np.diff(chart[triangles], axis=1), axis=2) for chart in charts]
     np.testing.assert_allclose(*lengths, atol=tol.MOVED_SHEET)
 
@@ -122,10 +123,10 @@ def test_a_sheet_that_winds_round_itself_is_refused_with_the_place():
     with pytest.raises(
         ReconstructionError, match=r"lies over itself on .* % of its area, most at -?\d.*; cut"
     ) as refused:
-        flatten_sheet(sheet, triangles)
+        chart_sheet(sheet, triangles)
     assert refused.value.places.shape[1] == 3
     assert ((refused.value.places >= sheet.min(axis=0)) & (refused.value.places <= sheet.max(axis=0))).all()
-    flatten_sheet(*spiral(0.8))
+    chart_sheet(*spiral(0.8))
 
 
 def test_what_lies_over_the_rest_is_found_with_its_area_and_the_smaller_layer_goes():
@@ -156,7 +157,7 @@ def sphere(open_at):
 )
 def test_a_closed_surface_and_a_bag_are_refused(open_at, says):
     with pytest.raises(ReconstructionError, match=says):
-        flatten_sheet(*sphere(open_at))
+        lay_flat(*sphere(open_at))
 
 
 def test_a_mesh_that_is_no_sheet_is_refused_with_the_place(eaten):
@@ -165,10 +166,10 @@ def test_a_mesh_that_is_no_sheet_is_refused_with_the_place(eaten):
     turned = triangles.copy()
     turned[5] = turned[5, ::-1]
     with pytest.raises(ReconstructionError, match=r"face opposite ways, one of them at -?\d"):
-        flatten_sheet(sheet, turned)
+        lay_flat(sheet, turned)
     twice = np.concatenate([triangles, triangles + len(sheet)])
     with pytest.raises(ReconstructionError, match="in 2 pieces"):
-        flatten_sheet(np.concatenate([sheet, sheet + 500]), twice)
+        lay_flat(np.concatenate([sheet, sheet + 500]), twice)
 
 
 def test_a_sheet_with_a_handle_is_refused_at_the_shortest_loop_around_it():
@@ -180,7 +181,7 @@ def test_a_sheet_with_a_handle_is_refused_at_the_shortest_loop_around_it():
     a, b = u.ravel() * 2 * np.pi / 24, v.ravel() * 2 * np.pi / 12
     torus = np.stack([(3 + np.cos(b)) * np.cos(a), (3 + np.cos(b)) * np.sin(a), np.sin(b)], axis=1)
     with pytest.raises(ReconstructionError, match=r"has 1 handle") as caught:
-        flatten_sheet(torus, triangles)
+        lay_flat(torus, triangles)
     # Through the hole and around the tube: twelve chords of a circle of radius 1, in one half plane through the axis.
     loop = caught.value.places
     assert len(loop) == 12

@@ -4,7 +4,7 @@ import pytest
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
-from tests.sheet_shapes import blade, rolled, sickle, stalked, triangulated
+from tests.sheet_shapes import blade, ellipse, rolled, sickle, triangulated
 
 
 @pytest.fixture(scope="module")
@@ -41,26 +41,20 @@ def test_a_bent_leaf_keeps_its_bend_and_says_so(long_blade):
     assert not any("bends in the blade" in note for note in chart_sheet(*long_blade[1:]).notes)
 
 
-def test_a_petiole_is_named_and_cut_off_or_kept_on_request():
-    flat, triangles = triangulated(stalked(stub=8.0), 0.9)
-    sheet = rolled(flat, radius=120.0)
-    cut, kept = chart_sheet(sheet, triangles), chart_sheet(sheet, triangles, keep_petiole=True)
-    assert cut.petiole == kept.petiole
-    assert any(note.endswith("cut off") for note in cut.notes)
-    assert any("kept" in note for note in kept.notes)
-    assert np.ptp(cut.uv[:, 0]) == pytest.approx(60, abs=2)
-    assert np.ptp(kept.uv[:, 0]) == pytest.approx(105, abs=1)
-    assert cut.midline.length == pytest.approx(60, abs=2)
-    assert len(kept.vertices) == len(sheet)
-    # The base of what is kept is the petiole's end.
-    assert np.linalg.norm(kept.vertices[np.argmin(kept.uv[:, 0])] - rolled(np.array([[-5.0, 0]]), radius=120.0)) < 5
+def test_the_junction_of_a_petiole_that_was_cut_off_is_the_base():
+    flat, triangles = triangulated(ellipse(60.0, 40.0), 0.9)
+    # Off the axis of symmetry, where no shape would put it.
+    junction = rolled(np.array([[5.0, 11.0]]), radius=120.0)[0]
+    chart = chart_sheet(rolled(flat, radius=120.0), triangles, junction=junction)
+    start = chart.vertices[np.argmin(np.linalg.norm(chart.uv - chart.midline.base, axis=1))]
+    assert np.linalg.norm(start - junction) < 1.5
+    assert any("petiole" in note for note in chart.notes)
 
 
 def test_a_point_given_as_the_base_wins_over_the_petiole():
-    flat, triangles = triangulated(stalked(), 0.9)
-    tip = rolled(np.array([[100.0, 0.0]]), radius=120.0)[0]
-    chart = chart_sheet(rolled(flat, radius=120.0), triangles, base=tip)
-    assert chart.petiole is not None
+    flat, triangles = triangulated(ellipse(60.0, 25.0), 0.9)
+    base, tip = rolled(np.array([[0.0, 0.0], [60.0, 0.0]]), radius=120.0)
+    chart = chart_sheet(rolled(flat, radius=120.0), triangles, base=tip, junction=base)
     assert np.linalg.norm(chart.vertices[np.argmin(chart.uv[:, 0])] - tip) < 1.5
     assert any("point given" in note for note in chart.notes)
 

@@ -1,0 +1,53 @@
+"""Distances along a cloud of points, from neighbor to neighbor, and its far ends."""
+
+import numpy as np
+import scipy.sparse
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
+
+NEIGHBORS = 16
+"""Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
+CELL = 6
+"""Neighbor whose distance tells the area of a point's cell: π r²/6 has the right mean, whatever the pattern."""
+
+
+class PointWays:
+    """The ways along the largest connected piece of a cloud, each point joined to its nearest ones.
+
+    Attributes
+    ----------
+    rows : (n,) ndarray of int64
+        The points of that piece.
+    points : (n, 3) ndarray
+    cells : (n,) ndarray
+        Area that each stands for.
+    """
+
+    def __init__(self, points: FloatArray) -> None:
+        count = min(NEIGHBORS, len(points))
+        length, row = cKDTree(points).query(points, k=np.arange(1, count + 1), workers=-1)
+        # Two points in one place would be no link.
+        length = np.maximum(length, 1e-12 * max(float(length.max()), np.finfo(float).tiny))
+        own = np.repeat(np.arange(len(points)), count - 1)
+        shape = (len(points), len(points))
+        graph = scipy.sparse.coo_array((length[:, 1:].ravel(), (own, row[:, 1:].ravel())), shape=shape).tocsr()
+        graph = graph.maximum(graph.T)
+        label = connected_components(graph, directed=False)[1]
+        self.rows: IntArray = np.flatnonzero(label == np.argmax(np.bincount(label)))
+        self.points = points[self.rows]
+        nearest = min(CELL, count - 1)
+        self.cells = np.pi * length[self.rows, nearest] ** 2 / nearest
+        self._graph = graph[self.rows][:, self.rows]
+
+    def from_point(self, point: int) -> FloatArray:
+        """Return the (n,) distances from one of the points."""
+        return np.asarray(dijkstra(self._graph, directed=False, indices=point))
+
+    def far_ends(self) -> tuple[int, int]:
+        """Return two points that are farthest apart, as three sweeps find them."""
+        start = int(np.argmax(np.linalg.norm(self.points - self.points.mean(axis=0), axis=1)))
+        second = int(np.argmax(self.from_point(start)))
+        return second, int(np.argmax(self.from_point(second)))

@@ -1,0 +1,53 @@
+"""Which stretch of a leaf's sections is a stalk: long, narrow against the blade, and not tapering."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from o3dleaf.leaf.chart.stalk.sections import Sections
+
+NARROW = 0.25
+"""Of the blade's width, that a stalk is wide at most: blades do not wait that narrow for long."""
+SLENDER, SLENDER_NECK = 2.5, 4.0
+"""Times its width that a stalk is long; and a neck with something wider outside it, a stub of the stem."""
+STEADY = 0.5
+"""Width of its outer third over that of its inner third: 0.2 for a tip that tapers straight, 1 for a stalk."""
+FLARE = 1.5
+"""Times its median width that a stalk may be wide where the blade begins."""
+LARGEST_STUB = 0.25
+"""Share of the whole area that may lie outside a neck; more is a blade by itself."""
+LONG, LONG_IF_ROUND = 0.75, 0.25
+"""Times the blade's width that a stalk is long if it is flat, and if its cross-section is curled: flat and shorter
+ones are shreds of a margin."""
+ROUND = 0.35
+"""Depth of a section over its width from which it counts as curled: 0.34 an arc of 150°, 0.44 half a tube, 1 all."""
+
+
+class StalkStretch(NamedTuple):
+    """A stalk by its sections: where it begins and ends, in distance from the end of the leaf, and its width."""
+
+    first: float
+    last: float
+    width: float
+
+
+def find_stretch(sections: Sections) -> StalkStretch | None:
+    """Return the outermost stretch of sections that is a stalk: from the end, or with no more than a stub outside."""
+    width, area, widest = sections.width, sections.area, sections.widest
+    narrow = width <= NARROW * widest
+    change = np.flatnonzero(np.diff(np.concatenate([[False], narrow, [False]])))
+    for first, last in zip(change[::2], change[1::2], strict=True):
+        outside = area[first - 1] if first else 0.0
+        if outside > LARGEST_STUB * area[-1] or area[last - 1] > 0.5 * area[-1]:
+            break
+        usual = float(np.median(width[first:last]))
+        steady = np.flatnonzero(width[first:last] <= FLARE * usual)
+        stretch = width[first : first + int(steady[-1]) + 1]
+        length = len(stretch) * sections.step
+        third = max(1, len(stretch) // 3)
+        is_steady = bool(first) or stretch[:third].mean() >= STEADY * stretch[-third:].mean()
+        slender = length >= (SLENDER_NECK if first else SLENDER) * usual
+        deep = float(np.median(sections.depth[first : first + len(stretch)])) >= ROUND * usual
+        if is_steady and slender and length >= (LONG_IF_ROUND if deep else LONG) * widest:
+            return StalkStretch(first * sections.step, first * sections.step + length, usual)
+    return None
