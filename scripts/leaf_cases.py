@@ -45,7 +45,7 @@ CONDITIONS = {
     "grid": {"noise": 0.0, "pattern": "grid"},
 }
 FILL = 6.0
-"""Spacings up to which holes are asked to be filled where a scan has gaps: as wide as those are, and a spacing to either side."""
+"""Spacings up to which holes are asked to be filled where a scan has gaps: as wide, and a spacing to either side."""
 SPACINGS = {"wavy": 0.5, "winding": 0.5}
 """In millimeters, where it is not `SPACING`: a leaf 5 mm wide has ten points across."""
 SPACING = 0.7
