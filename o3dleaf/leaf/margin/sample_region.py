@@ -29,6 +29,10 @@ DEEP = 2.0
 """Spacings from the border at which cells are those of the sample."""
 BRIDGE = 8.0
 """Pieces of a sample are joined over gaps of so many spacings; beyond that nothing says that they belong together."""
+FLAT = 1e-9
+"""Area of a triangle over the square of its longest side, at least: flatter ones are as wide as can be."""
+SLIT = 2.0
+"""Length of a gap's banks over that of its mouth, from which on it is a slit: a half disc, a bite, has 1.6."""
 PIECE = 10
 """Fewer points than this are no piece of their own."""
 
@@ -80,7 +84,7 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     kept, bridged, widest = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
-    kept |= _open(mesh, ~kept) & (_widths(mesh) <= fill_slits)
+    kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
@@ -131,11 +135,27 @@ def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArra
     return covered
 
 
+def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
+    """Return the triangles of gaps that are open to the outside, no wider than asked, and slits rather than bays."""
+    slits = _open(mesh, ~kept) & (_widths(mesh) <= widest)
+    rows = np.flatnonzero(slits)
+    if not len(rows):
+        return slits
+    labels = _labels(mesh, slits)[rows]
+    corners, others = mesh.points[mesh.triangles[rows]], mesh.neighbors[rows]
+    sides = np.linalg.norm(np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1), axis=2)
+    bank = np.append(kept, False)[others]
+    mouth = ~bank & ~np.append(slits, False)[others]
+    banks, mouths = (np.bincount(labels, (sides * each).sum(axis=1)) for each in (bank, mouth))
+    slits[rows] = (banks >= SLIT * mouths)[labels]
+    return slits
+
+
 def _widths(mesh: Triangulation) -> FloatArray:
     """Return the diameters abc/2A of the empty circumcircles: how wide the gap is that a Delaunay triangle lies in."""
     corners = mesh.points[mesh.triangles]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    return np.asarray(sides.prod(axis=1) / np.maximum(2 * mesh.areas, np.finfo(float).tiny))
+    return np.asarray(sides.prod(axis=1) / np.maximum(2 * mesh.areas, FLAT * sides.max(axis=1) ** 2))
 
 
 def _open(mesh: Triangulation, gaps: BoolArray) -> BoolArray:

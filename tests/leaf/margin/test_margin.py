@@ -63,8 +63,22 @@ def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
     assert not kept.contains([[10, 2]])[0]
     assert filled.contains([[10, 2]])[0]
     assert filled.holes[0].filled
-    assert filled.area - kept.area == pytest.approx(hole.area)
-    assert Margin.fit(points, fill_holes=9.0).area == kept.area
+    between = Margin.fit(points, fill_holes=9.0)
+    assert not between.holes[0].filled
+    assert filled.area - between.area == pytest.approx(hole.area)
+
+
+def test_a_slit_is_filled_up_to_a_size_and_a_bay_is_not():
+    leaf = leaves.eaten(6)
+    bay = leaf.difference(shapely.Point(0, -21).buffer(6))
+    points = leaves.uniform(bay, 2500, np.random.default_rng(1))
+    kept, filled = Margin.fit(points, fill_holes=4.0), Margin.fit(points, fill_holes=8.0)
+    slit, bite = [[-17, 10], [-17, 15]], [[0, -18], [3, -18]]
+    assert not kept.contains(slit).any()
+    assert filled.contains(slit).all()
+    assert not filled.contains(bite).any()
+    whole = bay.union(shapely.box(-20, 6, -14, 40).intersection(leaves.ellipse()))
+    assert filled.area == pytest.approx(whole.area, rel=MARGIN_AREA)
 
 
 def test_a_gap_that_a_random_sample_has_by_chance_is_no_hole():
