@@ -15,6 +15,9 @@ WIDTHS = (3.5, 5.0, 7.0, 2.5)
 """Where tips begin, by the spacings between their flanks, in the order of trial."""
 UNLIKE = 0.15
 """By what share a tip's area may differ from a triangle's of the same centroid; a round end's does by a quarter."""
+BEYOND = 1.0
+"""A tip may go on beyond the curve by the area of so many points: beyond its last point a sample leaves out one in the
+mean."""
 BENT = 0.65
 """Spacings by which a tip may lie outside its straight flanks, twice the deviation of a random sample's margin: one
 that bends more ends as its points do."""
@@ -65,7 +68,7 @@ def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, Floa
         if first >= count // 4:
             continue
         arc = curve[(middle + np.arange(-first, first + 1)) % count]
-        flanks = _flanks(arc, STEP * spacing)
+        flanks = _flanks(arc, spacing)
         if flanks is not None and _holds(flanks, arc, spacing):
             return (middle - first) % count, (middle + first) % count, flanks
     return None
@@ -88,7 +91,7 @@ def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
     return center, first
 
 
-def _flanks(arc: FloatArray, step: float) -> FloatArray | None:
+def _flanks(arc: FloatArray, spacing: float) -> FloatArray | None:
     """Return both flanks (k, 2) of a tip that ends sharp, without their ends; None where the arc is no rounded one.
 
     Growth leaves out no area, but a narrow tip's is a strip of even width: its centroid stays, at a third of the height
@@ -109,7 +112,9 @@ def _flanks(arc: FloatArray, step: float) -> FloatArray | None:
     spine, widths = (arc[:half] + arc[:half:-1]) / 2 - middle, np.hypot(*(arc[:half] - arc[:half:-1]).T)
     x, y = spine @ axis, spine @ side
     bend = np.linalg.lstsq(np.stack([x, x**2], axis=1) * widths[:, None], y * widths, rcond=None)[0]
-    share = np.arange(1, max(2, round(height / step)) + 1) / max(2, round(height / step))
+    height = min(height, float(x.max()) + spacing * np.sqrt(2 * BEYOND * height / base))
+    count = max(2, round(height / (STEP * spacing)))
+    share = np.arange(1, count + 1) / count
     along = share * height
     line = middle + along[:, None] * axis + (bend[0] * along + bend[1] * along**2)[:, None] * side
     before, after = (line + (1 - share)[:, None] * (end - middle) for end in (arc[0], arc[-1]))
@@ -117,9 +122,9 @@ def _flanks(arc: FloatArray, step: float) -> FloatArray | None:
 
 
 def _holds(flanks: FloatArray, arc: FloatArray, spacing: float) -> bool:
-    """Return whether a tip between two flanks leaves out nothing of the arc, and has its area."""
+    """Return whether a tip between two flanks leaves out nothing of the arc, and adds little."""
     tip, rounded = shapely.Polygon(np.vstack([arc[:1], flanks, arc[-1:]])), shapely.Polygon(arc)
-    if not tip.is_valid or abs(tip.area / rounded.area - 1) > UNLIKE:
+    if not tip.is_valid or tip.area > (1 + UNLIKE) * rounded.area:
         return False
     return bool(shapely.distance(tip, shapely.points(arc)).max() <= BENT * spacing)
 
