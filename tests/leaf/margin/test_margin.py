@@ -53,7 +53,7 @@ def test_the_margin_is_a_simple_curve_and_holds_every_point_of_a_lattice():
 
 
 def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
-    leaf = leaves.eaten(6)
+    leaf = leaves.ellipse().difference(shapely.Point(10, 2).buffer(5, quad_segs=64))
     points = leaves.uniform(leaf, 2500, np.random.default_rng(1))
     kept, filled = Margin.fit(points), Margin.fit(points, fill_holes=11.0)
     (hole,) = kept.holes
@@ -63,9 +63,8 @@ def test_a_hole_is_told_and_kept_or_filled_up_to_a_size():
     assert not kept.contains([[10, 2]])[0]
     assert filled.contains([[10, 2]])[0]
     assert filled.holes[0].filled
-    between = Margin.fit(points, fill_holes=9.0)
-    assert not between.holes[0].filled
-    assert filled.area - between.area == pytest.approx(hole.area)
+    assert filled.area - kept.area == pytest.approx(hole.area)
+    assert Margin.fit(points, fill_holes=9.0).area == kept.area
 
 
 def test_a_slit_is_filled_up_to_a_size_and_a_bay_is_not():
@@ -78,7 +77,7 @@ def test_a_slit_is_filled_up_to_a_size_and_a_bay_is_not():
     assert filled.contains(slit).all()
     assert not filled.contains(bite).any()
     whole = bay.union(shapely.box(-20, 6, -14, 40).intersection(leaves.ellipse()))
-    assert filled.area == pytest.approx(whole.area, rel=MARGIN_AREA)
+    assert filled.area == pytest.approx(whole.area, rel=MARGIN_AREA_RANDOM)
 
 
 def test_a_gap_that_a_random_sample_has_by_chance_is_no_hole():
