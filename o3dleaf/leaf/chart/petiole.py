@@ -19,6 +19,8 @@ FEWEST = 24
 """Points of a leaf at least, as of a sheet."""
 RESOLVED = 2.0
 """Spacings that a petiole is wide at least: of what is narrower the scan shows no cross-section."""
+LARGEST = 3.0
+"""Area of what is cut off over that of a tube as long and as wide, at most: a stub of the stem is as large again."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,8 @@ def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Pet
             continue
         outside = junction.outside(points, each)
         petiole = _measure(ways, outside[some[ways.rows]], distance, junction, end)
+        if petiole.area > LARGEST * np.pi * petiole.width * petiole.length:
+            continue
         if found is None or petiole.length / petiole.width > found.length / found.width:
             blade, found = ~outside, petiole
     return blade, found

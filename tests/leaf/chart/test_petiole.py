@@ -113,6 +113,27 @@ def test_a_tip_is_no_petiole(tip, noise):
         assert kept.all()
 
 
+def heart(gap, spacing=0.7, width=3.0, length=40.0, depth=14.0):
+    """Return points of a blade whose lobes go down beside a round petiole, and those of that."""
+    lobes = shapely.union_all([shapely.Point(x, 15 - depth).buffer(15) for x in (-15, 15)])
+    whole = lobes.union(shapely.Polygon([(-29, 8), (29, 8), (0, 55)])).union(shapely.box(-20, 0, 20, 12))
+    flat = drawn(whole.difference(shapely.box(-width / 2 - gap, -60, width / 2 + gap, 0)), spacing)
+    rng = np.random.default_rng(9)
+    turn, down = rng.uniform([[0.0], [-length]], [[2 * np.pi], [0.0]], (2, int(np.pi * width * length / spacing**2)))
+    tube = np.column_stack([width / 2 * np.cos(turn), down, width / 2 * np.sin(turn)])
+    return np.column_stack([flat, 0.002 * flat[:, 0] ** 2]), tube
+
+
+@pytest.mark.parametrize("gap", [0.2, 4.0])
+def test_of_lobes_beside_a_petiole_nothing_is_cut_off(gap):
+    leaf, tube = heart(gap)
+    kept, petiole = find_petiole(np.concatenate([leaf, tube]))
+    assert petiole.width == pytest.approx(3.0, rel=tol.JUNCTION_WIDTH)
+    assert np.mean(kept[: len(leaf)]) > 0.99
+    # Where the lobes touch it, the petiole ends at them; where they do not, at the blade.
+    assert np.mean(kept[len(leaf) :]) < (0.3 if gap < 1 else 0.05)
+
+
 def test_few_points_have_no_petiole():
     kept, petiole = find_petiole(drawn(stalked(), 10.0) @ np.eye(2, 3))
     assert petiole is None
