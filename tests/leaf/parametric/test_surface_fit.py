@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
+from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 40.0, 5.0
 NOISE = 0.02
