@@ -42,9 +42,9 @@ FOLDED = 1 / np.pi
 """Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
 shows. A crease is a bend less tight than that, and stays."""
 STIFFER = 4.0
-"""Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fourth root."""
+"""Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MOST_RAISES = 4
-"""Fits with more smoothing at most: the bandwidth has then become four times as wide."""
+"""Fits with more smoothing at most: the bandwidth has then become three times as wide."""
 
 
 def fit_chart_surface(
