@@ -8,8 +8,9 @@
 `feet`              samples of the surface, from which closest points are found
 `surface`           the surface S of the chart
 `local_smoothing`   smoothing chosen place by place
-`surface_fit`       S fitted to the points of a scan, at parameters that are their feet
+`fitted`            what a fit hands on: the surface, its sheet and chart, the feet
 `tight_bends`       bends tighter than a scan can show
+`surface_fit`       S fitted to the points of a scan, at parameters that are their feet
 `parametric_blade`  the blade on it
 `build`             the points of a leaf to its blade
 """

@@ -14,8 +14,9 @@ from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.macro.robust import MAD
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
+from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit, fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -70,7 +71,7 @@ def build_parametric_blade(
     with journal.stage("find margin"):
         shows = _near(fit) & ~past_tight_bends(fit, sheet.spacing)
         margin = Margin.fit(fit.feet[shows], fill_holes=options.fill_holes, noise=_noise(fit), unit=unit)
-    notes = (*sheet.notes, *petiole.notes, *chart.notes, *margin.notes)
+    notes = (*sheet.notes, *petiole.notes, *chart.notes, *fit.notes, *margin.notes)
     for note in notes:
         journal.note(note)
     return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)

@@ -11,19 +11,19 @@ import numpy as np
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-from o3dleaf.leaf.chart.flatten import carry
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.macro.robust import HUBER
+from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.parametric.tight_bends import Bend, tightest_bend
 from o3dleaf.surface.cloud.downsample import thin
 
 RobustSmoothing: TypeAlias = SmoothingValue | Literal["robust"]
@@ -38,62 +38,13 @@ MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
 COLLAR = 4.0
 """How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
-
-
-@dataclass(frozen=True, eq=False)
-class ChartMesh:
-    """A triangulated sheet and its chart.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray
-        In the world.
-    triangles : (m, 3) ndarray of int64
-    chart : (n, 2) ndarray
-        (u, v) of the vertices.
-    """
-
-    vertices: FloatArray
-    triangles: IntArray
-    chart: FloatArray
-
-    @property
-    def area(self) -> float:
-        """Area of the sheet, in the square of the world's unit."""
-        return float(triangle_areas(self.vertices, self.triangles).sum())
-
-    @property
-    def width(self) -> float:
-        """Mean width: the area over the longer extent of the chart."""
-        return self.area / float(np.ptp(self.chart, axis=0).max())
-
-    def parameters(self, points: FloatArray) -> FloatArray:
-        """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
-        return carry(self.vertices, self.triangles, self.chart, points)
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceFit:
-    """A surface fitted to a scan.
-
-    Attributes
-    ----------
-    surface : ChartSurface
-    mesh : ChartMesh
-        The sheet laid onto the surface, its chart as little stretched as it can be.
-    feet : (n, 2) ndarray
-        (u, v) of the foot of every point of the scan.
-    heights : (n,) ndarray
-        Signed distances of the points from the surface, along its normal.
-    choice : LocalChoice or None
-        Smoothing, bandwidth, noise and weights of the sites, where they were judged on held-out stretches.
-    """
-
-    surface: ChartSurface
-    mesh: ChartMesh
-    feet: FloatArray
-    heights: FloatArray
-    choice: LocalChoice | None
+FOLDED = 1 / np.pi
+"""Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
+shows. A crease is a bend less tight than that, and stays."""
+STIFFER = 4.0
+"""Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
+MOST_RAISES = 4
+"""Fits with more smoothing at most: the bandwidth has then become three times as wide."""
 
 
 def fit_chart_surface(
@@ -123,16 +74,10 @@ def fit_chart_surface(
     with choosing:
         problem = problem.choose(np.column_stack([near, heights]), smoothing)
     with fitting:
-        for round_ in range(1, ROUNDS + 1):
-            surface = problem.fit(near)
-            near, heights, _ = surface.feet(sites, near)
-            problem = problem.reweighted(heights)
-            mesh, near = _flatten_again(surface, mesh, near)
-            progress.report(round_, ROUNDS)
-        surface = problem.fit(near)
-    mesh = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
-    feet, heights, _ = surface.feet(points, mesh.parameters(points))
-    return SurfaceFit(surface, mesh, feet, heights, problem.choice)
+        settled, notes = _without_folds(problem, mesh, near)
+    mesh = settled.mesh
+    feet, heights, _ = settled.surface.feet(points, mesh.parameters(points))
+    return SurfaceFit(settled.surface, mesh, feet, heights, settled.problem.choice, notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +137,63 @@ class _Problem:
         return replace(
             self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """A surface whose sites are at their feet (n, 2), in a chart flattened on it."""
+
+    problem: _Problem
+    surface: ChartSurface
+    mesh: ChartMesh
+    near: FloatArray
+
+    @property
+    def fold(self) -> Bend | None:
+        """The tightest bend on the sheet, if the surface turns back there on itself within a spacing."""
+        bend = tightest_bend(self.surface, self.mesh, self.near, self.problem.spacing)
+        return bend if bend is not None and bend.radius < FOLDED * self.problem.spacing else None
+
+
+def _settle(problem: _Problem, mesh: ChartMesh, near: FloatArray) -> _Settled:
+    """Return the surface found in `ROUNDS`, from a sheet and the sites' parameters (n, 2) in its chart."""
+    for round_ in range(1, ROUNDS + 1):
+        surface = problem.fit(near)
+        near, heights, _ = surface.feet(problem.sites, near)
+        problem = problem.reweighted(heights)
+        mesh, near = _flatten_again(surface, mesh, near)
+        progress.report(round_, ROUNDS)
+    surface = problem.fit(near)
+    return _Settled(problem, surface, replace(mesh, vertices=surface.jet(mesh.chart, 0)[0]), near)
+
+
+def _without_folds(problem: _Problem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
+    """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
+
+    Each begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If
+    folds stay, it is the surface of the least tight ones.
+    """
+    settled = _settle(problem, mesh, near)
+    first = fold = settled.fold
+    if first is None or problem.choice is None:
+        return settled, ()
+    raised, best, radius = 1.0, settled, first.radius
+    for raises in range(1, MOST_RAISES + 1):
+        settled = _settle(replace(problem, smoothing=STIFFER**raises * problem.smoothing), mesh, near)
+        fold = settled.fold
+        if fold is None or fold.radius > radius:
+            raised, best, radius = STIFFER**raises, settled, np.inf if fold is None else fold.radius
+        if fold is None:
+            break
+    return best, (_said(first, raised, problem.spacing, left=fold is not None),)
+
+
+def _said(bend: Bend, raised: float, spacing: float, *, left: bool) -> str:
+    """Return the line that says why there is more smoothing, and whether it was enough."""
+    place = " ".join(f"{x:.4g}" for x in bend.place)
+    why = f"around {place} the surface bent to a radius of {bend.radius:.2g}, where points are {spacing:.2g} apart"
+    done = f"smoothing raised by {raised:g}" if raised > 1 else "smoothing kept, as more of it does not help"
+    return f"{done}: {why}{'; some folds are left' if left else ''}"
 
 
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:

@@ -1,13 +1,15 @@
 """Bends tighter than a scan can show: as a rule where a surface goes on past its sheet, around the edge of a fold."""
 
+from typing import NamedTuple
+
 import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit
 
 TIGHTEST = 1.0
 """Radius of a bend in spacings at least: from one point to the next the surface then turns by a radian."""
@@ -31,6 +33,24 @@ def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
     return np.asarray(beside & (_distances(fit.mesh, fit.feet) > PAST * spacing))
 
 
+class Bend(NamedTuple):
+    """A bend of a surface: its place in the world (3,), and its radius."""
+
+    place: FloatArray
+    radius: float
+
+
+def tightest_bend(surface: ChartSurface, mesh: ChartMesh, feet: FloatArray, spacing: float) -> Bend | None:
+    """Return the tightest bend of a surface on its sheet around feet (n, 2), if one is too tight."""
+    places = tight_bends(surface, feet, spacing)
+    places = places[_distances(mesh, places) <= PAST * spacing] if len(places) else places
+    if not len(places):
+        return None
+    bend = _bend(surface, places)
+    worst = int(np.argmax(bend))
+    return Bend(surface.jet(places[worst : worst + 1], 0)[0][0], float(1 / bend[worst]))
+
+
 def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> FloatArray:
     """Return places (k, 2) around feet (n, 2) of points of a spacing where a surface bends too tightly."""
     step = EVERY * spacing
@@ -39,8 +59,12 @@ def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> Floa
     shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     places = (np.unique((cells[:, np.newaxis] + shifts).reshape(-1, 2), axis=0) + 0.5) * step
     places = places[cKDTree(feet).query(places, workers=-1)[0] <= AROUND * spacing]
-    bend = np.abs(surface.curvatures(places)).max(axis=1, initial=0.0)
-    return np.asarray(places[bend * TIGHTEST * spacing > 1.0])
+    return np.asarray(places[_bend(surface, places) * TIGHTEST * spacing > 1.0])
+
+
+def _bend(surface: ChartSurface, places: FloatArray) -> FloatArray:
+    """Return the larger curvature (n,) at places (n, 2), one over the radius."""
+    return np.asarray(np.abs(surface.curvatures(places)).max(axis=1, initial=0.0))
 
 
 def _distances(mesh: ChartMesh, plane: FloatArray) -> FloatArray:

@@ -1,5 +1,7 @@
 """A surface fitted to a scan lies on its points, follows the majority of its passes, and moves with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
@@ -8,8 +10,11 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
+from o3dleaf.leaf.parametric import surface_fit
+from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
+from o3dleaf.leaf.parametric.tight_bends import tightest_bend
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 40.0, 5.0
 NOISE = 0.02
@@ -99,3 +104,27 @@ def test_smoothing_is_less_where_the_leaf_is_wavy():
     choice = choose_by_place(cover, flat, as_kernel("cubic", 2), HALF_WIDTH)
     calm, wavy = choice.factors[plane[:, 0] < LENGTH / 2], choice.factors[plane[:, 0] > 0.85 * LENGTH]
     assert np.median(calm) < np.median(wavy)
+
+
+@pytest.mark.parametrize(("noise", "smoothing"), [(0.25, 0.05), (0.4, 0.1)])
+def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(monkeypatch, noise, smoothing):
+    points = roll(places(1000, 0)) + np.random.default_rng(1).normal(0, noise, (1000, 3))
+
+    def too_little(*arguments):
+        return replace(choose_by_place(*arguments), smoothing=smoothing)
+
+    monkeypatch.setattr(surface_fit, "choose_by_place", too_little)
+    fit = fit_chart_surface(points, strip())
+    spacing = np.sqrt(strip().area / len(points))
+    tight = tightest_bend(fit.surface, fit.mesh, fit.feet, spacing)
+    assert tight is None or tight.radius * np.pi > spacing
+    note, *others = fit.notes
+    assert note.startswith("smoothing raised by ")
+    assert not others
+    assert "left" not in note
+
+
+def test_a_fit_without_folds_is_not_smoothed_more_nor_one_by_a_number(fit):
+    points = roll(places(1000, 0)) + np.random.default_rng(1).normal(0, 0.25, (1000, 3))
+    assert fit.notes == ()
+    assert fit_chart_surface(points, strip(), smoothing=0.05).notes == ()

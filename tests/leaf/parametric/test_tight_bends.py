@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
+from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.surface_fit import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, tight_bends
 from sheet_shapes import triangulated
 
