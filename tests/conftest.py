@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,7 +28,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
     BLAS threads that find no core free wait for one another in circles of their own: an eigenvalue problem of 4 s takes
     130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it.
+
+    A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
     """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded
     if hasattr(config, "workerinput"):

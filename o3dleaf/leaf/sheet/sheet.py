@@ -181,8 +181,7 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     if cloud.surfels.flatness > FULL:
         raise ReconstructionError(
             f"scan: its {len(cloud):,} points at {place_of(cloud.points)} show no surface: they fill a volume or lie "
-            "along lines; give the points of a leaf, with less noise",
-            _some(cloud.points),
+            "along lines; give the points of a leaf, with less noise"
         )
     spacing = cloud.spacing
     base = noise_width(cloud.noise, spacing)
