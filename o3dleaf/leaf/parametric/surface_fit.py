@@ -120,13 +120,12 @@ class _Problem:
 
     def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "_Problem":
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
+        plane = np.ascontiguousarray(flat[:, :2])
         if smoothing is None or smoothing == "robust":
-            plane = np.ascontiguousarray(flat[:, :2])
             cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
             choice = choose_by_place(cover, flat, self.kernel, self.width / 2)
             return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
-        plane, residuals = np.ascontiguousarray(flat[:, :2]), flat[:, 2]
-        heights = PUInterpolant.fit(plane, residuals, kernel=self.kernel, degree=1, smoothing=smoothing)
+        heights = PUInterpolant.fit(plane, flat[:, 2], kernel=self.kernel, degree=1, smoothing=smoothing)
         return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
 
     def reweighted(self, heights: FloatArray) -> "_Problem":

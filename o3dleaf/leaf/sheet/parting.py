@@ -17,8 +17,6 @@ LINK = 2.0
 """Spacings up to which points are linked: random ones hang together from 1.2 on (Meester and Roy 1996)."""
 ALIKE = float(np.cos(np.radians(25.0)))
 """Cosine between the planes of linked points."""
-
-
 FEWEST = 24
 """Points of a layer at least."""
 PASS = 0.5

@@ -121,9 +121,6 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
 
 
-NONE = np.empty(0, np.int64)
-
-
 class _Solved(NamedTuple):
     """Sheets at widths (n,), which exceed `base` where layers were averaged, rows (n,) of a scan, and other layers'."""
 
@@ -131,7 +128,7 @@ class _Solved(NamedTuple):
     width: FloatArray
     base: float
     rows: IntArray
-    others: IntArray = NONE
+    others: IntArray = np.empty(0, np.int64)
 
 
 def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenSheet:
