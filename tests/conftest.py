@@ -50,7 +50,7 @@ def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., ob
     def compile_alone(function: Dispatcher, signature: object) -> object:
         if function.stats.cache_path is None:  # not kept on disk, so nothing to read
             return compile_here(function, signature)
-        name = f"{function.py_func.__module__}.{function.py_func.__qualname__}"
+        name = f"{type(function).__name__}.{function.py_func.__module__}.{function.py_func.__qualname__}"
         with global_compiler_lock, (folder / name).open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:

@@ -12,7 +12,7 @@
 `qa`           `o3dleaf qa`
 `info`         `o3dleaf info`
 `render`       `o3dleaf render`
-`view`         `o3dleaf view`
-`pick`         `o3dleaf pick`
+`windows`      `o3dleaf view` and `o3dleaf pick`
+`warm_up`      `o3dleaf warm-up`
 `cli`          all of them, made of the fields of their jobs
 """

@@ -14,13 +14,13 @@ from o3dleaf.commands.figures import FiguresJob
 from o3dleaf.commands.info import InfoJob
 from o3dleaf.commands.leaf import LeafJob
 from o3dleaf.commands.patch import PatchJob
-from o3dleaf.commands.pick import PickJob
 from o3dleaf.commands.qa import QaJob
 from o3dleaf.commands.reconstruct import ReconstructJob
 from o3dleaf.commands.render import RenderJob
 from o3dleaf.commands.sample import SampleJob
 from o3dleaf.commands.terminal import show_progress
-from o3dleaf.commands.view import ViewJob
+from o3dleaf.commands.warm_up import WarmUpJob
+from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
 from o3dleaf.core.parallel import set_num_threads
@@ -39,6 +39,7 @@ JOBS: dict[str, type[Job]] = {
     "figures": FiguresJob,
     "pick": PickJob,
     "view": ViewJob,
+    "warm-up": WarmUpJob,
 }
 """Every command, in the order of the help."""
 

@@ -5,6 +5,7 @@
 `units`          units of length
 `field`          the protocol between what fits a function and what makes triangles of it
 `newton`         Newton's method onto a level set
+`compiled`       machine code for a level of processors, shipped with the package and kept on disk
 `outside_loops`  a field outside its bounds
 `lattice`        a regular lattice over a box, sampled in bounded memory
 `progress`       how far the running work is, by context

@@ -5,7 +5,7 @@ So it falls towards all sides, and far away is outside. Along an axis that repea
 
 import math
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

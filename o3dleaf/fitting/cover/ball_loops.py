@@ -7,9 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.tail import IntArray
 
 LEAF_IMAGES = 32

@@ -8,9 +8,9 @@ and how many sites the `widest` ball has; the rest is known to the overload of `
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numba.extending import overload
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.local.jet_loops import add_product, divide, scale_jets
 from o3dleaf.fitting.local.weight_loops import weight_jets
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size, local_jets, lower_exponents, tail_derivatives

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.held_out_loops import held_out
 from o3dleaf.fitting.rbf.radial_loops import put

@@ -5,7 +5,7 @@ A jet is a value, its gradient of d components and its d(d + 1)/2 second derivat
 column's bits do not depend on its place among the others.
 """
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

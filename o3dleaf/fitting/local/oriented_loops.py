@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.local.weight_loops import wendland
 from o3dleaf.fitting.rbf.potential_loops import (

@@ -2,7 +2,7 @@
 
 import math
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

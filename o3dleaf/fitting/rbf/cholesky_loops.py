@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 
 SINGULAR = 3e-14

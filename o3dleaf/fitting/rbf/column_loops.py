@@ -4,7 +4,8 @@ SciPy's triangular solvers keep that lock, so that threads would wait for each o
 """
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 BLOCK = 48
 """Rows of L that are solved for at once: all but the blocks on its diagonal are matrix products."""

@@ -12,8 +12,8 @@ columns of one array, one row a component.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import (
     REASSOCIATE,
     derivatives_over_r,

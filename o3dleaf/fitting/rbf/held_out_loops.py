@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, cholesky, solve_positive
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.reflector_loops import reflect_both_sides

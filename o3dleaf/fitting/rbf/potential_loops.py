@@ -11,8 +11,8 @@ points are stored axis after axis: (d, n), flat d n.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.evaluation_loops import lower_exponents, tail_jets
 from o3dleaf.fitting.rbf.radial_loops import (
     REASSOCIATE,

@@ -6,7 +6,8 @@ Functions are serial and release the GIL; `o3dleaf.core.parallel` drives them.
 import math
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 REASSOCIATE = {"reassoc", "contract", "nsz"}
 """What the sums need to vectorize; NaN and infinity keep their meaning."""

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 
 RANK_TOLERANCE = 1e-8

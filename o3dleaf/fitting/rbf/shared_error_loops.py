@@ -9,8 +9,8 @@ cross-validation 1 − tr A/N stands for 1 − A_jj.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix

@@ -7,8 +7,8 @@ space is positive definite, and Cholesky does the rest. Unit coordinates as in `
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_positive, solve_triangle
 from o3dleaf.fitting.rbf.evaluation_loops import monomial
 from o3dleaf.fitting.rbf.radial_loops import dot, put, radial_values, squared_distances

@@ -5,8 +5,8 @@ symmetric, with s alone on the diagonal. On the null space of the tail U E Uᵀ 
 """
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect, reflect_both_sides, restrict_tail

@@ -8,8 +8,8 @@ gradient g by z is n = (g₁ b×c + g₂ c×a + g₃ a×b)/det in the world; a s
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.blade.vector_loops import cross3, dot3
 
 FOLD = 1e-9

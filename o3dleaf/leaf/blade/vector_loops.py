@@ -1,6 +1,6 @@
 """Compiled: products of two vectors of space."""
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

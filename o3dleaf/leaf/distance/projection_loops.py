@@ -6,8 +6,8 @@ Names as in `o3dleaf.leaf.blade.lifted_loops`.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.blade.lifted_loops import pull, reciprocal
 from o3dleaf.leaf.blade.vector_loops import cross3, dot3
 

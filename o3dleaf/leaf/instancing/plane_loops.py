@@ -5,7 +5,7 @@ Sides (s, 4) are (x0, y0, x1, y1) in lattice coordinates.
 
 import math
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

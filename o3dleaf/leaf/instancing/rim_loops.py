@@ -9,8 +9,8 @@ tile's own; those of D are the rim's, named in the window, whose columns have ny
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import (
     COUNTS,

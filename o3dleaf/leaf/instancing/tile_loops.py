@@ -4,8 +4,7 @@ A column's samples are runs of one label, the first at k = 0. A tile's point (i,
 (i ny + j) nz + k, its edges are named as in `o3dleaf.surface.isosurface.polygonize_loops`.
 """
 
-from numba import njit
-
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.isosurface.cell_loops import COUNTS, DIRECTIONS
 from o3dleaf.surface.isosurface.polygonize_loops import corner_code
 from o3dleaf.surface.mesh.adjacency_loops import find_root, join

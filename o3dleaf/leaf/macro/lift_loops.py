@@ -1,8 +1,8 @@
 """Compiled: the lift along up, and its Jacobian."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.macro.frame_loops import station
 
 

@@ -7,8 +7,8 @@ over it is S + y₃ N, whose Jacobian needs the second derivatives of the axis, 
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.blade.vector_loops import cross3, dot3
 from o3dleaf.leaf.macro.frame_loops import axis_at, segment, spline
 

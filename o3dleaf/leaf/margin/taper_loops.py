@@ -3,7 +3,7 @@
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
+from o3dleaf.core.compiled.decorator import njit
 
 
 class MarginSides(NamedTuple):

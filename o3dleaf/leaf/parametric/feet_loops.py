@@ -9,8 +9,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
 from o3dleaf.leaf.parametric.spline_loops import JET
 from o3dleaf.leaf.parametric.surface_loops import jets_at

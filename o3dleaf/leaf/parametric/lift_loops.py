@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.blade.vector_loops import dot3
 from o3dleaf.leaf.parametric.spline_loops import JET
 from o3dleaf.leaf.parametric.surface_loops import jets_at

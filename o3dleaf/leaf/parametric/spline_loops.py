@@ -6,8 +6,7 @@ Of a jet, S, S_u, S_v, S_uu, S_uv, S_vv, each is one row.
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.local.weight_loops import wendland, wendland_derivative_over_tau
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
 

@@ -6,8 +6,8 @@ of S add are left out.
 """
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import order_by_leaf
 from o3dleaf.leaf.parametric.spline_loops import JET, add_ball, spline_of
 

@@ -1,8 +1,8 @@
 """The compiled loop that moves points onto the planes through their neighborhoods."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.cloud.cloud_loops import adjacent_runs, diagonalize
 
 

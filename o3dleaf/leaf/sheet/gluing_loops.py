@@ -1,8 +1,8 @@
 """The compiled loops that glue triangles along their edges into surfaces without handles."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.cloud.parity_loops import join
 
 

@@ -1,7 +1,8 @@
 """The compiled loop that triangulates a hole with the least area."""
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

@@ -1,8 +1,8 @@
 """The compiled loops of triangles between points: Delaunay stars in tangent planes, and those that fit together."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.cloud.cloud_loops import adjacent_runs
 
 MAX_STAR = 24

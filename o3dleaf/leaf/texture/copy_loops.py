@@ -8,7 +8,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 MAX_COPIES = 9
 """Copies of a point: in each direction its own tile's and, at most, both neighbors'."""

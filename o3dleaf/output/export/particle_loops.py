@@ -1,7 +1,8 @@
 """Compiled loops: samples thinned to particles, and where columns of a lattice pass a closed mesh."""
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

@@ -1,7 +1,8 @@
 """The compiled loops over the points of a cloud: planes through neighbors, empty balls, agreement of normals."""
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 SWEEPS = 12
 """Of Jacobi's method on 3 x 3 matrices; it converges quadratically, five are the rule."""

@@ -1,8 +1,8 @@
 """The compiled loops of joining points with a sign, and of the winding number."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.cloud.cloud_loops import mirrored
 
 LEVELS = 64

@@ -3,8 +3,8 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.local.fit_loops import gather
 from o3dleaf.fitting.rbf.radial_loops import radial_values, squared_distances

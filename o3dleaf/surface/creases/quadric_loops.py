@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
 
 RIDGE = 1e-3

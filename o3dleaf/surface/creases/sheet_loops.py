@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.creases.quadric_loops import OUTLIER, SLACK, measure, misfit, product
 
 MIN_SMOOTH = 8

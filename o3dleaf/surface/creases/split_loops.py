@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.surface.creases.quadric_loops import product
 from o3dleaf.surface.creases.sheet_loops import find_sheets, place_of, squared_distance

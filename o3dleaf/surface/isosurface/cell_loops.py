@@ -17,7 +17,8 @@ from itertools import permutations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 MIN_FRACTION = 1e-6
 """A vertex keeps this part of its edge from both ends: a sample on the level itself costs no manifoldness."""

@@ -5,7 +5,8 @@ or writes all over its arrays, and ten million triangles take them a second.
 """
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 
 @njit(nogil=True, cache=True)

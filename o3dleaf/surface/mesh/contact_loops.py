@@ -5,8 +5,7 @@ counter-clockwise seen along that axis, along which it is not a line; −1 for o
 neighbours of a smooth surface are separated in that view.
 """
 
-from numba import njit
-
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.mesh.predicate_loops import line_side, plane_side
 
 

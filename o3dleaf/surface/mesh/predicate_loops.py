@@ -6,7 +6,8 @@ as long as no product of three coordinates leaves the range of float64: between 
 """
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 EPSILON = 2.0**-53
 PLANE_BOUND = (7 + 56 * EPSILON) * EPSILON

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 
 class PointsWithNormals(NamedTuple):

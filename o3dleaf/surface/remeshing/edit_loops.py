@@ -1,8 +1,8 @@
 """Edits of a mesh of half-edges that make its triangles better, and passes of them over the mesh."""
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.remeshing.halfedge_loops import (
     CREASE,
     MAX_VALENCE,

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 SMOOTH, CREASE, LOCKED = 0, 1, 2
 MAX_VALENCE = 48

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.remeshing.halfedge_loops import CREASE, LOCKED, MAX_VALENCE, after, before, fan
 from o3dleaf.surface.remeshing.score_loops import NOTHING, keeps_shape, score_fan, score_triangle
 from o3dleaf.surface.remeshing.shape_loops import dot, normal_of, square

@@ -9,8 +9,8 @@ there; `o3dleaf.surface.remeshing.limits` has the limits.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.surface.remeshing.halfedge_loops import CREASE, after, before
 from o3dleaf.surface.remeshing.shape_loops import (
     dot,

@@ -5,7 +5,8 @@ from 0 on, lie on one line: no diagonal joins them.
 """
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 THIN = 1e-7
 """Height over its longest side of a triangle that is as good as none: facets that share a plane end in one line."""

@@ -7,7 +7,8 @@ coordinates only: in the world a sliver may turn over, and cross its neighbors.
 import math
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 BETTER = 1e-6
 """Sine of what two opposite angles must exceed a half turn by: corners on one circle may keep either diagonal."""

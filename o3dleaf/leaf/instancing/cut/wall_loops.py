@@ -8,8 +8,8 @@ polygons in the upright plane over the margin, some with holes.
 import math
 
 import numpy as np
-from numba import njit
 
+from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
 from o3dleaf.leaf.instancing.cut.flip_loops import flip_diagonals
 

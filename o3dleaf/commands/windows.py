@@ -1,4 +1,4 @@
-"""`o3dleaf pick`: the midrib of a scan, picked by hand."""
+"""`o3dleaf view` and `o3dleaf pick`: what opens Open3D's window."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +8,20 @@ from o3dleaf.core.job import Job, argument, output
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
+
+
+@dataclass(frozen=True)
+class ViewJob(Job):
+    """Show meshes and point clouds in Open3D's window."""
+
+    files: list[Path] = argument("Meshes and point clouds.", reads=True)
+
+    def work(self) -> None:
+        """Show them until the window is closed."""
+        from o3dleaf.io.geometry import read_geometry
+        from o3dleaf.output.view.window import show
+
+        show(*(read_geometry(file) for file in self.files))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,9 @@
+"""Machine code: compiled once for a level of processors, shipped with the package, kept on disk.
+
+`decorator`     the decorator of every compiled function
+`sources`       the source text that a compiled function depends on
+`code_files`    compiled code in files, each with the key that it was made for
+`numba_target`  Numba's compiler for a level of processors instead of the one at hand
+`signatures`    the functions that the main jobs call, with the types that they call them with
+`warm_up`       all of these compiled before the first job, on all cores
+"""

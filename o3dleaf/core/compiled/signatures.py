@@ -1,0 +1,64 @@
+"""The functions that Python calls in the main jobs, and the types that it calls them with, as text.
+
+Each line of `signatures.txt` is a function and the types of its arguments, written as Numba makes them.
+`scripts/list_compiled.py` writes it from what the jobs compile; a test finds what is missing.
+"""
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from numba import types
+
+LIST = Path(__file__).with_name("signatures.txt")
+
+
+def listed() -> list[str]:
+    """Return the lines of the list."""
+    return LIST.read_text(encoding="utf-8").splitlines()
+
+
+def compile_listed(line: str) -> bool:
+    """Compile the function of a line for its types, or load it; return whether it was compiled."""
+    name, _, arguments = line.partition(" ")
+    module, _, function = name.rpartition(".")
+    known = {**vars(types), "NamedTuple": types.NamedTuple, "record": _record}
+    signature = eval(f"({arguments},)" if arguments else "()", {"__builtins__": {}}, known)  # noqa: S307 - our own list
+    compiled = getattr(importlib.import_module(module), function)
+    compiled.compile(signature)
+    return sum(compiled.stats.cache_misses.values()) > 0
+
+
+def called() -> Iterator[str]:
+    """Yield a line for each function that Python has called in this process, and each set of types."""
+    for module in sorted(name for name in sys.modules if name.startswith("o3dleaf.") and name.endswith("_loops")):
+        for name, function in sorted(vars(sys.modules[module]).items()):
+            if getattr(function, "__module__", None) == module:
+                for signature in getattr(function, "overloads", ()):
+                    yield f"{module}.{name} {', '.join(map(_expression, signature))}".rstrip()
+
+
+def _expression(kind: Any) -> str:
+    """Return what Python would read as this type, given the names of `numba.types` and `record`."""
+    if isinstance(kind, types.BaseNamedTuple):
+        parts = ", ".join(map(_expression, kind.types))
+        return f"record('{kind.instance_class.__module__}', '{kind.instance_class.__qualname__}', {parts})"
+    if isinstance(kind, types.UniTuple):
+        return f"UniTuple({_expression(kind.dtype)}, {kind.count})"
+    if isinstance(kind, types.BaseTuple):
+        return f"Tuple(({', '.join(map(_expression, kind.types))},))"
+    if isinstance(kind, types.Array):
+        readonly = "" if kind.mutable else ", True"
+        return f"Array({_expression(kind.dtype)}, {kind.ndim}, '{kind.layout}'{readonly})"
+    if isinstance(kind, types.Omitted):
+        return f"Omitted({kind.value!r})"
+    return {"bool": "boolean"}.get(str(kind), str(kind))
+
+
+def _record(module: str, name: str, *parts: Any) -> Any:
+    fields = getattr(importlib.import_module(module), name)
+    if parts and all(each == parts[0] for each in parts):
+        return types.NamedUniTuple(parts[0], len(parts), fields)
+    return types.NamedTuple(parts, fields)

@@ -1,0 +1,70 @@
+"""Compiling before the first job: all that the main jobs need, on all cores, in processes of their own."""
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+
+from o3dleaf.core import progress
+
+MADE_FOR = "made_for.txt"
+"""The file of a shipped folder that says what its code was made for."""
+
+
+def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
+    """Compile the listed functions that are not on disk yet, and return how many there were to compile.
+
+    Parameters
+    ----------
+    folder : path, optional
+        A folder to ship with the package; by default code is kept where Numba keeps it.
+    workers : int, optional
+        Processes; one a core by default.
+    """
+    from o3dleaf.core.compiled.signatures import listed
+
+    compiled, lines = 0, listed()
+    # Functions of one module share most of what they call: one process compiles that once.
+    groups = [list(group) for _, group in groupby(lines, _module)]
+    with _processes(folder, workers) as pool:
+        tasks = [pool.submit(_compile, group) for group in sorted(groups, key=len, reverse=True)]
+        done = 0
+        for task in as_completed(tasks):
+            lines_there, new = task.result()
+            done, compiled = done + lines_there, compiled + new
+            progress.report(done, len(lines))
+    return compiled
+
+
+@contextmanager
+def _processes(folder: Path | None, workers: int | None) -> Iterator[ProcessPoolExecutor]:
+    context = multiprocessing.get_context("spawn")
+    count = workers or os.cpu_count() or 1
+    with ProcessPoolExecutor(count, context, initializer=_start, initargs=(folder,)) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _module(line: str) -> str:
+    return line.partition(" ")[0].rpartition(".")[0]
+
+
+def _start(folder: Path | None) -> None:
+    """Set up a child process: code goes into `folder`, if that is given."""
+    if folder is not None:
+        from o3dleaf.core.compiled import numba_target
+
+        numba_target.keep_in(folder)
+
+
+def _compile(lines: list[str]) -> tuple[int, int]:
+    """Compile the functions of some lines; return how many there are, and how many were not on disk."""
+    from o3dleaf.core.compiled.signatures import compile_listed
+
+    return len(lines), sum(map(compile_listed, lines))

@@ -1,0 +1,135 @@
+"""Print what each job compiles and how long that takes; with --write, list it for `o3dleaf warm-up` and the wheel.
+
+    scripts/list_compiled.py                  # a table: functions, seconds of compiling, the slowest ones
+    scripts/list_compiled.py --jobs demo qa   # of some jobs
+    scripts/list_compiled.py --write          # all jobs, into o3dleaf/core/compiled/signatures.txt
+
+Each job runs in a process of its own. Without --write nothing compiled is kept from one job to the next, so that the
+seconds are those of a first run: processor time of the process's main thread while Numba compiles, callees included.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+from numba.core import event
+
+from o3dleaf.commands.cli import main as command_line
+from o3dleaf.core.compiled.signatures import LIST, called
+
+ROOT = Path(__file__).resolve().parent.parent
+SAMPLES = ROOT / "data_samples"
+SCAN, MIDRIB, CT = (SAMPLES / name for name in ("wheat_scan.ply", "wheat_midrib.ply", "wheat_ct_24um.tif"))
+JOBS = {
+    "demo": "demo -o {folder}/demo",
+    "leaf": "leaf {scan} --spacing 0.4 -o {folder}/blade.ply",
+    "leaf closed": "leaf {scan} --ct {ct} --closed --remesh 0.3 --spacing 0.3 -o {folder}/closed.ply",
+    "leaf paper": "leaf {scan} --midrib {midrib} --frame paper --ct {ct} --spacing 0.3 -o {folder}/paper.ply",
+    "reconstruct": "reconstruct {folder}/oriented.ply -o {folder}/surface.ply --model {folder}/surface.o3l "
+    "--picture {folder}/surface.png",
+    "reconstruct without normals": "reconstruct {folder}/points.ply -o {folder}/points_surface.ply",
+    "reconstruct hermite": "reconstruct {folder}/oriented.ply --local hermite -o {folder}/hermite.ply",
+    "qa": "qa {folder}/surface.ply --field {folder}/surface.o3l --cloud {folder}/oriented.ply --html {folder}/qa.html",
+    "clean": "clean {folder}/surface.ply --triangles 2000 -o {folder}/clean.ply",
+    "export": "export {folder}/demo/leaf.o3l --for openfoam --region 90 -2 96 2 --spacing 0.1 -o {folder}/leaf.stl",
+    "render": "render {folder}/surface.ply -o {folder}/render.png",
+}
+"""Command lines, each of which may read what those before it wrote."""
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--jobs", nargs="+", choices=JOBS, default=list(JOBS), help="some jobs, and what they read")
+    options.add_argument("--write", action="store_true", help="run all jobs and write the list")
+    options.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
+    given = options.parse_args()
+    if given.one:
+        run_here(*given.one)
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_clouds(folder)
+        lines = set()
+        for job, command in JOBS.items():
+            words = command.format(folder=folder, scan=SCAN, midrib=MIDRIB, ct=CT)
+            done = run_apart(words, folder, keep=given.write or job not in given.jobs)
+            lines.update(done["lines"])
+            if job in given.jobs:
+                print_job(job, done)
+        if given.write:
+            LIST.write_text("".join(f"{line}\n" for line in sorted(lines)), encoding="utf-8")
+            print(f"{len(lines)} lines in {LIST}")
+
+
+def write_clouds(folder):
+    """Write a noisy torus, with normals and without."""
+    rng = np.random.default_rng(0)
+    u, v = rng.uniform(0, 2 * np.pi, (2, 4000))
+    normals = np.column_stack([np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)])
+    points = np.column_stack([2 * np.cos(u), 2 * np.sin(u), 0 * u]) + normals + rng.normal(0, 0.01, (4000, 3))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    o3d.io.write_point_cloud(str(folder / "points.ply"), cloud)
+    cloud.normals = o3d.utility.Vector3dVector(normals)
+    o3d.io.write_point_cloud(str(folder / "oriented.ply"), cloud)
+
+
+def run_apart(words, folder, *, keep):
+    """Run a command line in a process of its own and return what it compiled."""
+    result = folder / "compiled.json"
+    with tempfile.TemporaryDirectory(dir=folder) as empty:
+        environment = os.environ if keep else os.environ | {"NUMBA_CACHE_DIR": empty}
+        command = [sys.executable, __file__, "--one", words, str(result)]
+        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    return json.loads(result.read_text())
+
+
+def run_here(words, result):
+    """Run a command line in this process and write what it compiled, and how long that took."""
+    compiling = Compiling()
+    event.register("numba:compile", compiling)
+    sys.argv = ["o3dleaf", *words.split(), "--quiet"]
+    try:
+        command_line()
+    except SystemExit as stop:
+        if stop.code not in (0, 1, None):  # 1: a mesh that does not meet a requirement
+            raise
+    done = {"lines": list(called()), "seconds": compiling.seconds, "count": compiling.count}
+    Path(result).write_text(json.dumps(done))
+
+
+class Compiling(event.Listener):
+    """Processor seconds of each function that is compiled, without those compiled inside it."""
+
+    def __init__(self):
+        self.seconds, self.count, self.stack = {}, 0, []
+
+    def on_start(self, event):  # noqa: ARG002 - Numba's
+        self.stack.append([time.thread_time(), 0.0])
+
+    def on_end(self, event):
+        start, inside = self.stack.pop()
+        spent = time.thread_time() - start
+        function = event.data["dispatcher"].py_func
+        name = f"{function.__module__}.{function.__qualname__}"
+        self.seconds[name] = self.seconds.get(name, 0.0) + spent - inside
+        self.count += 1
+        if self.stack:
+            self.stack[-1][1] += spent
+
+
+def print_job(job, done):
+    total = sum(done["seconds"].values())
+    print(f"{job}: {len(done['lines'])} functions called, {done['count']} compiled, callees included, in {total:.1f} s")
+    for name, seconds in sorted(done["seconds"].items(), key=lambda each: -each[1])[:10]:
+        print(f"    {seconds:6.2f} s  {name}")
+
+
+if __name__ == "__main__":
+    main()
