@@ -21,7 +21,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numba
-from numba.core import codegen, config, cpu
+from numba.core import codegen, config, cpu, types, typing
 from numba.core.caching import CompileResultCacheImpl, _Cache
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.dispatcher import _FunctionCompiler
@@ -38,10 +38,17 @@ NAME = "o3dleaf"
 SHIPPED = Path(__file__).parent / "machine_code"
 """The folder of the package with the code that a wheel brings; a checkout has none."""
 
-MADE_BY = f"Numba {numba.__version__}, llvmlite {version('llvmlite')}, {sys.implementation.cache_tag}"
+MADE_BY = (
+    f"Numba {numba.__version__}, llvmlite {version('llvmlite')}, {sys.implementation.cache_tag}, "
+    f"{sources.stamp(__name__)[:16]}"
+)
+"""All that code is made by: this file, too."""
 
 ENVIRONMENT = "_ZN08NumbaEnv"
 """How Numba's names of environments begin: the constants of a function that are Python objects."""
+
+RECURSIVE = codegen.RuntimeLinker.PREFIX
+"""How Numba's names of the addresses of functions that call themselves begin."""
 
 LEVELS = {
     "x86-64-v3": ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"),
@@ -63,6 +70,10 @@ def processor_level() -> tuple[str, str]:
     return next(level for level, needed in LEVELS.items() if all(features.get(each) for each in needed)), ""
 
 
+CALLEES: dict[str, "LevelLibrary"] = {}
+"""Libraries of callees by the names of their functions."""
+
+
 class LevelLibrary(codegen.JITCodeLibrary):
     """The code of one function, which calls its own copies of those that it calls, never those of another library.
 
@@ -72,6 +83,7 @@ class LevelLibrary(codegen.JITCodeLibrary):
     is_callee = False
 
     def _optimize_final_module(self) -> None:
+        self._tie_recursive_calls()
         if not self.is_callee:
             super()._optimize_final_module()
             return
@@ -79,6 +91,22 @@ class LevelLibrary(codegen.JITCodeLibrary):
             loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
         )
         passes.run(self._final_module, builder)
+
+    def _tie_recursive_calls(self) -> None:
+        """Let functions that call themselves do so by name; Numba does it by an address that the process fills in."""
+        variables = [variable.name for variable in self._final_module.global_variables]
+        calls = {name: name.removeprefix(RECURSIVE) for name in variables if name.startswith(RECURSIVE)}
+        if not calls:
+            return
+        defined = {function.name for function in self._final_module.functions if not function.is_declaration}
+        elsewhere = set(calls.values()) - defined
+        code = str(self._final_module)
+        for name, function in calls.items():
+            code = code.replace(f'@"{name}" = external global ptr', f'@"{name}" = internal constant ptr @{function}')
+        self._final_module = llvm.parse_assembly(code + "".join(f"declare void @{name}()\n" for name in elsewhere))
+        self._final_module.name = self.name
+        for name in elsewhere:
+            self._final_module.link_in(CALLEES[name]._get_module_for_linking(), preserve=True)
 
     def _finalize_final_module(self) -> None:
         if self._shared_module is None:  # compiled here, not loaded
@@ -130,8 +158,20 @@ class LevelContext(cpu.CPUContext):
         return function
 
 
+class LevelTypes(typing.Context):
+    """Numba's knowledge of types; functions that it has compiled for the processor at hand are compiled anew."""
+
+    def resolve_value_type(self, val: Any) -> Any:
+        """Return the type of a global of a compiled function."""
+        return super().resolve_value_type(_own(val) if type(val) is CPUDispatcher else val)
+
+
 class LevelTarget(CPUTarget):
     """Numba's description of a target, with that context."""
+
+    @threadsafe_cached_property
+    def _toplevel_typing_context(self) -> LevelTypes:
+        return LevelTypes()
 
     @threadsafe_cached_property
     def _toplevel_target_context(self) -> LevelContext:
@@ -239,6 +279,7 @@ class Callee(CPUDispatcher):
             cres.library.is_callee = True
             cres = cres._replace(entry_point=object())
             self.targetctx.insert_user_function(cres.entry_point, cres.fndesc, [cres.library])
+        CALLEES[cres.fndesc.llvm_func_name] = cres.library
         self.overloads[tuple(cres.signature.args)] = cres
 
 
@@ -255,7 +296,12 @@ class LevelDispatcher(CPUDispatcher):
         pipeline_class: Any = Compiler,
     ) -> None:
         super().__init__(py_func, locals, targetoptions, pipeline_class)
-        self.callee = Callee(py_func, locals, targetoptions, pipeline_class)
+        self.callee = Callee(py_func, self.locals, self.targetoptions, pipeline_class)
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What a caller's compiler takes this for."""
+        return types.Dispatcher(self.callee)
 
     def enable_caching(self) -> None:
         """Load and keep code on disk."""
@@ -265,15 +311,9 @@ class LevelDispatcher(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Compile or load the function for these arguments, and with it what Numba itself compiles for it."""
         with target_override(NAME):
+            if self.py_func.__name__ in self.py_func.__code__.co_names:  # it calls itself, as its own callee
+                self.callee.compile(sig)
             return super().compile(sig)
-
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return what a caller must know of the types."""
-        return self.callee.get_call_template(args, kws)
-
-    def get_overload(self, sig: Any) -> Any:
-        """Return the key by which a caller's compiler finds the code."""
-        return self.callee.get_overload(sig)
 
 
 class ProcessorLevel(CPU):
@@ -285,9 +325,20 @@ def njit(*function: Any, **options: Any) -> Callable[[Any], Any]:
     return numba.jit(*function, **{**options, "nopython": True, "_target": NAME})
 
 
+def _callee(**options: Any) -> Callable[[Any], Any]:
+    """Return the decorator that Numba gives its own functions: they are only called by ours."""
+    return lambda function: njit(**options)(function).callee
+
+
 target_registry[NAME] = ProcessorLevel
 dispatcher_registry[ProcessorLevel] = LevelDispatcher
-jit_registry[ProcessorLevel] = njit
+jit_registry[ProcessorLevel] = _callee
+
+
+@cache
+def _own(function: CPUDispatcher) -> LevelDispatcher:
+    """Return a function of Numba's own for this target."""
+    return LevelDispatcher(function.py_func, function.locals, function.targetoptions)
 
 
 def keep_in(folder: Path) -> None:
@@ -314,7 +365,7 @@ def _record_modules(sig: Any) -> set[str]:
     found, waiting = set(), list(sig if isinstance(sig, tuple) else sig.args)
     while waiting:
         kind = waiting.pop()
-        if isinstance(kind, numba.types.BaseNamedTuple):
+        if isinstance(kind, types.BaseNamedTuple):
             found.add(kind.instance_class.__module__)
         waiting += getattr(kind, "types", ())
     return found

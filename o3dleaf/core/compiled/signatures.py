@@ -1,6 +1,6 @@
 """The functions that Python calls in the main jobs, and the types that it calls them with, as text.
 
-Each line of `signatures.txt` is a function and the types of its arguments, written as Numba makes them.
+Each line of `signatures.txt` is a function and the types of its arguments, as expressions of `numba.types`.
 `scripts/list_compiled.py` writes it from what the jobs compile; a test finds what is missing.
 """
 
@@ -20,28 +20,30 @@ def listed() -> list[str]:
     return LIST.read_text(encoding="utf-8").splitlines()
 
 
-def compile_listed(line: str) -> bool:
-    """Compile the function of a line for its types, or load it; return whether it was compiled."""
-    name, _, arguments = line.partition(" ")
-    module, _, function = name.rpartition(".")
-    known = {**vars(types), "NamedTuple": types.NamedTuple, "record": _record}
-    signature = eval(f"({arguments},)" if arguments else "()", {"__builtins__": {}}, known)  # noqa: S307 - our own list
-    compiled = getattr(importlib.import_module(module), function)
-    compiled.compile(signature)
-    return sum(compiled.stats.cache_misses.values()) > 0
-
-
 def called() -> Iterator[str]:
     """Yield a line for each function that Python has called in this process, and each set of types."""
     for module in sorted(name for name in sys.modules if name.startswith("o3dleaf.") and name.endswith("_loops")):
-        for name, function in sorted(vars(sys.modules[module]).items()):
+        for _, function in sorted(vars(sys.modules[module]).items()):
             if getattr(function, "__module__", None) == module:
                 for signature in getattr(function, "overloads", ()):
-                    yield f"{module}.{name} {', '.join(map(_expression, signature))}".rstrip()
+                    yield written(function, signature)
+
+
+def written(function: Any, signature: tuple[Any, ...]) -> str:
+    """Return the line of a compiled function and types."""
+    return f"{function.__module__}.{function.__name__} {', '.join(map(_expression, signature))}".rstrip()
+
+
+def read(line: str) -> tuple[Any, tuple[Any, ...]]:
+    """Return the compiled function and the types of a line."""
+    name, _, arguments = line.partition(" ")
+    module, _, function = name.rpartition(".")
+    known = {**vars(types), "record": _record, "__builtins__": {"True": True}}
+    signature = eval(f"({arguments},)" if arguments else "()", known)  # noqa: S307 - our own list
+    return getattr(importlib.import_module(module), function), signature
 
 
 def _expression(kind: Any) -> str:
-    """Return what Python would read as this type, given the names of `numba.types` and `record`."""
     if isinstance(kind, types.BaseNamedTuple):
         parts = ", ".join(map(_expression, kind.types))
         return f"record('{kind.instance_class.__module__}', '{kind.instance_class.__qualname__}', {parts})"
@@ -58,7 +60,8 @@ def _expression(kind: Any) -> str:
 
 
 def _record(module: str, name: str, *parts: Any) -> Any:
+    """Return the type of a named tuple of these parts."""
     fields = getattr(importlib.import_module(module), name)
-    if parts and all(each == parts[0] for each in parts):
+    if len(set(parts)) == 1:
         return types.NamedUniTuple(parts[0], len(parts), fields)
     return types.NamedTuple(parts, fields)

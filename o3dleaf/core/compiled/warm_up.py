@@ -64,7 +64,12 @@ def _start(folder: Path | None) -> None:
 
 
 def _compile(lines: list[str]) -> tuple[int, int]:
-    """Compile the functions of some lines; return how many there are, and how many were not on disk."""
-    from o3dleaf.core.compiled.signatures import compile_listed
+    """Compile or load the functions of some lines; return how many there are, and how many were not on disk."""
+    from o3dleaf.core.compiled.signatures import read
 
-    return len(lines), sum(map(compile_listed, lines))
+    compiled = 0
+    for line in lines:
+        function, signature = read(line)
+        function.compile(signature)
+        compiled += function.stats.cache_misses[signature]
+    return len(lines), compiled

@@ -1,0 +1,189 @@
+"""What is compiled now, what is loaded and what was called before make no difference to a result, and nor do others."""
+
+import os
+import subprocess
+import sys
+
+import llvmlite.binding as llvm
+import numpy as np
+import pytest
+from numba import njit as of_numba
+
+from o3dleaf.core.compiled import numba_target
+from o3dleaf.core.compiled.decorator import njit
+from o3dleaf.core.compiled.numba_target import LEVELS, processor_level
+
+LOOPS = """
+import math
+import numpy as np
+from o3dleaf.core.compiled.decorator import njit
+
+REASSOCIATE = {"reassoc", "contract", "nsz"}
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def total(a, b, count):
+    s = 0.0
+    for i in range(count):
+        s += a[i] * b[i]
+    return s
+
+@njit(nogil=True, cache=True)
+def totals(a, b):
+    s = np.empty(len(a))
+    for i in range(len(a)):
+        s[i] = total(a[i], b[i], a.shape[1])
+        for j in range(a.shape[1] // 3):
+            s[i] += math.exp(total(a[i], a[j], j)) / 7
+    return s
+
+@njit(nogil=True, cache=True)
+def fibonacci(n):
+    return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
+
+@njit(nogil=True, cache=True)
+def mixed(a):
+    order = np.argsort(a, kind="mergesort")
+    return fibonacci(15), np.cumsum(a[order]), np.linalg.eigvalsh(np.outer(a[:5], a[:5])), np.median(a)
+"""
+
+CALLS = """
+import sys
+import numpy as np
+import some_loops as loops
+a, b = np.random.default_rng(0).random((2, 50, 77))
+if "callee first" in sys.argv:
+    loops.total(b[0], b[1], 77)
+parts = [loops.totals(a, b), *loops.mixed(a.ravel())]
+print("|".join(np.asarray(each).tobytes().hex() for each in parts))
+print(sum(sum(f.stats.cache_misses.values()) for f in (loops.total, loops.totals, loops.mixed)))
+"""
+
+
+@pytest.fixture
+def call(tmp_path):
+    """Return a function that calls some loops in a process of its own, and returns results and what it compiled."""
+    (tmp_path / "some_loops.py").write_text(LOOPS)
+
+    def run(*words, **environment):
+        path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+        command = [sys.executable, "-c", CALLS, *words]
+        done = subprocess.run(
+            command,
+            env=os.environ | {"PYTHONPATH": path} | environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        bits, compiled = done.stdout.splitlines()
+        return bits, int(compiled)
+
+    return run
+
+
+def test_compiled_loaded_and_called_in_any_order_give_the_same_bits(call, tmp_path):
+    compiled, first = call()
+    loaded, second = call()
+    anew, third = call("callee first", NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))
+    assert (first, second, third) == (2, 0, 3)
+    assert compiled == loaded == anew
+
+
+def test_where_nothing_can_be_written_it_compiles(call, tmp_path):
+    """Numba itself raises at import."""
+    (tmp_path / "file").touch()
+    hidden = {"HOME": str(tmp_path / "file"), "XDG_CACHE_HOME": str(tmp_path / "file")}
+    (tmp_path / "__pycache__").touch()
+    bits, compiled = call(NUMBA_CACHE_DIR="", **hidden)
+    assert compiled == 2
+    assert bits == call(NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))[0]
+
+
+def test_a_file_for_another_source_is_not_loaded(call, tmp_path):
+    """The name is the same, and a function that is only called has changed."""
+    assert call()[1] == 2
+    (tmp_path / "some_loops.py").write_text(LOOPS.replace("/ 7", "/ 9"))
+    assert call()[1] == 2
+    assert call()[1] == 0
+
+
+def test_a_file_that_another_numba_wrote_is_not_loaded(call, tmp_path):
+    bits, _ = call()
+    for path in tmp_path.rglob("*.code"):
+        path.write_bytes(path.read_bytes().replace(b"Numba 0.6", b"Numba 0.7", 1))
+    assert call() == (bits, 2)
+
+
+def test_a_damaged_file_is_not_loaded(call, tmp_path):
+    bits, _ = call()
+    for path in tmp_path.rglob("*.code"):
+        content = bytearray(path.read_bytes())
+        content[len(content) // 2] ^= 255
+        path.write_bytes(content)
+    assert call() == (bits, 2)
+
+
+@njit(nogil=True)
+def product(a, b):
+    """Return Σ a b."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@njit(nogil=True, fastmath=True)
+def fast_product(a, b):
+    """Return Σ a b in any order."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+@of_numba(fastmath=True)
+def product_of_numba(a, b):
+    """Return Σ a b in any order."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
+
+
+def test_code_is_for_the_level_and_nothing_else_of_this_processor():
+    """Functions of others stay for the processor at hand."""
+    a = np.arange(5.0)
+    assert fast_product(a, a) == product_of_numba(a, a) == product(a, a) == 30.0
+    ours, theirs = (next(iter(f.overloads.values())).library.codegen for f in (fast_product, product_of_numba))
+    assert ours.magic_tuple()[1:] == (os.environ.get("NUMBA_CPU_NAME", processor_level()[0]), ours._tm_features)
+    assert ours is not theirs
+    if "NUMBA_CPU_NAME" not in os.environ:
+        assert theirs.magic_tuple()[1] == llvm.get_host_cpu_name()
+        assert "zmm" not in next(iter(fast_product.inspect_asm().values()))
+
+
+def test_a_level_is_the_highest_that_the_processor_has(monkeypatch):
+    """Each level asks for more than the one below it does not."""
+    features = dict.fromkeys({name for needed in LEVELS.values() for name in needed}, True)
+    for level, needed in LEVELS.items():
+        monkeypatch.setattr(llvm, "get_host_cpu_features", lambda features=features: features)
+        monkeypatch.setattr(numba_target.platform, "machine", lambda: "x86_64")
+        assert processor_level.__wrapped__() == (level, "")
+        features = features | dict.fromkeys(needed[:1], False)
+
+
+def test_no_machine_code_is_made_of_what_is_only_called():
+    @njit(nogil=True)
+    def inner(x):
+        return x + 1
+
+    @njit(nogil=True)
+    def outer(x):
+        return inner(x)
+
+    assert outer(1) == 2
+    assert not inner.overloads
+    assert len(inner.callee.overloads) == 1
+    assert not next(iter(inner.callee.overloads.values())).library._compiled
+    assert inner(1) == 2
+    assert len(inner.overloads) == 1

@@ -1,0 +1,66 @@
+"""The list of what the main jobs call is complete, and reads as it was written."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba import typeof
+
+from o3dleaf.core.compiled import signatures
+
+ROOT = Path(__file__).resolve().parents[3]
+
+JOBS = """
+import sys
+from o3dleaf.commands.cli import main
+from o3dleaf.core.compiled.signatures import called
+folder = sys.argv[1]
+for words in (
+    "demo --spacing 0.5 -o {0}",
+    "reconstruct {0}/leaf.ply -o {0}/surface.ply",
+    "qa {0}/surface.ply --cloud {0}/leaf.ply --html {0}/qa.html",
+):
+    sys.argv = ["o3dleaf", *words.format(folder).split(), "--quiet"]
+    try:
+        main()
+    except SystemExit as stop:
+        assert stop.code in (0, 1, None), words
+print("CALLED", *called(), sep="\\n")
+"""
+
+
+def test_it_has_all_that_the_main_jobs_call(tmp_path):
+    """Otherwise `scripts/list_compiled.py --write` makes it anew."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-c", JOBS, str(tmp_path)]
+    done = subprocess.run(command, check=True, env=environment, capture_output=True, text=True)
+    called = done.stdout.partition("CALLED\n")[2].splitlines()
+    assert len(called) > 50
+    assert sorted(set(called) - set(signatures.listed())) == []
+
+
+def test_each_line_is_a_function_and_types_that_read_as_they_were_written():
+    assert len(signatures.listed()) > 100
+    for line in signatures.listed():
+        function, types = signatures.read(line)
+        assert signatures.written(function, types) == line
+
+
+@pytest.mark.parametrize(
+    "value",
+    [1, 2.0, True, None, (1, 2.0), (1, 2), np.zeros(2), np.zeros((2, 2)).T, np.zeros(4)[::2], np.zeros(2, np.float32)],
+)
+def test_types_read_as_they_were_written(value):
+    line = signatures.written(signatures.read(signatures.listed()[0])[0], (typeof(value),))
+    assert signatures.read(line)[1] == (typeof(value),)
+
+
+def test_an_array_that_cannot_be_written_to_is_another_type():
+    array = np.zeros(2)
+    array.flags.writeable = False
+    line = signatures.written(signatures.read(signatures.listed()[0])[0], (typeof(array),))
+    assert signatures.read(line)[1] == (typeof(array),)
+    assert signatures.read(line)[1] != (typeof(np.zeros(2)),)
