@@ -2,6 +2,7 @@
 
 from o3dleaf.core.errors import (
     CloudWarning,
+    CodeWarning,
     IllPosedError,
     InputError,
     MemoryBudgetError,
@@ -13,6 +14,7 @@ from o3dleaf.core.errors import (
 
 __all__ = [
     "CloudWarning",
+    "CodeWarning",
     "IllPosedError",
     "InputError",
     "MemoryBudgetError",

@@ -47,3 +47,7 @@ class MemoryBudgetError(O3DLeafError, MemoryError):
 
 class CloudWarning(UserWarning):
     """A decision about a point cloud on the way to its surface."""
+
+
+class CodeWarning(UserWarning):
+    """The machine code that came with the package cannot be used here, and functions are compiled anew."""

@@ -13,6 +13,7 @@ callers the first one in the process served all.
 import pickle
 import platform
 import sys
+import warnings
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
@@ -32,6 +33,8 @@ from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, 
 from numba.core.utils import threadsafe_cached_property
 
 from o3dleaf.core.compiled import code_files, sources
+from o3dleaf.core.errors import CodeWarning
+from o3dleaf.core.journal import note, open_journal
 
 NAME = "o3dleaf"
 
@@ -43,6 +46,9 @@ MADE_BY = (
     f"{sources.stamp(__name__)[:16]}"
 )
 """All that code is made by: this file, too."""
+
+MADE_FOR = "made_for.txt"
+"""The file in that folder that says what its code was made by, and for which processors."""
 
 ENVIRONMENT = "_ZN08NumbaEnv"
 """How Numba's names of environments begin: the constants of a function that are Python objects."""
@@ -199,6 +205,8 @@ class CodeCache(_Cache):
         payload = None if _only_folder else code_files.read_code(SHIPPED / name, key)
         if payload is None and (folder := _writable_folder(self._function)) is not None:
             payload = code_files.read_code(folder / name, key)
+        if payload is None:
+            _tell_once()
         return None if payload is None else self._unpack(payload, target_context)
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
@@ -333,6 +341,29 @@ def _callee(**options: Any) -> Callable[[Any], Any]:
 target_registry[NAME] = ProcessorLevel
 dispatcher_registry[ProcessorLevel] = LevelDispatcher
 jit_registry[ProcessorLevel] = _callee
+
+
+def made_for() -> str:
+    """Return what code in this process is made by, and for which processors."""
+    return ", ".join((MADE_BY, *LevelDispatcher.targetdescr.target_context.codegen().magic_tuple()))
+
+
+@cache
+def _tell_once() -> None:
+    """Say so, if the package brings machine code, but for something else than this process."""
+    try:
+        brought = (SHIPPED / MADE_FOR).read_text(encoding="utf-8")
+    except OSError:
+        return
+    if brought != made_for():
+        text = (
+            f"the machine code that came with this package is for {brought}, not for {made_for()}: functions are "
+            "compiled when they are first called, which takes minutes once; `o3dleaf warm-up` does it on all cores"
+        )
+        if open_journal() is None:
+            warnings.warn(text, CodeWarning, stacklevel=2)
+        else:
+            note(text)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -10,9 +11,6 @@ from pathlib import Path
 
 from o3dleaf.core import progress
 
-MADE_FOR = "made_for.txt"
-"""The file of a shipped folder that says what its code was made for."""
-
 
 def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
     """Compile the listed functions that are not on disk yet, and return how many there were to compile.
@@ -20,7 +18,7 @@ def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
     Parameters
     ----------
     folder : path, optional
-        A folder to ship with the package; by default code is kept where Numba keeps it.
+        Where to; by default code is kept where Numba keeps it.
     workers : int, optional
         Processes; one a core by default.
     """
@@ -73,3 +71,17 @@ def _compile(lines: list[str]) -> tuple[int, int]:
         function.compile(signature)
         compiled += function.stats.cache_misses[signature]
     return len(lines), compiled
+
+
+def _ship(folder: Path) -> None:
+    """Fill a folder that a package brings: what Python calls, and what it was made for."""
+    from o3dleaf.core.compiled.numba_target import MADE_FOR, made_for
+
+    warm_up(folder)
+    for path in folder.glob("*.callee"):
+        path.unlink()
+    (folder / MADE_FOR).write_text(made_for(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    _ship(Path(sys.argv[1]))
