@@ -45,7 +45,7 @@ JOBS = {
     "demo, 4 threads": "demo -o demo4 --threads 4",
     "reconstruct, 20,000 points": "reconstruct cloud.ply -o surface.ply",
     "qa": "qa surface.ply --cloud cloud.ply --html qa.html",
-    "leaf, remeshed": "leaf demo/samples/wheat_scan.ply --closed --remesh 0.4 --spacing 0.4 -o remeshed.ply",
+    "leaf, remeshed": "leaf {samples}/wheat_scan.ply --closed --remesh 0.4 --spacing 0.4 -o remeshed.ply",
     "export": "export surface.ply --for openfoam --unit mm -o surface.stl",
 }
 
@@ -55,8 +55,7 @@ def main():
     subprocess.run([sys.executable, "-c", CLOUD], check=True)
     failed = False
     for name, words in JOBS.items():
-        words = words.replace("demo/samples", str(samples))
-        failed |= job(name, words.split(), os.environ) > 0
+        failed |= job(name, words.format(samples=samples).split(), os.environ) > 0
     elsewhere = os.environ | {"NUMBA_CACHE_DIR": "empty"}
     shipped = next(Path(sys.prefix).rglob("o3dleaf/core/compiled/machine_code"))
     shipped.rename(shipped.with_name("away"))
