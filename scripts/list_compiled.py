@@ -30,8 +30,8 @@ SCAN, MIDRIB, CT = (SAMPLES / name for name in ("wheat_scan.ply", "wheat_midrib.
 JOBS = {
     "demo": "demo -o {folder}/demo",
     "leaf": "leaf {scan} --spacing 0.4 -o {folder}/blade.ply",
-    "leaf closed": "leaf {scan} --ct {ct} --closed --remesh 0.3 --spacing 0.3 -o {folder}/closed.ply",
-    "leaf paper": "leaf {scan} --midrib {midrib} --frame paper --ct {ct} --spacing 0.3 -o {folder}/paper.ply",
+    "leaf closed": "leaf {scan} --ct {ct} --closed --remesh 0.6 --spacing 0.6 -o {folder}/closed.ply",
+    "leaf paper": "leaf {scan} --midrib {midrib} --frame paper --ct {ct} --spacing 0.5 -o {folder}/paper.ply",
     "reconstruct": "reconstruct {folder}/oriented.ply -o {folder}/surface.ply --model {folder}/surface.o3l "
     "--picture {folder}/surface.png",
     "reconstruct without normals": "reconstruct {folder}/points.ply -o {folder}/points_surface.ply",
@@ -86,7 +86,7 @@ def run_apart(words, folder, *, keep):
     with tempfile.TemporaryDirectory(dir=folder) as empty:
         environment = os.environ if keep else os.environ | {"NUMBA_CACHE_DIR": empty}
         command = [sys.executable, __file__, "--one", words, str(result)]
-        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+        subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return json.loads(result.read_text())
 
 
@@ -94,7 +94,7 @@ def run_here(words, result):
     """Run a command line in this process and write what it compiled, and how long that took."""
     compiling = Compiling()
     event.register("numba:compile", compiling)
-    sys.argv = ["o3dleaf", *words.split(), "--quiet"]
+    sys.argv = ["o3dleaf", *words.split()]
     try:
         command_line()
     except SystemExit as stop:
