@@ -17,12 +17,12 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.output.view.camera import EYE, Camera, View
 from o3dleaf.output.view.camera_loops import mark_covered
 from o3dleaf.output.view.film import Film, Lit, Samples
-from o3dleaf.output.view.shade_loops import aim_at_sky, sum_normals
+from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
 
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
 
-CONTRAST = 0.03
+CONTRAST = 0.06
 """Square roots of light that differ by less, eight steps of a screen's 255, are no edge that needs more samples: their
 mean over the first ones is a tenth of a step off."""
 
@@ -31,6 +31,9 @@ SKY_RAYS = 4
 
 SKY_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 """1/ρ and 1/ρ² of the plastic number, ρ³ = ρ + 1: the steps of the most even additive sequence in the square."""
+
+LIFT = 1e-4
+"""How far above the surface its rays to the light start, in widths of the picture."""
 
 SKY_REACH = 0.04
 """How far a sky ray looks for an obstacle, in widths of the picture."""
@@ -107,13 +110,13 @@ class Surface:
     ----------
     shot : Shot
     tree : open3d.t.geometry.RaycastingScene
-    normals : (n, 3) ndarray, optional
-        Of the vertices; None: the triangles are flat.
+    normals : (n, 3) ndarray
+        Of the vertices; without rows, the triangles are flat.
     """
 
     shot: Shot
     tree: o3d.t.geometry.RaycastingScene
-    normals: FloatArray | None
+    normals: FloatArray
 
     @classmethod
     def of(cls, shot: Shot) -> "Surface":
@@ -122,7 +125,7 @@ class Surface:
         local, triangles = (shot.vertices - shot.camera.target).astype(np.float32), shot.triangles.astype(np.uint32)
         tree = o3d.t.geometry.RaycastingScene()
         tree.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles))
-        return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else None)
+        return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else np.empty((0, 3)))
 
     def light(self, samples: Samples) -> Lit:
         """Return what samples hit and how it is lit."""
@@ -131,18 +134,16 @@ class Surface:
         answer = {name: value.numpy() for name, value in self.tree.cast_rays(o3d.core.Tensor.from_numpy(rays)).items()}
         hit = np.flatnonzero(np.isfinite(answer["t_hit"]))
         triangle = answer["primitive_ids"][hit].astype(np.int64)
-        uv = answer["primitive_uvs"][hit].astype(np.float64)
-        weights = np.column_stack([1 - uv.sum(axis=1), uv])
-        way = rays[hit, 3:].astype(np.float64)
-        flat = answer["primitive_normals"][hit].astype(np.float64)
-        facing = np.where(np.einsum("ij,ij->i", flat, way) > 0, -1.0, 1.0)
-        flat *= facing[:, np.newaxis]
-        normal = flat
-        if self.normals is not None:
-            normal = _interpolate(self.normals, triangles[triangle], weights) * facing[:, np.newaxis]
-            # Where two faces lie back to back the normals of their vertices cancel.
-            normal = np.where(normal.any(axis=1, keepdims=True), normal, flat)
-        place = rays[hit, :3] + answer["t_hit"][hit, np.newaxis] * way + 1e-4 * camera.width * flat
+        rays, count, lift = rays[hit], len(hit), LIFT * camera.width
+        place, normal, facing, weights = (
+            np.empty((count, 3)),
+            np.empty((count, 3)),
+            np.empty(count),
+            np.empty((count, 3)),
+        )
+        met = (answer[name][hit] for name in ("t_hit", "primitive_uvs", "primitive_normals"))
+        stand_on(rays, *met, triangle, triangles, self.normals, lift, place, normal, facing, weights)
+        way = rays[:, 3:].astype(np.float64)
         color = self.shot.paint(triangle, weights, facing)
         scattered, sky, gloss = reflect(normal, way, camera, self.lit(place)).T[..., np.newaxis]
         light = np.hstack([color * scattered + gloss, color * sky])
@@ -190,13 +191,6 @@ def reflect(
     gloss = np.clip(np.einsum("ij,ij->i", normal, half), 0, None) ** 20 * lit
     rim = (1 - np.clip(-np.einsum("ij,ij->i", normal, way), 0, 1)) ** 3
     return np.column_stack([1.15 * direct + 0.10 * rim, 0.40 * sky, 0.05 * gloss + 0.01 * rim])
-
-
-def _interpolate(values: FloatArray, corners: IntArray, weights: FloatArray) -> FloatArray:
-    """Return unit vectors interpolated between the corners of the triangles that were hit."""
-    mixed = np.einsum("ij,ijk->ik", weights, values[corners])
-    length = np.linalg.norm(mixed, axis=1, keepdims=True)
-    return np.asarray(mixed / np.where(length > 0, length, 1))
 
 
 def vertex_normals(vertices: npt.NDArray[np.float32], triangles: IntArray) -> FloatArray:

@@ -22,6 +22,48 @@ def sum_normals(vertices, triangles, normals):
 
 
 @njit(nogil=True, cache=True)
+def stand_on(rays, distance, uv, flat, triangle, triangles, normals, lift, place, normal, facing, weights):
+    """Fill what rays meet where they hit a mesh, on the side that they come from.
+
+    Parameters
+    ----------
+    rays : (k, 6) ndarray
+    distance : (k,) ndarray
+    uv : (k, 2) ndarray
+        Barycentric coordinates of the second and third corner.
+    flat : (k, 3) ndarray
+        Unit normals of the triangles that were hit.
+    triangle : (k,) ndarray of int64
+    triangles : (m, 3) ndarray of int64
+    normals : (n, 3) ndarray
+        Of the vertices; without rows, triangles are flat.
+    lift : float
+        How far above the surface `place` lies.
+    place, normal : (k, 3) ndarrays
+        The normal is interpolated between the vertices, or that of the triangle where those cancel.
+    facing : (k,) ndarray
+        -1 where a triangle is seen from behind, else 1.
+    weights : (k, 3) ndarray
+    """
+    for s in range(len(rays)):
+        along = flat[s, 0] * rays[s, 3] + flat[s, 1] * rays[s, 4] + flat[s, 2] * rays[s, 5]
+        facing[s] = -1.0 if along > 0 else 1.0
+        weights[s, 1], weights[s, 2] = uv[s, 0], uv[s, 1]
+        weights[s, 0] = 1 - weights[s, 1] - weights[s, 2]
+        square = 0.0
+        for axis in range(3):
+            place[s, axis] = rays[s, axis] + distance[s] * rays[s, 3 + axis] + lift * facing[s] * flat[s, axis]
+            normal[s, axis] = 0.0
+            if len(normals):
+                for corner in range(3):
+                    normal[s, axis] += weights[s, corner] * normals[triangles[triangle[s], corner], axis]
+            square += normal[s, axis] ** 2
+        for axis in range(3):
+            bent = normal[s, axis] / math.sqrt(square) if square > 0 else flat[s, axis]
+            normal[s, axis] = facing[s] * bent
+
+
+@njit(nogil=True, cache=True)
 def aim_at_sky(places, normals, axes, first, row, column, steps, rays):
     """Fill rays from surface points into the sky above them, density cos θ / π.
 
@@ -52,9 +94,7 @@ def aim_at_sky(places, normals, axes, first, row, column, steps, rays):
     for s in range(len(places)):
         i, j = row[s] % 3, column[s] % 3
         for axis in range(3):
-            local[axis] = (
-                axes[axis, 0] * normals[s, 0] + axes[axis, 1] * normals[s, 1] + axes[axis, 2] * normals[s, 2]
-            )
+            local[axis] = axes[axis, 0] * normals[s, 0] + axes[axis, 1] * normals[s, 1] + axes[axis, 2] * normals[s, 2]
         x, y = local[0], local[1]
         # Straight away from the viewer there is no shortest way, and nothing to see.
         bend = 1 / max(1 + local[2], 1e-6)
