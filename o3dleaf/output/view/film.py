@@ -1,6 +1,6 @@
 """The pixels of a picture that a mesh covers, and the light that has been gathered in them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import gcd
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import blocks
+from o3dleaf.core.parallel import get_num_threads, run_blocks
 from o3dleaf.output.view.shade_loops import add_samples, find_calm, share_sky, span_samples
 
-BATCH_SIZE = 1 << 17
-"""Samples shaded at once."""
+BATCH_SIZE = 1 << 18
+"""Samples shaded at once, on all threads together."""
 
 GOLDEN = 0.618033989
 
@@ -59,6 +59,9 @@ class Lit:
     normal: FloatArray
 
 
+Light = Callable[[Samples], Lit]
+
+
 class Film:
     """Sums over the samples of every covered pixel, which lie on a grid of `finer` × `finer` in each.
 
@@ -77,39 +80,50 @@ class Film:
         self.low, self.high = (np.full((count, 3), limit, dtype=np.float32) for limit in (np.inf, -np.inf))
         self.place, self.normal = (np.zeros((count, 3), dtype=np.float32) for _ in range(2))
 
-    def first_samples(self) -> Iterator[Samples]:
-        """Yield batches of the first samples of all pixels."""
-        return self._samples(np.arange(len(self.pixels)), range(self.finer))
+    def take_first(self, light: Light) -> None:
+        """Take the first samples of all pixels, and note what tells whether a pixel and its neighbors show the same."""
 
-    def other_samples(self, calm: BoolArray) -> Iterator[Samples]:
-        """Yield batches of the other samples of the pixels that are not calm."""
-        return self._samples(np.flatnonzero(~calm), range(self.finer, self.finer**2))
+        def task(start: int, stop: int) -> None:
+            samples = self._samples(np.arange(start, stop), range(self.finer))
+            lit = light(samples)
+            row = self._add(samples, lit)
+            span_samples(row, lit.light, lit.place, lit.normal, self.low, self.high, self.place, self.normal)
 
-    def _samples(self, chosen: IntArray, numbers: range) -> Iterator[Samples]:
+        run_blocks(task, len(self.pixels), self._batch(self.finer))
+
+    def take_others(self, chosen: BoolArray, light: Light) -> None:
+        """Take the other samples of chosen pixels."""
+        pixels, numbers = np.flatnonzero(chosen), range(self.finer, self.finer**2)
+
+        def task(start: int, stop: int) -> None:
+            samples = self._samples(pixels[start:stop], numbers)
+            self._add(samples, light(samples))
+
+        if numbers:
+            run_blocks(task, len(pixels), self._batch(len(numbers)))
+
+    @staticmethod
+    def _batch(each: int) -> int:
+        """Return the pixels to take at once: each thread its share of the memory, no sample depends on another."""
+        return max(1, BATCH_SIZE // (each * get_num_threads()))
+
+    def _samples(self, pixels: IntArray, numbers: range) -> Samples:
+        """Return samples of some pixels, and count them as taken."""
         at = _places(self.finer)[numbers.start : numbers.stop]
-        each = len(numbers)
-        if not each:
-            return
-        for start, stop in blocks(len(chosen), max(1, BATCH_SIZE // each)):
-            here = chosen[start:stop]
-            self.taken[here] += each
-            row, column = np.divmod(self.pixels[here], self.number.shape[1])
-            yield Samples(
-                (column[:, np.newaxis] + at[:, 1]).ravel(),
-                (row[:, np.newaxis] + at[:, 0]).ravel(),
-                np.tile(np.arange(numbers.start, numbers.stop), len(here)),
-                np.repeat(here, each),
-            )
+        self.taken[pixels] += len(numbers)
+        row, column = np.divmod(self.pixels[pixels], self.number.shape[1])
+        return Samples(
+            (column[:, np.newaxis] + at[:, 1]).ravel(),
+            (row[:, np.newaxis] + at[:, 0]).ravel(),
+            np.tile(np.arange(numbers.start, numbers.stop), len(pixels)),
+            np.repeat(pixels, len(numbers)),
+        )
 
-    def add(self, samples: Samples, lit: Lit) -> None:
-        """Add what samples hit to their pixels."""
+    def _add(self, samples: Samples, lit: Lit) -> IntArray:
+        """Add what samples hit to their pixels, and return those."""
         row = samples.pixel[lit.hit]
         add_samples(row, lit.light, lit.seen, self.fixed, self.sky, self.dimmed, self.hits, self.seen)
-
-    def compare(self, samples: Samples, lit: Lit) -> None:
-        """Note what tells whether a pixel and its neighbors show the same."""
-        row = samples.pixel[lit.hit]
-        span_samples(row, lit.light, lit.place, lit.normal, self.low, self.high, self.place, self.normal)
+        return row
 
     def settle(self, contrast: float, depth: float) -> BoolArray:
         """Return which pixels are calm after the first samples, and give those the mean sky of their neighborhood."""

@@ -22,9 +22,9 @@ from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
 
-CONTRAST = 0.06
-"""Square roots of light that differ by less, eight steps of a screen's 255, are no edge that needs more samples: their
-mean over the first ones is a tenth of a step off."""
+CONTRAST = 0.05
+"""Of a screen's range: where 3 × 3 pixels differ by less, one differs from the next by four steps of 255, and the
+first samples, whose mean is exact for what changes evenly, are off by a tenth of a step."""
 
 SKY_RAYS = 4
 """Rays to the sky for each sample; the samples of a pixel share it evenly."""
@@ -80,13 +80,9 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     """
     surface = Surface.of(shot)
     film = Film(_find_covered(shot), shot.view.supersampling)
-    for samples in film.first_samples():
-        lit = surface.light(samples)
-        film.add(samples, lit)
-        film.compare(samples, lit)
+    film.take_first(surface.light)
     calm = film.settle(contrast, shot.camera.width / shot.size[0])
-    for samples in film.other_samples(calm):
-        film.add(samples, surface.light(samples))
+    film.take_others(~calm, surface.light)
     return film.image()
 
 
@@ -125,6 +121,8 @@ class Surface:
         local, triangles = (shot.vertices - shot.camera.target).astype(np.float32), shot.triangles.astype(np.uint32)
         tree = o3d.t.geometry.RaycastingScene()
         tree.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles))
+        # Open3D builds the tree at the first ray, and looks out for no other thread.
+        tree.cast_rays(o3d.core.Tensor.zeros((1, 6)))
         return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else np.empty((0, 3)))
 
     def light(self, samples: Samples) -> Lit:
