@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import gcd
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
@@ -12,14 +13,14 @@ from o3dleaf.core.parallel import get_num_threads, run_blocks
 from o3dleaf.output.view.shade_loops import add_samples, find_calm, share_sky, span_samples
 
 BATCH_SIZE = 1 << 18
-"""Samples shaded at once, on all threads together."""
+"""PixelSamples shaded at once, on all threads together."""
 
 GOLDEN = 0.618033989
 
 
 @dataclass(frozen=True)
-class Samples:
-    """Samples of some pixels.
+class PixelSamples:
+    """PixelSamples of some pixels.
 
     Attributes
     ----------
@@ -59,7 +60,7 @@ class Lit:
     normal: FloatArray
 
 
-Light = Callable[[Samples], Lit]
+Light = Callable[[PixelSamples], Lit]
 
 
 class Film:
@@ -72,7 +73,7 @@ class Film:
         self.pixels: IntArray = np.flatnonzero(covered)
         count = len(self.pixels)
         self.finer = finer
-        self.number = np.full(covered.shape, -1, dtype=np.int32)
+        self.number: npt.NDArray[np.int32] = np.full(covered.shape, -1, dtype=np.int32)
         self.number.ravel()[self.pixels] = np.arange(count)
         self.fixed, self.sky, self.dimmed = (np.zeros((count, 3), dtype=np.float32) for _ in range(3))
         self.hits, self.seen = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.float32)
@@ -107,19 +108,20 @@ class Film:
         """Return the pixels to take at once: each thread its share of the memory, no sample depends on another."""
         return max(1, BATCH_SIZE // (each * get_num_threads()))
 
-    def _samples(self, pixels: IntArray, numbers: range) -> Samples:
+    def _samples(self, pixels: IntArray, numbers: range) -> PixelSamples:
         """Return samples of some pixels, and count them as taken."""
         at = _places(self.finer)[numbers.start : numbers.stop]
         self.taken[pixels] += len(numbers)
-        row, column = np.divmod(self.pixels[pixels], self.number.shape[1])
-        return Samples(
+        width = self.number.shape[1]
+        row, column = self.pixels[pixels] // width, self.pixels[pixels] % width
+        return PixelSamples(
             (column[:, np.newaxis] + at[:, 1]).ravel(),
             (row[:, np.newaxis] + at[:, 0]).ravel(),
             np.tile(np.arange(numbers.start, numbers.stop), len(pixels)),
             np.repeat(pixels, len(numbers)),
         )
 
-    def _add(self, samples: Samples, lit: Lit) -> IntArray:
+    def _add(self, samples: PixelSamples, lit: Lit) -> IntArray:
         """Add what samples hit to their pixels, and return those."""
         row = samples.pixel[lit.hit]
         add_samples(row, lit.light, lit.seen, self.fixed, self.sky, self.dimmed, self.hits, self.seen)

@@ -16,7 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.output.view.camera import EYE, Camera, View
 from o3dleaf.output.view.camera_loops import mark_covered
-from o3dleaf.output.view.film import Film, Lit, Samples
+from o3dleaf.output.view.film import Film, Lit, PixelSamples
 from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
 
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
@@ -122,10 +122,10 @@ class Surface:
         tree = o3d.t.geometry.RaycastingScene()
         tree.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles))
         # Open3D builds the tree at the first ray, and looks out for no other thread.
-        tree.cast_rays(o3d.core.Tensor.zeros((1, 6)))
+        tree.cast_rays(o3d.core.Tensor.from_numpy(np.zeros((1, 6), dtype=np.float32)))
         return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else np.empty((0, 3)))
 
-    def light(self, samples: Samples) -> Lit:
+    def light(self, samples: PixelSamples) -> Lit:
         """Return what samples hit and how it is lit."""
         camera, triangles = self.shot.camera, self.shot.triangles
         rays = camera.rays(samples.columns, samples.rows, self.shot.size)
@@ -139,8 +139,8 @@ class Surface:
             np.empty(count),
             np.empty((count, 3)),
         )
-        met = (answer[name][hit] for name in ("t_hit", "primitive_uvs", "primitive_normals"))
-        stand_on(rays, *met, triangle, triangles, self.normals, lift, place, normal, facing, weights)
+        distance, uv, flat = (answer[name][hit] for name in ("t_hit", "primitive_uvs", "primitive_normals"))
+        stand_on(rays, distance, uv, flat, triangle, triangles, self.normals, lift, place, normal, facing, weights)
         way = rays[:, 3:].astype(np.float64)
         color = self.shot.paint(triangle, weights, facing)
         scattered, sky, gloss = reflect(normal, way, camera, self.lit(place)).T[..., np.newaxis]
@@ -153,7 +153,7 @@ class Surface:
         sun = np.broadcast_to(sun_of(self.shot.camera), place.shape)
         return ~self._blocked(np.hstack([place, sun]).astype(np.float32), np.inf)
 
-    def seen(self, place: FloatArray, normal: FloatArray, samples: Samples, hit: IntArray) -> FloatArray:
+    def seen(self, place: FloatArray, normal: FloatArray, samples: PixelSamples, hit: IntArray) -> FloatArray:
         """Return the (k,) part of the sky over surface points that nothing near hides, weighted by the cosine."""
         camera = self.shot.camera
         row, column = samples.rows[hit].astype(np.int64), samples.columns[hit].astype(np.int64)

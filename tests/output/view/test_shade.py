@@ -9,7 +9,7 @@ from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.camera_loops import mark_covered, sum_moments
-from o3dleaf.output.view.film import Film, Samples
+from o3dleaf.output.view.film import Film, PixelSamples
 from o3dleaf.output.view.shade import Shot, Surface, shade_mesh
 from tolerances import FEW_SAMPLES, FEW_SAMPLES_RMS, ROUNDING, SKY_NET
 
@@ -35,7 +35,7 @@ def blade():
 def sky_over(shot, place, normal):
     """Return the part of the sky that one point of a mesh sees, by the samples of 3 × 3 pixels."""
     rows, columns, number = (each.ravel() for each in np.meshgrid(range(3), range(3), range(9), indexing="ij"))
-    samples = Samples(columns + 0.5, rows + 0.5, number, np.zeros(81, dtype=np.int64))
+    samples = PixelSamples(columns + 0.5, rows + 0.5, number, np.zeros(81, dtype=np.int64))
     points, normals = np.tile(place - shot.camera.target, (81, 1)), np.tile(normal, (81, 1))
     return Surface.of(shot).seen(points, normals, samples, np.arange(81)).mean()
 
@@ -95,7 +95,7 @@ def test_every_ray_that_hits_goes_through_a_covered_pixel(blade, perspective):
 
 
 def test_a_hair_thinner_than_a_pixel_has_no_gaps():
-    """A little more than a third of a pixel wide, it is seen in every column, beside a blade that determines the scale."""
+    """A little more than a third of a pixel wide, it is seen in every column; a triangle beside it sets the scale."""
     hair = [[0, 0, 0], [24, 2, 0], [24, 2.04, 0], [0, 0.04, 0]]
     shot = shot_of([*hair, [0, 8, 0], [24, 8, 0], [24, 10, 0]], [[0, 1, 2], [0, 2, 3], [4, 5, 6]], direction=(0, 0, 1))
     picture = shade_mesh(shot)
