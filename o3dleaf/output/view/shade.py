@@ -78,8 +78,8 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     (height, width, 4) ndarray
         Linear RGB times coverage, and the coverage from 0 to 1.
     """
-    surface = Surface.of(shot)
     film = Film(_find_covered(shot), shot.view.supersampling)
+    surface = Surface.of(shot)
     film.take_first(surface.light)
     calm = film.settle(contrast, shot.camera.width / shot.size[0])
     film.take_others(~calm, surface.light)
