@@ -87,10 +87,16 @@ def tensor_mesh(vertices: FloatArray, triangles: IntArray) -> o3d.t.geometry.Tri
     return mesh
 
 
-def drop_unused_vertices(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the mesh without vertices that no triangle names, the others in their old order."""
+def is_used(vertices: FloatArray, triangles: IntArray) -> BoolArray:
+    """Return the (n,) vertices that a triangle names."""
     used = np.zeros(len(vertices), dtype=bool)
     used[triangles] = True
+    return used
+
+
+def drop_unused_vertices(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the mesh without vertices that no triangle names, the others in their old order."""
+    used = is_used(vertices, triangles)
     renumber = np.cumsum(used) - 1
     return vertices[used], renumber[triangles].reshape(-1, 3)
 

@@ -3,9 +3,12 @@
 The public names are loaded when they are first used; they stand in the stub beside this file, `__init__.pyi`.
 
 `camera`     what the picture shows: a mesh's principal axes, tilted, fitted to a panel
+`camera_loops`  compiled: how a mesh's triangles lie, and which pixels they reach
 `points`     a point cloud as small spheres
 `scene`      meshes and clouds together, and their colors
+`film`       the pixels that a mesh covers: more samples where these differ, shared rays to the sky where not
 `shade`      light: Open3D's ray casting on the CPU, shadows, ambient occlusion
+`shade_loops`  compiled: normals, rays to the sky, the sums of pixels
 `offscreen`  Open3D's renderer in a process of its own, where it works
 `panel`      the furniture of the page, drawn by Matplotlib
 `picture`    `render`: the leaf, insets of its micro-structure, scale bars, color bar, title

@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.mesh_arrays import IntArray, is_used
+from o3dleaf.output.view.camera_loops import sum_moments
 
 MARGIN = 0.04
 """Part of the panel that stays free on each side."""
@@ -90,7 +91,7 @@ class Camera:
         What it faces and where its long axis lies can be determined from the mesh of `facets` instead.
         """
         right, up, toward = _turned_axes(*(facets or (vertices, triangles)), view)
-        shown = vertices[np.unique(triangles)]
+        shown = vertices[is_used(vertices, triangles)]
         across = np.stack([shown @ right, shown @ up, shown @ toward])
         low, high = across.min(axis=1), across.max(axis=1)
         extent = np.maximum(high - low, 1e-3 * (high - low).max()) / (1 - 2 * MARGIN)
@@ -135,14 +136,11 @@ class Camera:
 
 def _turned_axes(vertices: FloatArray, triangles: IntArray, view: View) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the unit vectors right, up and toward of a view."""
-    corners = vertices[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    weight = np.linalg.norm(normal, axis=1)
-    corners = corners - np.average(corners.mean(axis=1), axis=0, weights=weight)
-    axes = np.linalg.eigh(_second_moment(corners, weight))[1]
+    normal, area, second, blade = _moments(vertices, triangles)
+    axes = np.linalg.eigh(second)[1]
     # A bent blade can be deeper than it is wide: what it faces follows from its normals, not its extent.
-    blade = np.linalg.eigh(normal.T @ (normal / np.maximum(weight, weight.max() * 1e-12)[:, np.newaxis]))[1]
-    toward = _facing(blade[:, 2], normal.sum(axis=0), weight.sum())
+    blade = np.linalg.eigh(blade)[1]
+    toward = _facing(blade[:, 2], normal, area)
     if view.direction is not None:
         toward = np.asarray(view.direction, dtype=np.float64)
         length = np.linalg.norm(toward)
@@ -155,11 +153,14 @@ def _turned_axes(vertices: FloatArray, triangles: IntArray, view: View) -> tuple
     return right, up, toward
 
 
-def _second_moment(corners: FloatArray, area: FloatArray) -> FloatArray:
-    """Return the (3, 3) integral of x x^T over triangles (m, 3, 3): area / 12 (sum of v v^T + 9 c c^T)."""
-    middle = corners.mean(axis=1)
-    of_corners = np.einsum("m,mci,mcj->ij", area, corners, corners)
-    return np.asarray(of_corners + 9 * np.einsum("m,mi,mj->ij", area, middle, middle)) / 12
+def _moments(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, float, FloatArray, FloatArray]:
+    """Return sums over the area of triangles, doubled: of n, 1, (x - mean) (x - mean)ᵀ and n nᵀ, n the unit normal."""
+    origin = vertices[triangles[0, 0]]
+    moments = np.zeros((8, 3))
+    sum_moments(vertices, triangles, origin, moments)
+    area = float(np.trace(moments[2:5]))
+    mean = moments[1] / max(area, np.finfo(float).tiny)
+    return moments[0], area, moments[5:] - area * np.outer(mean, mean), moments[2:5]
 
 
 def _facing(axis: FloatArray, normals: FloatArray, area: float) -> FloatArray:

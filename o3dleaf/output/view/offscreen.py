@@ -124,7 +124,8 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
         bent = (flat if normals is None else normals[shot.triangles[numbers, corner]]) * facing[:, np.newaxis]
         light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
-        colors[:, corner] = encode(shot.paint(numbers, weights, facing) * light[:, :1] + light[:, 1:])
+        scattered = light[:, :2].sum(axis=1, keepdims=True)
+        colors[:, corner] = encode(shot.paint(numbers, weights, facing) * scattered + light[:, 2:])
     return colors
 
 

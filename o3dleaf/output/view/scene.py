@@ -12,7 +12,7 @@ from matplotlib.colors import is_color_like, to_rgb
 
 from o3dleaf.core.checks import FloatArray, require_choice, require_finite
 from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays
+from o3dleaf.core.mesh_arrays import IntArray, MeshLike, is_used, mesh_arrays
 from o3dleaf.output.view.points import Points, make_facets, make_spheres
 from o3dleaf.output.view.shade import Paint
 
@@ -96,7 +96,7 @@ class SceneMesh:
             if not len(triangles):
                 raise InputError("mesh: has no triangles; there is nothing to draw")
             _require_few(len(triangles))
-            if np.ptp(vertices[triangles.ravel()], axis=0).max() == 0:
+            if np.ptp(vertices[is_used(vertices, triangles)], axis=0).max() == 0:
                 raise InputError("mesh: all its vertices are in one place; there is nothing to draw")
             return cls(vertices, triangles, _own_colors(thing), None, (vertices, triangles))
         cloud = thing if isinstance(thing, Points) else Points(thing)

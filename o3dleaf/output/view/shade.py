@@ -13,17 +13,27 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.output.view.camera import Camera, View
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.output.view.camera import EYE, Camera, View
+from o3dleaf.output.view.camera_loops import mark_covered
+from o3dleaf.output.view.film import Film, Lit, PixelSamples
+from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
 
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
 
-BATCH_SIZE = 1 << 19
-"""Rays cast at once."""
+CONTRAST = 0.05
+"""Of a screen's range: where 3 × 3 pixels differ by less, one differs from the next by four steps of 255, and the
+first samples, whose mean is exact for what changes evenly, are off by a tenth of a step."""
 
 SKY_RAYS = 4
-"""Rays to the sky for each primary ray; supersampling averages over more."""
+"""Rays to the sky for each sample; the samples of a pixel share it evenly."""
+
+SKY_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
+"""1/ρ and 1/ρ² of the plastic number, ρ³ = ρ + 1: the steps of the most even additive sequence in the square."""
+
+LIFT = 1e-4
+"""How far above the surface its rays to the light start, in widths of the picture."""
 
 SKY_REACH = 0.04
 """How far a sky ray looks for an obstacle, in widths of the picture."""
@@ -56,75 +66,106 @@ class Shot:
     view: View
 
 
-def shade_mesh(shot: Shot) -> FloatArray:
+def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     """Return a picture of a mesh with its coverage.
+
+    Of the samples of a pixel only the first few are taken where those of the 3 × 3 pixels around it hit one smooth
+    piece of surface and differ by less than `contrast`, 0 to 1 of the square root of light; there the nine
+    share their rays to the sky. With a contrast of 0 every sample is taken.
 
     Returns
     -------
     (height, width, 4) ndarray
         Linear RGB times coverage, and the coverage from 0 to 1.
     """
-    vertices, triangles, camera, size, view = shot.vertices, shot.triangles, shot.camera, shot.size, shot.view
-    # float32 holds the digits of what is near zero: the target becomes the origin.
-    local = (vertices - camera.target).astype(np.float32)
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles.astype(np.uint32)))
-    normals = vertex_normals(local, triangles) if view.smooth else None
-    width, height = size
-    finer = view.supersampling
-    image = np.empty((height, width, 4))
-    rows = max(1, BATCH_SIZE // (width * finer * finer))
-    for top in range(0, height, rows):
-        bottom = min(top + rows, height)
-        x = (np.arange(width * finer) + 0.5) / finer
-        y = (np.arange(top * finer, bottom * finer) + 0.5) / finer
-        columns, lines = (grid.ravel() for grid in np.meshgrid(x, y))
-        rays = camera.rays(columns, lines, size)
-        colors = _shade_rays(scene, rays, (triangles, normals), shot.paint, camera)
-        image[top:bottom] = colors.reshape(bottom - top, finer, width, finer, 4).mean(axis=(1, 3))
-    return image
+    film = Film(_find_covered(shot), shot.view.supersampling)
+    surface = Surface.of(shot)
+    film.take_first(surface.light)
+    calm = film.settle(contrast, shot.camera.width / shot.size[0])
+    film.take_others(~calm, surface.light)
+    return film.image()
 
 
-def _shade_rays(
-    scene: o3d.t.geometry.RaycastingScene,
-    rays: npt.NDArray[np.float32],
-    shape: tuple[IntArray, FloatArray | None],
-    paint: Paint,
-    camera: Camera,
-) -> FloatArray:
-    """Return the (n, 4) colors of rays; those that hit nothing stay zero."""
-    answer = {name: value.numpy() for name, value in scene.cast_rays(o3d.core.Tensor.from_numpy(rays)).items()}
-    hit = np.flatnonzero(np.isfinite(answer["t_hit"]))
-    colors = np.zeros((len(rays), 4))
-    if not len(hit):
-        return colors
-    triangle = answer["primitive_ids"][hit].astype(np.int64)
-    uv = answer["primitive_uvs"][hit].astype(np.float64)
-    weights = np.column_stack([1 - uv.sum(axis=1), uv])
-    way = rays[hit, 3:].astype(np.float64)
-    flat = answer["primitive_normals"][hit].astype(np.float64)
-    facing = np.where(np.einsum("ij,ij->i", flat, way) > 0, -1.0, 1.0)
-    flat *= facing[:, np.newaxis]
-    triangles, normals = shape
-    bent = flat
-    if normals is not None:
-        bent = _interpolate(normals, triangles[triangle], weights) * facing[:, np.newaxis]
-        # Where two faces lie back to back the normals of their vertices cancel.
-        bent = np.where(bent.any(axis=1, keepdims=True), bent, flat)
-    place = rays[hit, :3] + answer["t_hit"][hit, np.newaxis] * way + 1e-4 * camera.width * flat
-    light = _light(scene, place, bent, way, camera)
-    colors[hit, :3] = paint(triangle, weights, facing) * light[:, :1] + light[:, 1:]
-    colors[hit, 3] = 1.0
-    return colors
+def _find_covered(shot: Shot) -> BoolArray:
+    """Return the (height, width) pixels that the mesh reaches into."""
+    camera, (width, height) = shot.camera, shot.size
+    covered = np.zeros((height, width), dtype=bool)
+    if camera.perspective and ((shot.vertices - camera.target) @ camera.toward).max() > 0.99 * EYE * camera.width:
+        # What is beside the eye or behind it has no place on the picture.
+        covered[:] = True
+    else:
+        mark_covered(camera.project(shot.vertices, shot.size), shot.triangles, covered)
+    return covered
 
 
-def _light(
-    scene: o3d.t.geometry.RaycastingScene, place: FloatArray, normal: FloatArray, way: FloatArray, camera: Camera
-) -> FloatArray:
-    """Return (n, 2): the light that a surface scatters in its color, and the gloss added in white."""
-    sun = np.broadcast_to(sun_of(camera), place.shape)
-    lit = ~_blocked(scene, place, sun, np.inf)
-    return reflect(normal, way, camera, lit, _sky_seen(scene, place, normal, camera))
+@dataclass(frozen=True)
+class Surface:
+    """A mesh in the tree of Open3D's ray casting, about the camera's target.
+
+    Attributes
+    ----------
+    shot : Shot
+    tree : open3d.t.geometry.RaycastingScene
+    normals : (n, 3) ndarray
+        Of the vertices; without rows, the triangles are flat.
+    """
+
+    shot: Shot
+    tree: o3d.t.geometry.RaycastingScene
+    normals: FloatArray
+
+    @classmethod
+    def of(cls, shot: Shot) -> "Surface":
+        """Build the tree."""
+        # float32 holds the digits of what is near zero: the target becomes the origin.
+        local, triangles = (shot.vertices - shot.camera.target).astype(np.float32), shot.triangles.astype(np.uint32)
+        tree = o3d.t.geometry.RaycastingScene()
+        tree.add_triangles(o3d.core.Tensor.from_numpy(local), o3d.core.Tensor.from_numpy(triangles))
+        # Open3D builds the tree at the first ray, and looks out for no other thread.
+        tree.cast_rays(o3d.core.Tensor.from_numpy(np.zeros((1, 6), dtype=np.float32)))
+        return cls(shot, tree, vertex_normals(local, shot.triangles) if shot.view.smooth else np.empty((0, 3)))
+
+    def light(self, samples: PixelSamples) -> Lit:
+        """Return what samples hit and how it is lit."""
+        camera, triangles = self.shot.camera, self.shot.triangles
+        rays = camera.rays(samples.columns, samples.rows, self.shot.size)
+        answer = {name: value.numpy() for name, value in self.tree.cast_rays(o3d.core.Tensor.from_numpy(rays)).items()}
+        hit = np.flatnonzero(np.isfinite(answer["t_hit"]))
+        triangle = answer["primitive_ids"][hit].astype(np.int64)
+        rays, count, lift = rays[hit], len(hit), LIFT * camera.width
+        place, normal, facing, weights = (
+            np.empty((count, 3)),
+            np.empty((count, 3)),
+            np.empty(count),
+            np.empty((count, 3)),
+        )
+        distance, uv, flat = (answer[name][hit] for name in ("t_hit", "primitive_uvs", "primitive_normals"))
+        stand_on(rays, distance, uv, flat, triangle, triangles, self.normals, lift, place, normal, facing, weights)
+        way = rays[:, 3:].astype(np.float64)
+        color = self.shot.paint(triangle, weights, facing)
+        scattered, sky, gloss = reflect(normal, way, camera, self.lit(place)).T[..., np.newaxis]
+        light = np.hstack([color * scattered + gloss, color * sky])
+        seen = self.seen(place, normal, samples, hit)
+        return Lit(hit, light, seen, place, normal)
+
+    def lit(self, place: FloatArray) -> BoolArray:
+        """Return which points the light reaches."""
+        sun = np.broadcast_to(sun_of(self.shot.camera), place.shape)
+        return ~self._blocked(np.hstack([place, sun]).astype(np.float32), np.inf)
+
+    def seen(self, place: FloatArray, normal: FloatArray, samples: PixelSamples, hit: IntArray) -> FloatArray:
+        """Return the (k,) part of the sky over surface points that nothing near hides, weighted by the cosine."""
+        camera = self.shot.camera
+        row, column = samples.rows[hit].astype(np.int64), samples.columns[hit].astype(np.int64)
+        rays = np.empty((len(hit), SKY_RAYS, 6), dtype=np.float32)
+        axes = np.stack([camera.right, camera.up, camera.toward])
+        aim_at_sky(place, normal, axes, SKY_RAYS * samples.number[hit], row, column, SKY_STEPS, rays)
+        blocked = self._blocked(rays.reshape(-1, 6), SKY_REACH * camera.width)
+        return np.asarray(1 - blocked.reshape(-1, SKY_RAYS).mean(axis=1))
+
+    def _blocked(self, rays: npt.NDArray[np.float32], reach: float) -> BoolArray:
+        """Return for each ray whether the mesh is in its way within `reach`."""
+        return np.asarray(self.tree.test_occlusions(o3d.core.Tensor.from_numpy(rays), tfar=reach).numpy(), dtype=bool)
 
 
 def sun_of(camera: Camera) -> FloatArray:
@@ -133,15 +174,12 @@ def sun_of(camera: Camera) -> FloatArray:
 
 
 def reflect(
-    normal: FloatArray,
-    way: FloatArray,
-    camera: Camera,
-    lit: npt.NDArray[np.bool_] | float = 1.0,
-    seen: FloatArray | float = 1.0,
+    normal: FloatArray, way: FloatArray, camera: Camera, lit: npt.NDArray[np.bool_] | float = 1.0
 ) -> FloatArray:
-    """Return (n, 2) light, scattered and gloss, of surfaces with a normal, seen along unit `way`.
+    """Return (n, 3) light of surfaces with a normal, seen along unit `way`.
 
-    `lit` says whether the light reaches them, `seen` is the part of the sky that they see.
+    Scattered in the surface's color: what comes from the light and the rim, and from an open sky; and the gloss,
+    added in white. `lit` says whether the light reaches them.
     """
     sun = sun_of(camera)
     direct = np.clip(normal @ sun, 0, None) * lit
@@ -150,50 +188,12 @@ def reflect(
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     gloss = np.clip(np.einsum("ij,ij->i", normal, half), 0, None) ** 20 * lit
     rim = (1 - np.clip(-np.einsum("ij,ij->i", normal, way), 0, 1)) ** 3
-    diffuse = 1.15 * direct + 0.40 * sky * seen
-    return np.column_stack([diffuse + 0.10 * rim, 0.05 * gloss + 0.01 * rim])
-
-
-def _sky_seen(
-    scene: o3d.t.geometry.RaycastingScene, place: FloatArray, normal: FloatArray, camera: Camera
-) -> FloatArray:
-    """Return the (n,) part of the sky over each point that nothing near hides, by a few cosine-weighted rays."""
-    helper = np.where(np.abs(normal[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    tangent = np.cross(normal, helper)
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    other = np.cross(normal, tangent)
-    # Low-discrepancy turns (golden ratio and its square root) instead of random numbers.
-    number = np.arange(len(place), dtype=np.float64)
-    seen = np.zeros(len(place))
-    for ray in range(SKY_RAYS):
-        radius = np.sqrt((ray + (number * 0.754877666) % 1) / SKY_RAYS)[:, np.newaxis]
-        angle = 2 * np.pi * ((number * 0.618033989 + ray * 0.381966) % 1)[:, np.newaxis]
-        way = radius * (np.cos(angle) * tangent + np.sin(angle) * other) + np.sqrt(1 - radius**2) * normal
-        seen += ~_blocked(scene, place, way, SKY_REACH * camera.width)
-    return seen / SKY_RAYS
-
-
-def _blocked(
-    scene: o3d.t.geometry.RaycastingScene, place: FloatArray, way: FloatArray, reach: float
-) -> npt.NDArray[np.bool_]:
-    """Return for each ray whether the mesh is in its way within `reach`."""
-    rays = o3d.core.Tensor.from_numpy(np.hstack([place, way]).astype(np.float32))
-    return np.asarray(scene.test_occlusions(rays, tfar=float(reach)).numpy(), dtype=bool)
-
-
-def _interpolate(values: FloatArray, corners: IntArray, weights: FloatArray) -> FloatArray:
-    """Return unit vectors interpolated between the corners of the triangles that were hit."""
-    mixed = np.einsum("ij,ijk->ik", weights, values[corners])
-    length = np.linalg.norm(mixed, axis=1, keepdims=True)
-    return np.asarray(mixed / np.where(length > 0, length, 1))
+    return np.column_stack([1.15 * direct + 0.10 * rim, 0.40 * sky, 0.05 * gloss + 0.01 * rim])
 
 
 def vertex_normals(vertices: npt.NDArray[np.float32], triangles: IntArray) -> FloatArray:
     """Return the (n, 3) unit normals of the vertices, triangles weighted by area."""
-    first, second, third = (vertices[triangles[:, corner]].astype(np.float64) for corner in range(3))
-    face = np.cross(second - first, third - first)
-    corner = triangles.ravel()
-    sums = [np.bincount(corner, weights=np.repeat(face[:, axis], 3), minlength=len(vertices)) for axis in range(3)]
-    normal = np.stack(sums, axis=1)
+    normal = np.zeros((len(vertices), 3))
+    sum_normals(vertices, triangles, normal)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     return np.asarray(normal / np.where(length > 0, length, 1))
