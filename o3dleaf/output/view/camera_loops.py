@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from o3dleaf.core.compiled.decorator import njit
 
 ROUNDING = 0.01
 """Pixels by which a ray in float32 may pass beside the middle of its sample."""
