@@ -107,6 +107,22 @@ def test_no_tolerance_replaces_another():
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_compiled_code_stands_on_compiled_code_alone():
+    """So the stamp of a compiled module, which follows `from ..._loops import`, knows all that it depends on."""
+    known = r"(o3dleaf\.[\w.]+_loops|o3dleaf\.core\.compiled\.decorator) import|\S+ import (Float|Int)Array$"
+    stray = []
+    for path in sorted((ROOT / "o3dleaf").rglob("*.py")):
+        text, name = path.read_text(), path.relative_to(ROOT).as_posix()
+        if path.name.endswith("_loops.py"):
+            imports = re.findall(
+                r"^\s*(?:from (o3dleaf.*)|import (o3dleaf.*)|from (numba import njit))", text, re.MULTILINE
+            )
+            stray += [(name, line) for line in map("".join, imports) if not re.match(known, line)]
+        elif "compiled/" not in name and re.search(r"^\s*(@njit|from numba|import numba)", text, re.MULTILINE):
+            stray.append((name, "numba"))
+    assert stray == []
+
+
 @pytest.mark.parametrize(
     "module", ["o3dleaf", "o3dleaf.__main__", "o3dleaf.commands.cli", "o3dleaf.output.view", "o3dleaf.output.figures"]
 )
