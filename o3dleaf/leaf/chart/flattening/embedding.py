@@ -10,12 +10,14 @@ from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
 
-ROUNDS = 20
-"""Of 100 steps as rigid as possible, at most: flat leaves rest after two, long ones that bend after five."""
+STEPS, ROUNDS = 20, 100
+"""Steps as rigid as possible between two looks at the energy, and such rounds at most."""
 SAFE_ROUNDS = 30
 """Of ten steps without flips, at most."""
 AT_REST = 1e-4
 """Share by which the energy may still fall in a round when the chart is taken to rest."""
+UNSEEN = 1e-8
+"""Or the fall itself: lengths then change by a ten thousandth, root mean square. Flat leaves creep for long below it."""
 
 
 def conformal_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray | None:
@@ -65,13 +67,13 @@ def relax_rigidly(vertices: FloatArray, triangles: IntArray, chart: FloatArray) 
     Liu et al. 2008 (CGF 27:1495): each triangle turns to fit, the chart fits all turned ones, in turn.
     """
     data = igl.ARAPData()
-    data.max_iter = 100
+    data.max_iter = STEPS
     igl.arap_precomputation(vertices, triangles, 2, triangles[:1, 0].astype(np.int32), data)
     fixed, before = chart[triangles[0, 0]][np.newaxis], np.inf
     for _ in range(ROUNDS):
         chart = np.ascontiguousarray(igl.arap_solve(fixed, data, chart))
         energy = _rigid_energy(vertices, triangles, chart)
-        if before - energy <= AT_REST * energy:
+        if before - energy <= max(AT_REST * energy, UNSEEN):
             break
         before = energy
     return chart
