@@ -4,8 +4,7 @@
     scripts/print_hashes.py > before.txt        # ... in one checkout; then, in another:
     scripts/print_hashes.py --against before.txt    # ... and say which differ
 
-Everything goes through the command line, twice: once to compile, once to hash, because code that Numba has just
-compiled and code from its cache can differ in the last bits. Real scans come from ../shared/data, where it is there.
+Everything goes through the command line. Real scans come from ../shared/data, where it is there.
 Of a model file the arrays are hashed too, without the header that names the classes. Leaves are those of the paper's
 frame; those of the default frame, a surface over a chart, are called surface_....
 """
@@ -43,7 +42,6 @@ def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--against", type=Path, help="hashes printed before")
     options.add_argument("--only", nargs="+", metavar="FILE", help="the files to make, not all")
-    options.add_argument("--once", action="store_true", help="trust that everything is compiled already")
     given = options.parse_args()
     before = dict(line.split("  ") for line in given.against.read_text().splitlines()) if given.against else {}
     changed = []
@@ -52,8 +50,7 @@ def main():
         for command, outputs in jobs(folder):
             if given.only and not {each.name for each in outputs} & set(given.only):
                 continue
-            for _ in range(1 if given.once else 2):
-                run(command)
+            run(command)
             for output in outputs:
                 for label, digest in hashes(output):
                     known = before.get(label)

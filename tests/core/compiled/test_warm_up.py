@@ -1,0 +1,71 @@
+"""What is listed is compiled once, by processes of their own, into a folder or where Numba keeps its own."""
+
+import warnings
+
+import pytest
+
+from o3dleaf.core import progress
+from o3dleaf.core.compiled import numba_target, signatures, warm_up
+from o3dleaf.core.errors import CodeWarning
+from o3dleaf.fitting.rbf import radial_loops
+
+LINES = [
+    "o3dleaf.fitting.rbf.radial_loops.dot Array(float64, 1, 'C'), Array(float64, 1, 'C'), int64",
+    "o3dleaf.fitting.rbf.radial_loops.put Array(float64, 1, 'C'), Array(float64, 1, 'C')",
+    "o3dleaf.fitting.local.weight_loops.wendland float64",
+]
+
+
+@pytest.fixture
+def lines(monkeypatch):
+    monkeypatch.setattr(signatures, "listed", lambda: LINES)
+
+
+def test_it_compiles_once_and_says_how_far_it_is(lines, tmp_path):
+    heard = []
+    with progress.listening(lambda done, total: heard.append(done / total)):
+        assert warm_up.warm_up(tmp_path, workers=2) == len(LINES)
+    assert len(list(tmp_path.glob("*.code"))) == len(LINES)
+    assert heard[-1] == 1.0
+    assert len(heard) > 1
+    assert warm_up.warm_up(tmp_path, workers=1) == 0
+
+
+def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_path, monkeypatch):
+    warm_up._ship(tmp_path)
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".code"] * len(LINES) + [".txt"]
+    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path)
+    function, signature = signatures.read(LINES[1])
+    loaded = numba_target.CodeCache(function.py_func).load_overload(signature, function.targetctx)
+    assert loaded is not None
+    assert (
+        str(loaded.signature)
+        == "(Array(float64, 1, 'C', False, aligned=True), Array(float64, 1, 'C', False, aligned=True)) -> none"
+    )
+
+
+def test_code_for_something_else_is_not_loaded_and_a_line_says_so(tmp_path, monkeypatch):
+    (tmp_path / numba_target.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
+    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path)
+    monkeypatch.setattr(numba_target, "_writable_folder", lambda function: None)
+    numba_target._tell_once.cache_clear()
+    cache = numba_target.CodeCache(radial_loops.dot.py_func)
+    _, signature = signatures.read(LINES[0])
+    with pytest.warns(CodeWarning, match=r"is for Numba 0.67.0, x86-64-v9, not for .*o3dleaf warm-up"):
+        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # once
+        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    numba_target._tell_once.cache_clear()
+
+
+def test_where_no_code_came_with_the_package_nothing_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path / "none")
+    monkeypatch.setattr(numba_target, "_writable_folder", lambda function: None)
+    numba_target._tell_once.cache_clear()
+    _, signature = signatures.read(LINES[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cache = numba_target.CodeCache(radial_loops.dot.py_func)
+        assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
+    numba_target._tell_once.cache_clear()
