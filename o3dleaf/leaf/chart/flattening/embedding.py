@@ -17,7 +17,7 @@ SAFE_ROUNDS = 30
 AT_REST = 1e-4
 """Share by which the energy may still fall in a round when the chart is taken to rest."""
 UNSEEN = 1e-8
-"""Or the fall itself: lengths then change by a ten thousandth, root mean square. Below it flat leaves creep for long."""
+"""Or the fall itself: lengths change by a ten thousandth then, root mean square. Below it flat leaves creep."""
 
 
 def conformal_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray | None:
