@@ -16,7 +16,7 @@ def main() -> None:
     While modules are imported that may be another exception: compiled ones turn it into an ImportError.
     """
     interrupted = False
-    # Into a file or a pipe Windows writes an older encoding, which lacks ρ and θ.
+    # Into a file or a pipe Windows writes an older encoding, which lacks ρ and much that file names have.
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
 

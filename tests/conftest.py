@@ -29,8 +29,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give BLAS one thread, since there is a worker a core, and let workers share what Numba compiles.
 
     BLAS threads that find no core free wait for one another in circles of their own: an eigenvalue problem of 4 s takes
-    130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it. Windows has no
-    such lock: what was not compiled before the tests (`o3dleaf warm-up`) is compiled by each worker there.
+    130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it.
+    Windows has no such lock: each worker compiles what `o3dleaf warm-up` did not compile before.
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
     """

@@ -19,8 +19,10 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.progress import is_heard, report
 
 PERIOD = 0.02
-"""Seconds between two looks at what has finished, and for Ctrl-C, which on Windows ends no wait: often enough for a bar,
-too seldom to keep a thread from its work."""
+"""Seconds between two looks at what has finished, and for Ctrl-C, which on Windows ends no wait.
+
+Often enough for a bar, too seldom to keep a thread from its work.
+"""
 
 
 class _Here(threading.local):

@@ -365,6 +365,17 @@ def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path, module, wrapped
     assert result.stderr == "o3dleaf: interrupted; a file that was not finished has left nothing behind\n"
 
 
+def test_a_letter_that_the_output_cannot_have_is_a_question_mark():
+    """What Windows writes into a file or a pipe has no ρ, which file names and our own lines may have."""
+    code = "import o3dleaf.commands.cli as cli; from o3dleaf.__main__ import main\n"
+    code += "cli.main = lambda: print('ρ.ply, 12 µm'); main()"
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True, check=True, timeout=60, env=os.environ | {"PYTHONIOENCODING": "cp1252"},
+    )  # fmt: skip
+    assert result.stdout.decode("cp1252").strip() == "?.ply, 12 µm"
+
+
 def test_the_program_is_the_guarded_one():
     assert '\no3dleaf = "o3dleaf.__main__:main"\n' in (ROOT / "pyproject.toml").read_text()
 

@@ -16,7 +16,6 @@ from o3dleaf.leaf.ct.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 
-
 pipes = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pipes, sockets and devices among its files")
 links = pytest.mark.skipif(sys.platform == "win32", reason="Windows lets few users make links")
 
