@@ -1,5 +1,6 @@
 """The program `o3dleaf`: the command line, under a guard that an interrupt meets from the first import on."""
 
+import io
 import os
 import signal
 import sys
@@ -15,6 +16,9 @@ def main() -> None:
     While modules are imported that may be another exception: compiled ones turn it into an ImportError.
     """
     interrupted = False
+    # Into a file or a pipe Windows writes an older encoding, which lacks ρ and much that file names have.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted

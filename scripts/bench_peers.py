@@ -224,7 +224,8 @@ def parse(arguments):
 def main(arguments=None):
     options = parse(arguments)
     machine = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
-    print(f"{machine}, {get_num_threads()} threads of ours, load {os.getloadavg()[0]:.1f} before the start;")
+    load = f", load {os.getloadavg()[0]:.1f} before the start" if hasattr(os, "getloadavg") else ""  # not on Windows
+    print(f"{machine}, {get_num_threads()} threads of ours{load};")
     print(f"Open3D {o3d.__version__}, pymeshlab {version('pymeshlab')}, Python {platform.python_version()}")
     methods = [each for each in options.methods if is_there(each)]
     for missing in set(options.methods) - set(methods):

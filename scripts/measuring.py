@@ -1,6 +1,7 @@
 """What the benchmarks share: one row of a table, how it is measured, how it is printed and written."""
 
 import json
+import mmap
 import os
 import threading
 import time
@@ -12,7 +13,7 @@ from rich.table import Table
 
 from o3dleaf.core.atomic_files import whole_file
 
-PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 2**20
+PAGE_MB = mmap.PAGESIZE / 2**20
 
 
 @dataclass

@@ -6,7 +6,6 @@ method that the truth has a border: then the vertices of the lowest 1 % of densi
 """
 
 import math
-import resource
 import time
 from pathlib import Path
 
@@ -130,16 +129,10 @@ def serve(points, normals, method, spacing, is_open):
     ball /= np.linalg.norm(ball, axis=1)[:, np.newaxis]
     call(ball, ball, math.sqrt(4 * math.pi / WARM_UP), False)
     before = forget_peak()
-    start, processor = time.perf_counter(), processor_seconds()
+    start, processor = time.perf_counter(), time.process_time()
     vertices, triangles = call(points, normals, spacing, is_open)
-    used = [time.perf_counter() - start, processor_seconds() - processor, memory("VmHWM") - before]
+    used = [time.perf_counter() - start, time.process_time() - processor, memory("VmHWM") - before]
     return np.array(vertices, dtype=np.float64), np.array(triangles, dtype=np.int64), np.array(used)
-
-
-def processor_seconds():
-    """Return the seconds that all threads of this process have computed."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return used.ru_utime + used.ru_stime
 
 
 def forget_peak():

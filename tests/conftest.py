@@ -1,6 +1,5 @@
 """What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped."""
 
-import fcntl
 import os
 import signal
 import sys
@@ -15,6 +14,9 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from threadpoolctl import threadpool_limits
 
+if sys.platform != "win32":
+    import fcntl
+
 REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 # Examples follow from the test's source alone, so a failure here is a failure everywhere; and no
@@ -28,13 +30,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
     BLAS threads that find no core free wait for one another in circles of their own: an eigenvalue problem of 4 s takes
     130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it.
+    Windows has no such lock: each worker compiles what `o3dleaf warm-up` did not compile before.
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded
-    if hasattr(config, "workerinput"):
+    if hasattr(config, "workerinput") and sys.platform != "win32":
         folder = Path(config.getoption("basetemp")).parent / "compiling"
         folder.mkdir(exist_ok=True)
         Dispatcher.compile = alone(Dispatcher.compile, folder)

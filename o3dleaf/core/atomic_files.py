@@ -94,7 +94,7 @@ def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
     """Write `content` as JSON, whole or not at all; arrays become lists, and what JSON does not know its text."""
     text = json.dumps(content, indent=2, ensure_ascii=False, default=_plain)
     with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def _plain(value: Any) -> Any:

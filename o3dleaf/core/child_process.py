@@ -73,37 +73,38 @@ def run_in_subprocess(
         call = {"module": function.__module__, "function": function.__qualname__, "options": options}
         _write(home, "argument", arrays)
         (home / "call.json").write_text(json.dumps(call), encoding="utf-8")
-        code = _wait(home, name, cure, seconds)
+        code, output = _wait(home, name, cure, seconds)
         if (home / "error.json").exists():
             kind, message = json.loads((home / "error.json").read_text(encoding="utf-8"))
             raise getattr(errors, kind)(message)
-        output = (home / "output.txt").read_text(encoding="utf-8", errors="replace")
         if code:
             raise O3DLeafError(f"{name}: {_reason(code)}{_last_line(output)}; {cure}")
         return Outcome(_read(home, "result"), output)
 
 
-def _wait(home: Path, name: str, cure: str, seconds: float) -> int:
-    """Run the child and return its exit code; it never outlives this call."""
+def _wait(home: Path, name: str, cure: str, seconds: float) -> tuple[int, str]:
+    """Run the child and return its exit code and what it printed; it never outlives this call."""
     path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
-    with (home / "output.txt").open("wb") as output:
-        # A session of its own: Ctrl-C reaches this process alone, which then kills the child.
-        child = subprocess.Popen(  # noqa: S603  the command is this interpreter and this file
-            [sys.executable, "-m", __name__, str(home), str(os.getpid())],
-            cwd=home,
-            env=os.environ | {"PYTHONPATH": path},
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-            start_new_session=True,
-        )
+    with subprocess.Popen(  # noqa: S603  the command is this interpreter and this file
+        [sys.executable, "-m", __name__, str(home), str(os.getpid())],
+        cwd=home,
+        env=os.environ | {"PYTHONPATH": path, "PYTHONUTF8": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        start_new_session=True,  # Ctrl-C reaches this process alone, which then kills the child; not on Windows
+    ) as child:
         try:
-            return child.wait(timeout=seconds)
+            output, _ = child.communicate(timeout=seconds)
         except subprocess.TimeoutExpired:
             raise O3DLeafError(f"{name}: did not end within {seconds:g} s and was stopped; {cure}") from None
         finally:
             child.kill()
-            child.wait()
+            # Until nobody can write to it: in an environment on Windows the interpreter is a child of what was started.
+            child.communicate()
+        return child.returncode, output
 
 
 def _reason(code: int) -> str:
@@ -133,9 +134,13 @@ def _read(home: Path, stem: str) -> Arrays:
 
 def _serve(home: Path, parent: int) -> None:
     """Call, in the child, the function that the folder names."""
-    ctypes.CDLL(None).prctl(DIE_WITH_PARENT, signal.SIGKILL)
-    if os.getppid() != parent:
-        return
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(DIE_WITH_PARENT, signal.SIGKILL)
+        if os.getppid() != parent:
+            return
+    elif sys.platform == "win32":
+        # Ctrl-C reaches the child, too, and must end it: the parent cannot be interrupted while it waits.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     call = json.loads((home / "call.json").read_text(encoding="utf-8"))
     function = getattr(importlib.import_module(call["module"]), call["function"])
     try:

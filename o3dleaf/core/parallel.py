@@ -19,7 +19,10 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.progress import is_heard, report
 
 PERIOD = 0.02
-"""Seconds between two looks at what has finished: often enough for a bar, too seldom to keep a thread from its work."""
+"""Seconds between two looks at what has finished, and for Ctrl-C, which on Windows ends no wait.
+
+Often enough for a bar, too seldom to keep a thread from its work.
+"""
 
 
 class _Here(threading.local):
@@ -134,7 +137,7 @@ def _watch(jobs: list[Future[None]], finished: list[int], count: int, *, reports
     done, reported = 0, 0
     pending = True
     while pending:
-        pending = bool(wait(jobs, PERIOD if reports else None).not_done)
+        pending = bool(wait(jobs, PERIOD).not_done)
         while reports and reported < len(finished):
             done += finished[reported]
             reported += 1

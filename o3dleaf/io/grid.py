@@ -129,7 +129,7 @@ class GridFile:
         steps = self.step.tolist()
         content |= {"origin": self.origin.tolist(), "spacing": steps[0] if len(set(steps)) == 1 else steps}
         with whole_file(self.path.with_suffix(".json")) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n")
+            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
 
 
 def _words(numbers: FloatArray) -> list[str]:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 from typing import IO, Any
 
 import numpy as np
@@ -94,6 +95,8 @@ class PlyFile:
     def __init__(self, file: IO[bytes], layout: PlyLayout) -> None:
         """Write the header; the file has its full length from the start."""
         self.layout, self._file = layout, file.fileno()
+        # Not pread and pwrite, which Windows has not; and writes to one file wait for one another in the system, too.
+        self._place = Lock()
         self.vertex_count, self.triangle_count = layout.vertices, layout.triangles or 0
         self.label_names = layout.names or ()
         self._write(layout.header, 0)
@@ -115,12 +118,12 @@ class PlyFile:
     def vertex_block(self, start: int, stop: int) -> FloatArray:
         """Return the positions of vertices that were written."""
         offset, stop_offset = self.layout.vertex_offset(start), self.layout.vertex_offset(stop)
-        return np.frombuffer(os.pread(self._file, stop_offset - offset, offset), dtype="<f8").reshape(-1, 3)
+        return np.frombuffer(self._read(stop_offset - offset, offset), dtype="<f8").reshape(-1, 3)
 
     def triangle_block(self, start: int, stop: int) -> tuple[IndexArray, LabelArray | None]:
         """Return triangles that were written, and their labels."""
         offset, stop_offset = self.layout.face_offset(start), self.layout.face_offset(stop)
-        faces = np.frombuffer(os.pread(self._file, stop_offset - offset, offset), dtype=self.layout.face)
+        faces = np.frombuffer(self._read(stop_offset - offset, offset), dtype=self.layout.face)
         return faces["corners"], None if self.layout.names is None else faces["label"]
 
     def corners(self, triangles: IndexArray) -> FloatArray:
@@ -133,9 +136,15 @@ class PlyFile:
     def _write(self, data: bytes | npt.NDArray[Any], offset: int) -> None:
         """Write all of `data`; the system may take it in parts."""
         view = memoryview(data).cast("B") if isinstance(data, bytes) else data.reshape(-1).view(np.uint8).data
-        while len(view):
-            written = os.pwrite(self._file, view, offset)
-            view, offset = view[written:], offset + written
+        with self._place:
+            os.lseek(self._file, offset, os.SEEK_SET)
+            while len(view):
+                view = view[os.write(self._file, view) :]
+
+    def _read(self, size: int, offset: int) -> bytes:
+        with self._place:
+            os.lseek(self._file, offset, os.SEEK_SET)
+            return os.read(self._file, size)
 
 
 def write_ply(out: IO[bytes], mesh: MeshData, comments: tuple[str, ...] = (), *, index: str = "int") -> None:

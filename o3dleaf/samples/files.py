@@ -81,7 +81,7 @@ def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
         sums="\n".join(sums),
     )
     with whole_file(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8", newline="\n")
     return [*paths, page]
 
 

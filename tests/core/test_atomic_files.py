@@ -3,6 +3,7 @@
 import os
 import socket
 import stat
+import sys
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.ct.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+
+pipes = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pipes, sockets and devices among its files")
+links = pytest.mark.skipif(sys.platform == "win32", reason="Windows lets few users make links")
 
 
 def make(kind, path):
@@ -29,6 +33,7 @@ def make(kind, path):
         path.symlink_to("/dev/null")
 
 
+@pipes
 @pytest.mark.parametrize("linked", [False, True])
 @pytest.mark.parametrize("kind", ["folder", "pipe", "socket", "device"])
 def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, linked):
@@ -49,6 +54,7 @@ def test_what_is_no_file_is_refused_and_stays(tmp_path, monkeypatch, kind, linke
     assert {path.name: path.stat() for path in tmp_path.iterdir()} == before
 
 
+@links
 @pytest.mark.parametrize("there", [True, False])
 def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
     for folder in ("here", "far"):
@@ -71,6 +77,7 @@ def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
     ]
 
 
+@links
 def test_a_link_that_leads_nowhere_is_refused(tmp_path):
     for link, target in (("ring", "ring"), ("lost", "no folder/file")):
         (tmp_path / link).symlink_to(target)
@@ -79,6 +86,7 @@ def test_a_link_that_leads_nowhere_is_refused(tmp_path):
         assert (tmp_path / link).is_symlink()
 
 
+@pipes
 def test_every_writer_asks(tmp_path):
     os.mkfifo(tmp_path / "ct.tif")
     os.mkfifo(tmp_path / "ball.ply")
@@ -89,6 +97,7 @@ def test_every_writer_asks(tmp_path):
     assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())
 
 
+@pipes
 @pytest.mark.parametrize(
     "words",
     [

@@ -2,6 +2,9 @@
 
 import os
 import shutil
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -14,7 +17,7 @@ from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io import obj, stl
 from o3dleaf.io.labelled_mesh import LABELS, RIM
 from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
-from o3dleaf.io.ply import PlyFile
+from o3dleaf.io.ply import PlyFile, PlyLayout
 from o3dleaf.leaf.instancing.tile import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline
 
@@ -177,26 +180,27 @@ def test_a_failure_while_the_scratch_file_is_turned_leaves_nothing(solid, tmp_pa
 
 @suffixes
 def test_a_disk_that_fills_up_is_one_clear_line_and_leaves_nothing(solid, tmp_path, suffix, monkeypatch):
-    real, written = os.pwrite, []
+    real, written = os.write, []
 
-    def full(file, data, offset):
+    def full(file, data):
         written.append(len(data))
         if sum(written) > 1 << 20:
             raise OSError(28, "No space left on device")
-        return real(file, data, offset)
+        return real(file, data)
 
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "write", full)
     with pytest.raises(O3DLeafError, match="No space left on device") as caught:
         write(tmp_path / f"leaf{suffix}", solid[0])
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows lists no open files of a process")
 def test_a_header_that_cannot_be_written_leaves_no_open_file(solid, tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "write", full)
     before = set(os.listdir("/dev/fd"))  # noqa: PTH208 - names, not paths
     with pytest.raises(O3DLeafError, match="No space"):
         write(tmp_path / "leaf.ply", solid[0])
@@ -227,12 +231,40 @@ def test_a_disk_without_room_is_refused_before_anything_is_written(solid, tmp_pa
 
 
 def test_a_write_that_the_system_takes_in_parts_is_finished(solid, tmp_path, monkeypatch):
-    real = os.pwrite
-    monkeypatch.setattr(os, "pwrite", lambda file, data, offset: real(file, data[: max(1, len(data) // 2)], offset))
+    real = os.write
+    monkeypatch.setattr(os, "write", lambda file, data: real(file, data[: max(1, len(data) // 2)]))
     write(tmp_path / "leaf.ply", solid[0])
     _, vertices, corners, _ = parse_ply(tmp_path / "leaf.ply")
     assert np.array_equal(vertices, solid[1].vertices)
     assert np.array_equal(corners, solid[1].triangles)
+
+
+def test_blocks_of_many_threads_are_written_to_and_read_from_their_places(tmp_path, monkeypatch):
+    """A pause after each way to a place lets any other thread in that may come in."""
+    vertices, triangles = np.arange(1200.0).reshape(-1, 3), np.arange(1200, dtype=np.int32).reshape(-1, 3)
+    seek = os.lseek
+
+    def slow(*place):
+        there = seek(*place)
+        time.sleep(1e-3)
+        return there
+
+    with (tmp_path / "mesh.ply").open("w+b") as out:
+        file = PlyFile(out, PlyLayout(len(vertices), len(triangles)))
+
+        def write_and_read(start):
+            rows = slice(start, start + 10)
+            file.put_triangles(start, triangles[rows])
+            file.put_vertices(start, vertices[rows])
+            return file.vertex_block(rows.start, rows.stop), file.triangle_block(rows.start, rows.stop)[0]
+
+        monkeypatch.setattr(os, "lseek", slow)
+        with ThreadPoolExecutor(8) as pool:
+            read = list(pool.map(write_and_read, range(0, len(vertices), 10)))
+        assert np.array_equal(file.vertex_block(0, len(vertices)), vertices)
+        assert np.array_equal(file.triangle_block(0, len(triangles))[0], triangles)
+    assert np.array_equal(np.concatenate([found for found, _ in read]), vertices)
+    assert np.array_equal(np.concatenate([found for _, found in read]), triangles)
 
 
 def test_the_labels_in_a_file_are_those_of_the_faces(solid):

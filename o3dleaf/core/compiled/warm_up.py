@@ -11,6 +11,9 @@ from pathlib import Path
 
 from o3dleaf.core import progress
 
+MOST = 61
+"""Processes that one can wait for on Windows."""
+
 
 def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
     """Compile the listed functions that are not on disk yet, and return how many there were to compile.
@@ -20,7 +23,7 @@ def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
     folder : path, optional
         Where to; by default code is kept where Numba keeps it.
     workers : int, optional
-        Processes; one a core by default.
+        Processes; by default one a core, but no more than `MOST`.
     """
     from o3dleaf.core.compiled.signatures import listed
 
@@ -40,7 +43,7 @@ def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
 @contextmanager
 def _processes(folder: Path | None, workers: int | None) -> Iterator[ProcessPoolExecutor]:
     context = multiprocessing.get_context("spawn")
-    count = workers or os.cpu_count() or 1
+    count = workers or min(os.cpu_count() or 1, MOST)
     with ProcessPoolExecutor(count, context, initializer=_start, initargs=(folder,)) as pool:
         try:
             yield pool

@@ -169,6 +169,6 @@ def _write_captions(path: Path, captions: list[str], drawn: Drawn) -> Drawn:
     """Write what the figures show, and which were left out."""
     lines = captions + [f"*{name}* was left out: {reason}\n" for name, reason in drawn.left_out.items()]
     with whole_file(path) as temporary:
-        temporary.write_text("\n".join(lines), encoding="utf-8")
+        temporary.write_text("\n".join(lines), encoding="utf-8", newline="\n")
     drawn.paths.append(path)
     return drawn

@@ -68,7 +68,7 @@ class Examination:
         """Write the page, whole or not at all."""
         page = compose_page(self.inspection, self.result, self.points, title)
         with whole_file(path) as temporary:
-            temporary.write_text(page, encoding="utf-8")
+            temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
 def write_report(
