@@ -3,7 +3,9 @@
 `decorator`     the decorator of every compiled function
 `sources`       the source text that a compiled function depends on
 `code_files`    compiled code in files, each with the key that it was made for
-`numba_target`  Numba's compiler for a level of processors instead of the one at hand
+`level_code`    Numba's code generator for a level of processors
+`code_cache`    compiled code on disk, in Numba's terms
+`numba_target`  Numba's compiler with these two; these three alone know its inner parts
 `signatures`    the functions that the main jobs call, with the types that they call them with
 `warm_up`       all of these compiled before the first job, on all cores
 """

@@ -16,17 +16,17 @@ IMPORT = re.compile(rf"^from ({PACKAGE}\.[\w.]+_loops) import", re.MULTILINE)
 
 
 @cache
-def stamp(module: str) -> str:
-    """Return a hash of the source texts of a compiled module and of all that it imports, directly or not."""
+def stamp(*modules: str) -> str:
+    """Return a hash of the source texts of modules and of all compiled ones that they import, directly or not."""
     digest = hashlib.sha256()
-    for name in sorted(_closure(module)):
+    for name in sorted(_closure(modules)):
         digest.update(f"{name}\n".encode())
         digest.update(_source(name))
     return digest.hexdigest()
 
 
-def _closure(module: str) -> set[str]:
-    reached, waiting = set(), [module]
+def _closure(modules: tuple[str, ...]) -> set[str]:
+    reached, waiting = set(), list(modules)
     while waiting:
         name = waiting.pop()
         if name not in reached:

@@ -59,9 +59,9 @@ def _module(line: str) -> str:
 def _start(folder: Path | None) -> None:
     """Set up a child process: code goes into `folder`, if that is given."""
     if folder is not None:
-        from o3dleaf.core.compiled import numba_target
+        from o3dleaf.core.compiled import code_cache
 
-        numba_target.keep_in(folder)
+        code_cache.keep_in(folder)
 
 
 def _compile(lines: list[str]) -> tuple[int, int]:
@@ -78,12 +78,14 @@ def _compile(lines: list[str]) -> tuple[int, int]:
 
 def _ship(folder: Path) -> None:
     """Fill a folder that a package brings: what Python calls, and what it was made for."""
-    from o3dleaf.core.compiled.numba_target import MADE_FOR, made_for
+    from o3dleaf.core.compiled.code_cache import MADE_FOR, made_for
+    from o3dleaf.core.compiled.numba_target import LevelDispatcher
 
     warm_up(folder)
     for path in folder.glob("*.callee"):
         path.unlink()
-    (folder / MADE_FOR).write_text(made_for(), encoding="utf-8")
+    generator = LevelDispatcher.targetdescr.target_context.codegen()
+    (folder / MADE_FOR).write_text(made_for(generator), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import warnings
 import pytest
 
 from o3dleaf.core import progress
-from o3dleaf.core.compiled import numba_target, signatures, warm_up
+from o3dleaf.core.compiled import code_cache, signatures, warm_up
 from o3dleaf.core.errors import CodeWarning
 from o3dleaf.fitting.rbf import radial_loops
 
@@ -34,9 +34,9 @@ def test_it_compiles_once_and_says_how_far_it_is(lines, tmp_path):
 def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_path, monkeypatch):
     warm_up._ship(tmp_path)
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".code"] * len(LINES) + [".txt"]
-    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path)
+    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path)
     function, signature = signatures.read(LINES[1])
-    loaded = numba_target.CodeCache(function.py_func).load_overload(signature, function.targetctx)
+    loaded = code_cache.CodeCache(function.py_func).load_overload(signature, function.targetctx)
     assert loaded is not None
     assert (
         str(loaded.signature)
@@ -45,27 +45,27 @@ def test_a_shipped_folder_holds_what_python_calls_and_what_it_is_for(lines, tmp_
 
 
 def test_code_for_something_else_is_not_loaded_and_a_line_says_so(tmp_path, monkeypatch):
-    (tmp_path / numba_target.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
-    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path)
-    monkeypatch.setattr(numba_target, "_writable_folder", lambda function: None)
-    numba_target._tell_once.cache_clear()
-    cache = numba_target.CodeCache(radial_loops.dot.py_func)
+    (tmp_path / code_cache.MADE_FOR).write_text("Numba 0.67.0, x86-64-v9")
+    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path)
+    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
+    code_cache._tell_once.cache_clear()
+    cache = code_cache.CodeCache(radial_loops.dot.py_func)
     _, signature = signatures.read(LINES[0])
     with pytest.warns(CodeWarning, match=r"is for Numba 0.67.0, x86-64-v9, not for .*o3dleaf warm-up"):
         assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # once
         assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    numba_target._tell_once.cache_clear()
+    code_cache._tell_once.cache_clear()
 
 
 def test_where_no_code_came_with_the_package_nothing_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba_target, "SHIPPED", tmp_path / "none")
-    monkeypatch.setattr(numba_target, "_writable_folder", lambda function: None)
-    numba_target._tell_once.cache_clear()
+    monkeypatch.setattr(code_cache, "SHIPPED", tmp_path / "none")
+    monkeypatch.setattr(code_cache, "_writable_folder", lambda function: None)
+    code_cache._tell_once.cache_clear()
     _, signature = signatures.read(LINES[0])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cache = numba_target.CodeCache(radial_loops.dot.py_func)
+        cache = code_cache.CodeCache(radial_loops.dot.py_func)
         assert cache.load_overload(signature, radial_loops.dot.targetctx) is None
-    numba_target._tell_once.cache_clear()
+    code_cache._tell_once.cache_clear()
