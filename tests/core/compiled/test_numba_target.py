@@ -190,3 +190,24 @@ def test_no_machine_code_is_made_of_what_is_only_called():
     assert not next(iter(inner.callee.overloads.values())).library._compiled
     assert inner(1) == 2
     assert len(inner.overloads) == 1
+
+
+@njit(nogil=True)
+def fibonacci(n):
+    """Return the n-th Fibonacci number."""
+    return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
+
+
+@njit(nogil=True)
+def two_fibonacci(n):
+    """Return twice the n-th Fibonacci number."""
+    return 2 * fibonacci(n)
+
+
+def test_a_function_calls_its_own_copies():
+    """A copy that another library could take the place of may have been optimized otherwise."""
+    assert two_fibonacci(20) == 2 * fibonacci(20) == 2 * 6765
+    module = next(iter(two_fibonacci.overloads.values())).library._final_module
+    copies = [function for function in module.functions if "fibonacci" in function.name and not function.is_declaration]
+    assert llvm.Linkage.internal in {function.linkage for function in copies}
+    assert {function.linkage for function in copies} <= {llvm.Linkage.internal, llvm.Linkage.external}
