@@ -22,7 +22,7 @@ import open3d as o3d
 from numba.core import event
 
 from o3dleaf.commands.cli import main as command_line
-from o3dleaf.core.compiled.signatures import LIST, called
+from o3dleaf.core.compiled.signatures import LIST, OTHERS, called
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "data_samples"
@@ -56,16 +56,18 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_clouds(folder)
-        lines = set()
+        lines = {}
         for job, command in JOBS.items():
             words = command.format(folder=folder, scan=SCAN, midrib=MIDRIB, ct=CT)
             done = run_apart(words, folder, keep=given.write or job not in given.jobs)
-            lines.update(done["lines"])
+            lines[job] = set(done["lines"])
             if job in given.jobs:
                 print_job(job, done)
         if given.write:
-            LIST.write_text("".join(f"{line}\n" for line in sorted(lines)), encoding="utf-8")
-            print(f"{len(lines)} lines in {LIST}")
+            others = set().union(*lines.values()) - lines["demo"]
+            text = "\n".join((*sorted(lines["demo"]), OTHERS, *sorted(others), ""))
+            LIST.write_text(text, encoding="utf-8")
+            print(f"{len(text.splitlines()) - 1} functions in {LIST}")
 
 
 def write_clouds(folder):

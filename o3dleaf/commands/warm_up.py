@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from o3dleaf.core.job import LongJob
+from o3dleaf.core.job import LongJob, option
 from o3dleaf.core.journal import stage
 
 
@@ -10,12 +10,14 @@ from o3dleaf.core.journal import stage
 class WarmUpJob(LongJob):
     """Compile what the main jobs need, on all cores, once; an installed wheel brings most of it."""
 
+    jobs: str = option("all", "Whose functions: those of all main jobs, or of the demo.", choices=("all", "demo"))
+
     def work(self) -> int:
         """Compile it, and return how many functions there were to compile."""
         from o3dleaf.core.compiled.warm_up import warm_up
 
         with stage("compile"):
-            return warm_up(workers=self.threads)
+            return warm_up(workers=self.threads, jobs=self.jobs)
 
     def line(self, summary: int) -> str:
         """Return what was done."""

@@ -1,7 +1,7 @@
 """The functions that Python calls in the main jobs, and the types that it calls them with, as text.
 
-Each line of `signatures.txt` is a function and the types of its arguments, as expressions of `numba.types`.
-`scripts/list_compiled.py` writes it from what the jobs compile; a test finds what is missing.
+Each line of `signatures.txt` is a function and the types of its arguments, as expressions of `numba.types`; those of
+the demo come first. `scripts/list_compiled.py` writes it from what the jobs compile; a test finds what is missing.
 """
 
 import importlib
@@ -15,9 +15,14 @@ from numba import types
 LIST = Path(__file__).with_name("signatures.txt")
 
 
-def listed() -> list[str]:
-    """Return the lines of the list."""
-    return LIST.read_text(encoding="utf-8").splitlines()
+OTHERS = "# other jobs"
+"""The line between what the demo calls and what other jobs call beyond that."""
+
+
+def listed(jobs: str = "all") -> list[str]:
+    """Return the lines of the list, or only those of the "demo"."""
+    demo, _, others = LIST.read_text(encoding="utf-8").partition(f"{OTHERS}\n")
+    return (demo if jobs == "demo" else demo + others).splitlines()
 
 
 def called() -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Compiling before the first job: all that the main jobs need, on all cores, in processes of their own."""
 
+import gc
 import multiprocessing
 import os
 import sys
@@ -15,7 +16,7 @@ MOST = 61
 """Processes that one can wait for on Windows."""
 
 
-def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
+def warm_up(folder: Path | None = None, workers: int | None = None, jobs: str = "all") -> int:
     """Compile the listed functions that are not on disk yet, and return how many there were to compile.
 
     Parameters
@@ -24,12 +25,14 @@ def warm_up(folder: Path | None = None, workers: int | None = None) -> int:
         Where to; by default code is kept where Numba keeps it.
     workers : int, optional
         Processes; by default one a core, but no more than `MOST`.
+    jobs : {"all", "demo"}
+        Whose functions.
     """
     from o3dleaf.core.compiled.signatures import listed
 
-    compiled, lines = 0, listed()
+    compiled, lines = 0, listed(jobs)
     # Functions of one module share most of what they call: one process compiles that once.
-    groups = [list(group) for _, group in groupby(lines, _module)]
+    groups = [list(group) for _, group in groupby(sorted(lines), _module)]
     with _processes(folder, workers) as pool:
         tasks = [pool.submit(_compile, group) for group in sorted(groups, key=len, reverse=True)]
         done = 0
@@ -58,6 +61,7 @@ def _module(line: str) -> str:
 
 def _start(folder: Path | None) -> None:
     """Set up a child process: code goes into `folder`, if that is given."""
+    gc.set_threshold(100_000, 50, 50)  # a compiler makes many objects that live: an eighth of the time
     if folder is not None:
         from o3dleaf.core.compiled import code_cache
 

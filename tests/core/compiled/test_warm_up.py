@@ -18,7 +18,7 @@ LINES = [
 
 @pytest.fixture
 def lines(monkeypatch):
-    monkeypatch.setattr(signatures, "listed", lambda: LINES)
+    monkeypatch.setattr(signatures, "listed", lambda jobs: LINES)
 
 
 def test_it_compiles_once_and_says_how_far_it_is(lines, tmp_path):
