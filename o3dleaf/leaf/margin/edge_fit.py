@@ -23,7 +23,7 @@ from o3dleaf.leaf.margin.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin_curve import MOST_NOISE, Spacing, resample
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
-STEP = 0.5
+NODE_STEP = 0.5
 """Step of the nodes, in local spacings: a third of the least bandwidth."""
 FIRST = 1.5
 """The least bandwidth, in local spacings."""
@@ -51,6 +51,8 @@ BESIDE = 1.0
 """Spacings from what was filled within which the curve runs over it."""
 FARTHEST = 1.5
 """Spacings that the curve may move."""
+NOT_ACROSS = 0.8
+"""Share of the way to the axis of a tip that a flank may go: it does not cross the other one."""
 SMOOTH_NORMALS = 3.0
 """Width of the Gaussian, in spacings, by which the directions to move in are smoothed."""
 
@@ -79,10 +81,11 @@ class EdgeSample:
 
 @dataclass(frozen=True)
 class EdgeFit:
-    """A closed curve (k, 2), the local spacings (k,) along it, and the rows of its sharp tips."""
+    """A closed curve (k, 2), the local spacings (k,) along it, where points tell of it (k,), the rows of sharp tips."""
 
     curve: FloatArray
     spacing: FloatArray
+    told: BoolArray
     apexes: list[int]
 
 
@@ -114,12 +117,12 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
 
     It moves by d along its normals, and d is the maximum of
 
-    .. math:: \sum_i \log Φ((d - x_i)/s) - \int d - \int λ (n · C''')^2, \quad λ = I h^6,
+    .. math:: \sum_i \log Φ((d - x_i)/s) - \int d - \tfrac12 \int λ (n · C''')^2, \quad λ = I h^6,
 
     over the points at distances x from it, in spacings; C is the moved curve, I the information of a length, h the
-    bandwidth. The third derivative is free at sharp tips, and over gaps
-    that were filled the curve stays. In a narrow tip, half as wide as w, the points on the other
-    side of its axis belong to the other flank, and a strip holds 1 + log Φ((d + w)/s) points instead of 1.
+    bandwidth. The third derivative is free at sharp tips, and over gaps that were filled the curve stays. In a narrow
+    tip, half as wide as w, the points on the other side of its axis belong to the other flank, and a strip holds
+    1 + log Φ((d + w)/s) points instead of 1.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     blur, offset, information = blurred(frame.noise)
     moved, bandwidth = _widened(frame, blur, information)
     moved = sample.randomness * (moved - offset + CROOKED / bandwidth)
-    return EdgeFit(_moved(frame, moved), frame.spacing, frame.apexes)
+    return EdgeFit(_moved(frame, moved), frame.spacing, frame.told, frame.apexes)
 
 
 def _widened(frame: _EdgeFrame, blur: FloatArray, information: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -155,7 +158,7 @@ def _widened(frame: _EdgeFrame, blur: FloatArray, information: FloatArray) -> tu
         trial = _most_likely(frame, blur, information * wider**6, moved)
         change = np.abs(trial - moved) > BEYOND_CHANCE * np.sqrt(CHANGE / (information * last))
         contradicted = change & ~stays & frame.told
-        stays |= maximum_filter1d(contradicted, 2 * round(SPREAD * last / STEP) + 1, mode="wrap")
+        stays |= maximum_filter1d(contradicted, 2 * round(SPREAD * last / NODE_STEP) + 1, mode="wrap")
         bandwidth = np.where(stays, bandwidth, wider)
         again = contradicted.any()
         moved = _most_likely(frame, blur, information * bandwidth**6, trial) if again else trial
@@ -165,19 +168,19 @@ def _widened(frame: _EdgeFrame, blur: FloatArray, information: FloatArray) -> tu
 def _most_likely(frame: _EdgeFrame, blur: FloatArray, stiffness: FloatArray, start: FloatArray) -> FloatArray:
     """Return how far (n,) the nodes move, in spacings, by Newton's steps; the likelihood is concave."""
     count, node = len(start), frame.node
-    weights = sparse.diags_array(stiffness / STEP**5)
+    weights = sparse.diags_array(stiffness / NODE_STEP**5)
     penalty = (frame.differences.T @ weights @ frame.differences).tocsc()
     force = frame.differences.T @ (weights @ frame.bend)
-    stays, moved = np.where(frame.gap, STEP / blur, 0.0), start
+    stays, moved = np.where(frame.gap, NODE_STEP / blur, 0.0), start
     for _ in range(15):
         z, depth = (moved[node] - frame.across) / blur[node], (moved + frame.half_width) / blur
-        scores, length = score(z), STEP * frame.told
+        scores, length = score(z), NODE_STEP * frame.told
         gradient = np.bincount(node, scores / blur[node], count) - length * (1 + log_ndtr(depth))
         curvature = np.bincount(node, scores * (scores + z) / blur[node] ** 2, count) + length * score(depth) / blur
         # Over a filled gap the curve stays; the little besides decides only where nothing else does, at ends of tips.
         matrix = (penalty + sparse.diags_array(curvature + stays + 1e-4)).tocsc()
         way = np.clip(spsolve(matrix, gradient - stays * moved - penalty @ moved - force), -0.5, 0.5)
-        moved = np.clip(moved + way, -FARTHEST, FARTHEST)
+        moved = np.clip(moved + way, np.maximum(-FARTHEST, -NOT_ACROSS * frame.half_width), FARTHEST)
         if np.abs(way).max() < 5e-3:
             break
     return moved
@@ -188,8 +191,8 @@ def _moved(frame: _EdgeFrame, distance: FloatArray) -> FloatArray:
 
 
 def _frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> _EdgeFrame:
-    """Return a curve in steps of `STEP`, its tips among the nodes, with the points near it."""
-    curve, spacing, _ = resample(curve, sample.local, STEP)
+    """Return a curve in steps of `NODE_STEP`, its tips among the nodes, with the points near it."""
+    curve, spacing, _ = resample(curve, sample.local, NODE_STEP)
     count = len(curve)
     rows = sorted({int(np.argmin(((curve - apex) ** 2).sum(axis=1))) for apex in apexes})
     normals, half_width = _normals(curve, rows), _half_widths(curve, spacing, rows)
@@ -213,7 +216,7 @@ def _normals(curve: FloatArray, apexes: list[int]) -> FloatArray:
     """Return the unit normals (n, 2) to the right, smoothed along the curve between its tips."""
     sides = np.roll(curve, -1, axis=0) - curve
     sides /= np.maximum(np.hypot(*sides.T), 1e-300)[:, None]
-    width, count = SMOOTH_NORMALS / STEP, len(curve)
+    width, count = SMOOTH_NORMALS / NODE_STEP, len(curve)
     smoothed = np.empty_like(sides)
     for i, start in enumerate(apexes):
         length = (apexes[(i + 1) % len(apexes)] - start) % count or count

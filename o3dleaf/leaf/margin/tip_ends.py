@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.margin.edge_fit import EdgeFit, EdgeSample
-from o3dleaf.leaf.margin.margin_curve import STEP
+from o3dleaf.leaf.margin.edge_fit import NODE_STEP, EdgeFit, EdgeSample
 from o3dleaf.leaf.margin.margin_tips import BEYOND, replaced
 
-NARROW, WIDE = 1.0, 4.5
-"""Spacings of width between which a tip's taper is taken for even: nearer to the end there are too few points, farther
-from it leaves bend."""
+WIDE, LONG = 4.5, 8.0
+"""Spacings of width, and from the end, up to which at least a tip's taper is taken for even: farther leaves bend."""
+FEW = 3.0
+"""Points beyond a place of a tip below which its width there is chance."""
 LEAST = 6
 """Nodes to each side at least that tell of the taper."""
 LONGEST = 60.0
@@ -23,8 +23,8 @@ NOISY = 2.0
 class _Taper(NamedTuple):
     """A tip in its own axes: from the middle `origin` of its narrow end along `axis`, in spacings.
 
-    `rows` are those of the curve's nodes to both sides, `width` (k,) is linear in the way along, `spine` are the
-    coefficients of the parabola of the middles.
+    The narrow end is `first` nodes from the tip to both sides, and the tip begins at `begin` on the axis; `width` are
+    the coefficients of the line of its widths, `spine` those of the parabola of its middles, `side` is to its left.
     """
 
     origin: FloatArray
@@ -59,7 +59,7 @@ def with_ends(edge: EdgeFit, sample: EdgeSample) -> FloatArray:
         old = float((edge.curve[apex] - tip.origin) @ tip.axis) / tip.spacing
         length = old + sample.randomness * (length - old)
         start, stop = (apex - tip.first) % count, (apex + tip.first) % count
-        ends.append((start, stop, _flanks(tip, edge.curve[start], edge.curve[stop], max(length, STEP))))
+        ends.append((start, stop, _flanks(tip, edge.curve[start], edge.curve[stop], max(length, NODE_STEP))))
     return replaced(edge.curve, ends)
 
 
@@ -69,9 +69,14 @@ def _tip(edge: EdgeFit, apex: int) -> _Taper | None:
     steps = np.arange(1, count // 4)
     one, other = edge.curve[(apex - steps) % count], edge.curve[(apex + steps) % count]
     middle, width = (one + other) / 2, np.hypot(*(one - other).T) / spacing
-    wide = np.flatnonzero(width > WIDE)
+    wide = np.flatnonzero((width > WIDE) & (steps * NODE_STEP > LONG))
     last = int(wide[0]) if len(wide) else len(steps) - 1
-    narrow = np.flatnonzero(width[: last + 1] <= NARROW)
+    # Between few points flanks may cross, and then have no width.
+    width = np.where((one - other) @ (one[last] - other[last]) > 0, width, 0.0)
+    # Where the tip goes on as it begins, w² / 2t points lie beyond a width w that falls by t a spacing.
+    taper = max((width[last] - width[0]) / (last * NODE_STEP), 0.0)
+    told = edge.told[(apex - steps) % count] & edge.told[(apex + steps) % count]
+    narrow = np.flatnonzero((width[:last] <= np.sqrt(2 * FEW * taper)) | ~told[:last])
     first = int(narrow[-1]) + 1 if len(narrow) else 0
     if last - first + 1 < LEAST:
         return None
@@ -101,7 +106,7 @@ def _length(tip: _Taper, points: FloatArray, noise: float) -> float | None:
 
 def _flanks(tip: _Taper, start: FloatArray, stop: FloatArray, length: float) -> FloatArray:
     """Return both flanks (k, 2) from the narrow end on, without their first points, bent as the spine is."""
-    share = np.arange(1, 1 + max(2, round(length / STEP))) / max(2, round(length / STEP))
+    share = np.arange(1, 1 + max(2, round(length / NODE_STEP))) / max(2, round(length / NODE_STEP))
     u = share * length
     bend = np.polynomial.polynomial.polyval(u, tip.spine) - tip.spine[0]
     line = tip.origin + tip.spacing * (u[:, None] * tip.axis + bend[:, None] * tip.side)
