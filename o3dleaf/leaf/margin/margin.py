@@ -242,7 +242,8 @@ def _finished(area: shapely.Polygon, sample: EdgeSample, *, hole: bool) -> Float
     curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
     curve, apexes = (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
     if sample.randomness > 0:
-        curve = resample(with_ends(fit_edge(curve, apexes, sample), sample), local)[0]
+        fitted = resample(with_ends(fit_edge(curve, apexes, sample), sample), local)[0]
+        curve = fitted if shapely.Polygon(fitted).is_valid else curve  # narrower than two points: it crosses itself
     return _simple(curve)
 
 
