@@ -12,6 +12,7 @@ from o3dleaf.core.checks import FloatArray, as_number, as_points, require_positi
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
+from o3dleaf.leaf.margin.edge_fit import EdgeSample, fit_edge
 from o3dleaf.leaf.margin.margin_curve import (
     CREASE_WIDTH,
     STEP,
@@ -25,6 +26,7 @@ from o3dleaf.leaf.margin.margin_curve import (
 )
 from o3dleaf.leaf.margin.margin_tips import with_tips
 from o3dleaf.leaf.margin.sample_region import SampleRegion, cover_sample
+from o3dleaf.leaf.margin.tip_ends import with_ends
 
 FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
@@ -109,8 +111,8 @@ class Margin:
         """Fit the margin of a sample of the leaf.
 
         The triangles that the sample covers (`cover_sample`) are smoothed along their border and grown by what a
-        sample leaves out there (`missing_area`), less what noise has added; then the flanks of sharp tips are
-        continued.
+        sample leaves out there (`missing_area`), less what noise has added; sharp tips are found. For a random
+        sample the curve then moves to where it is most likely (`fit_edge`), and the flanks of tips are continued.
 
         Parameters
         ----------
@@ -201,6 +203,8 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
     rings = [covered.exterior, *covered.interiors]
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
+    filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
+    sample = EdgeSample(local, noise, region.randomness, filled)
     curves = []
     for number, ring in enumerate(rings):
         own = cut[owner == number]
@@ -212,7 +216,7 @@ def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArra
             continue
         if number and area.area < LEAST_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
             continue  # no hole, once the leaf around it is whole
-        curves.append(_finished(area, local, tips=not number))
+        curves.append(_finished(area, sample, hole=bool(number)))
     if not curves:
         raise ReconstructionError("the points cover no area in the chart; give a denser scan")
     return curves
@@ -227,11 +231,20 @@ def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
     return owner
 
 
-def _finished(area: shapely.Polygon, local: Spacing, *, tips: bool) -> FloatArray:
-    """Return the outer ring of an area without creases, in steps of a fraction of the spacing; a simple curve."""
+def _finished(area: shapely.Polygon, sample: EdgeSample, *, hole: bool) -> FloatArray:
+    """Return the outer ring of an area without creases, in steps of a fraction of the spacing; a simple curve.
+
+    Sharp tips are found first, as the curve is free to turn there; the less the sample is a lattice, the more the
+    curve is that of greatest likelihood.
+    """
     ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
+    local = sample.local
     curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
-    return with_tips(curve, local) if tips else curve
+    curve, apexes = (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
+    if sample.randomness > 0:
+        fitted = resample(with_ends(fit_edge(curve, apexes, sample), sample), local)[0]
+        curve = fitted if shapely.Polygon(fitted).is_valid else curve  # narrower than two points: it crosses itself
+    return _simple(curve)
 
 
 def _simple(curve: FloatArray) -> FloatArray:

@@ -23,8 +23,8 @@ BENT = 0.65
 that bends more ends as its points do."""
 
 
-def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
-    """Return a closed curve (k, 2), counter-clockwise, with its sharp convex tips restored.
+def with_tips(curve: FloatArray, spacing: Spacing) -> tuple[FloatArray, FloatArray]:
+    """Return a closed curve (k, 2), counter-clockwise, with its sharp convex tips restored, and these (a, 2).
 
     Parameters
     ----------
@@ -43,9 +43,10 @@ def with_tips(curve: FloatArray, spacing: Spacing) -> FloatArray:
         tip = _tip(curve, int(center), float(local[center]))
         if tip is None or any(_overlap(tip, other, len(curve)) for other in found):
             continue
-        if shapely.Polygon(_replaced(curve, [*found, tip])).is_valid:
+        if shapely.Polygon(replaced(curve, [*found, tip])).is_valid:
             found.append(tip)
-    return _replaced(curve, found)
+    apexes = np.array([flanks[len(flanks) // 2] for _, _, flanks in found]).reshape(-1, 2)
+    return replaced(curve, found), apexes
 
 
 def _turns(curve: FloatArray) -> FloatArray:
@@ -137,8 +138,8 @@ def _overlap(tip: tuple[int, int, FloatArray], other: tuple[int, int, FloatArray
     return any(_between(end, other[0], other[1], count) for end in tip[:2]) or _between(other[0], tip[0], tip[1], count)
 
 
-def _replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> FloatArray:
-    """Return the curve with the flanks of tips in place of what is rounded."""
+def replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> FloatArray:
+    """Return the curve with the flanks (k, 2) of tips in place of what lies between two of its rows."""
     if not tips:
         return curve
     count = len(curve)

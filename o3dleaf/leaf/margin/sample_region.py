@@ -46,10 +46,14 @@ class SampleRegion:
     points : (n, 2) ndarray
     triangles : (m, 3) int ndarray
         One piece of Delaunay triangles, counter-clockwise.
+    filled : (f, 3) int ndarray
+        Those of them that lie over gaps: between pieces that were joined, and in slits filled on request.
     spacing : (n,) ndarray
         Square root of the area that a point stands for.
     missing : (n,) ndarray
         Area of the leaf beyond the triangles at each point of their border; 0 for the others.
+    randomness : float
+        From 0, a lattice, to 1, independent points.
     bridged : int
         Number of pieces that were joined over gaps wider than chance.
     widest : float
@@ -60,8 +64,10 @@ class SampleRegion:
 
     points: FloatArray
     triangles: IntArray
+    filled: IntArray
     spacing: FloatArray
     missing: FloatArray
+    randomness: float
     bridged: int
     widest: float
     left_out: IntArray
@@ -83,13 +89,16 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
-    kept, bridged, widest = _joined(mesh, _covered(mesh, spacing, short), spacing, short)
+    covered = _covered(mesh, spacing, short)
+    kept, bridged, widest = _joined(mesh, covered, spacing, short)
     kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
-    missing = missing_area(mesh, kept, spacing, _randomness(mesh, kept, deep, spacing), LONG * short)
-    return SampleRegion(points, mesh.triangles[kept], spacing, missing, bridged, widest, left_out)
+    random = _randomness(mesh, kept, deep, spacing)
+    missing = missing_area(mesh, kept, spacing, random, LONG * short)
+    triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
+    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out)
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:
