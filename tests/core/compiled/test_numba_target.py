@@ -53,7 +53,7 @@ import some_loops as loops
 a, b = np.random.default_rng(0).random((2, 50, 77))
 if "callee first" in sys.argv:
     loops.total(b[0], b[1], 77)
-parts = [loops.totals(a, b), *loops.mixed(a.ravel())]
+parts = [loops.totals(a, b), *(loops.mixed(a.ravel()) if "mixed" in sys.argv else ())]
 print("|".join(np.asarray(each).tobytes().hex() for each in parts))
 print(sum(sum(f.stats.cache_misses.values()) for f in (loops.total, loops.totals, loops.mixed)))
 """
@@ -82,9 +82,9 @@ def call(tmp_path):
 
 
 def test_compiled_loaded_and_called_in_any_order_give_the_same_bits(call, tmp_path):
-    compiled, first = call()
-    loaded, second = call()
-    anew, third = call("callee first", NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))
+    compiled, first = call("mixed")
+    loaded, second = call("mixed")
+    anew, third = call("mixed", "callee first", NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))
     assert (first, second, third) == (2, 0, 3)
     assert compiled == loaded == anew
 
@@ -95,15 +95,15 @@ def test_where_nothing_can_be_written_it_compiles(call, tmp_path):
     hidden = {"HOME": str(tmp_path / "file"), "XDG_CACHE_HOME": str(tmp_path / "file")}
     (tmp_path / "__pycache__").touch()
     bits, compiled = call(NUMBA_CACHE_DIR="", **hidden)
-    assert compiled == 2
+    assert compiled == 1
     assert bits == call(NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))[0]
 
 
 def test_a_file_for_another_source_is_not_loaded(call, tmp_path):
     """The name is the same, and a function that is only called has changed."""
-    assert call()[1] == 2
+    assert call()[1] == 1
     (tmp_path / "some_loops.py").write_text(LOOPS.replace("/ 7", "/ 9"))
-    assert call()[1] == 2
+    assert call()[1] == 1
     assert call()[1] == 0
 
 
@@ -111,7 +111,7 @@ def test_a_file_that_another_numba_wrote_is_not_loaded(call, tmp_path):
     bits, _ = call()
     for path in tmp_path.rglob("*.code"):
         path.write_bytes(path.read_bytes().replace(b"Numba 0.6", b"Numba 0.7", 1))
-    assert call() == (bits, 2)
+    assert call() == (bits, 1)
 
 
 def test_a_damaged_file_is_not_loaded(call, tmp_path):
@@ -120,7 +120,7 @@ def test_a_damaged_file_is_not_loaded(call, tmp_path):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 255
         path.write_bytes(content)
-    assert call() == (bits, 2)
+    assert call() == (bits, 1)
 
 
 @njit(nogil=True)
