@@ -209,14 +209,14 @@ def main(arguments=None):
     if not FERREUS:
         print("ferreus_rbf is not installed (pip install 'o3dleaf[bench]'): its rows are left empty")
     rng, quick = np.random.default_rng(0), options.quick
-    queries = 20_000 if quick else EVALUATIONS
+    queries = 5_000 if quick else EVALUATIONS
     small = {"size": (600.0, 600.0, 480.0)} if quick else {}
     voxels = voxel_case(queries, rng, **small)
     cases = [height_case(1000 if quick else 6300, queries, rng), voxels]
-    cases.append(scattered_case(20_000 if quick else 1_000_000, queries, rng))
+    cases.append(scattered_case(6_000 if quick else 1_000_000, queries, rng))
     rows = [row for case in cases for row in compare(case, options.patient)]
     rows += rates(voxels)
-    rows += scaling([2000, 4000] if quick else [10_000, 30_000, 100_000, 300_000, 1_000_000], rng)
+    rows += scaling([1000, 2000] if quick else [10_000, 30_000, 100_000, 300_000, 1_000_000], rng)
     rows.append(start_up(1 if quick else 2))
     show("PUInterpolant beside its peers", rows, "peer")
     if options.json:

@@ -33,7 +33,7 @@ WINDOW = 1.0
 
 def make_leaf(quick, frame="surface"):
     """The synthetic leaf, in millimetres."""
-    sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)
+    sample = o3l.samples.wheat_scan(count=800 if quick else 6300)
     volume, _ = o3l.samples.wheat_ct(**(QUICK_CT if quick else {}))
     return o3l.create_multiscale_leaf(sample.cloud, volume, sample.midrib, blade=o3l.BladeOptions(frame=frame))
 
@@ -198,7 +198,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     rng, quick = np.random.default_rng(0), options.quick
     leaf = o3l.load(options.leaf) if options.leaf else make_leaf(quick, options.frame)
-    count = 2_000 if quick else 1_000_000
+    count = 500 if quick else 1_000_000
     flat = spread(leaf, count, rng)
     rows = rate_rows(leaf, flat)
     if options.mesh:
@@ -209,8 +209,8 @@ def main(arguments=None):
     far = box.mean(axis=0) + 3 * np.ptp(box, axis=0) * (rng.random((count, 3)) - 0.5)
     distances, scene = distance_rows(leaf, leaf.blade.lift(flat), far, mesh)
     rows += distances
-    beside(leaf, scene, mesh, 2000 if quick else 100_000)
-    agreement(leaf, 2000 if quick else 200_000, rng)
+    beside(leaf, scene, mesh, 500 if quick else 100_000)
+    agreement(leaf, 500 if quick else 200_000, rng)
     show("The field of the multi-scale leaf", rows, "peer")
     if options.json:
         write_json(options.json, rows)

@@ -24,7 +24,8 @@ PCA_RADIUS = 8.0
 
 def micro_rows(quick, rng):
     """Fit and evaluate the implicit interpolant of the voxels."""
-    volume, truth = o3l.samples.wheat_ct(drift=0.0, **({"size": (600.0, 600.0, 480.0)} if quick else {}))
+    small = {"spacing": 40.0, "size": (600.0, 600.0, 480.0)} if quick else {}
+    volume, truth = o3l.samples.wheat_ct(drift=0.0, **small)
     level = volume.threshold()
     points, values = volume.to_samples(level)
     at = rng.choice(len(points), min(5000, len(points)), replace=False)
@@ -200,7 +201,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     rng = np.random.default_rng(0)
     heights, members = (50_000, 200_000) if options.quick else (8_900_000, 25_000_000)
-    sample = o3l.samples.wheat_scan(count=2000 if options.quick else 6300)
+    sample = o3l.samples.wheat_scan(count=800 if options.quick else 6300)
     rows = micro_rows(options.quick, rng)
     frames, frame, leaf, literal = frame_rows(sample, np.asarray(sample.cloud.points))
     rows += frames + height_rows(sample, frame, leaf, heights, rng)

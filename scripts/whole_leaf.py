@@ -32,7 +32,7 @@ def inputs(folder, quick):
     o3l.write_volume(volume, folder / "ct.tif")
     scan, midrib = REAL / "wheat_leaf.ply", REAL / "wheat_leaf_midrib.ply"
     if quick or not scan.is_file():
-        sample = o3l.samples.wheat_scan(count=2000 if quick else 6300)
+        sample = o3l.samples.wheat_scan(count=800 if quick else 6300)
         scan, midrib = folder / "scan.ply", folder / "midrib.ply"
         o3d.io.write_point_cloud(scan, sample.cloud)
         o3d.io.write_point_cloud(midrib, o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sample.midrib)))

@@ -64,6 +64,11 @@ def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., ob
     return compile_alone
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what stands highest in the tree: the more a test runs at once, the longer the others wait for it."""
+    items.sort(key=lambda item: len(item.path.parts))
+
+
 @pytest.fixture(autouse=True)
 def _numpy_errors_raise() -> Iterator[None]:
     """Raise on division by zero, overflow and invalid operations.
@@ -85,6 +90,16 @@ def real_scan() -> Callable[[str], Path]:
         return path
 
     return find
+
+
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw with a sixteenth of the pixels, for tests to which a picture is one file among others: each costs light."""
+    from o3dleaf.output.view.maps import render_residuals
+    from o3dleaf.output.view.picture import render
+
+    for draw in (render, render_residuals):
+        monkeypatch.setitem(draw.__kwdefaults__, "size", (400, 250))
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
+from matplotlib.image import imread
 
 from o3dleaf.io.triangle_mesh import read_triangle_mesh
 from o3dleaf.leaf.ct.tiff import write_volume
@@ -21,6 +22,8 @@ from o3dleaf.surface.mesh.mesh_report import mesh_report
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 MODULE = sys.executable, "-m", "o3dleaf"
+POINTS = 800
+"""Of the scan: few, since what takes most of a run is the blade's fit, which has tests of its own."""
 
 
 def process(*arguments):
@@ -29,11 +32,14 @@ def process(*arguments):
     return subprocess.run(words, capture_output=True, text=True, check=False, timeout=300)
 
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A scan, a midrib and a small volume, good ones."""
     folder = tmp_path_factory.mktemp("input")
-    scan = wheat_scan(count=2500)
+    scan = wheat_scan(count=POINTS)
     o3d.io.write_point_cloud(folder / "scan.ply", scan.cloud)
     midrib = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.midrib))
     o3d.io.write_point_cloud(folder / "midrib.ply", midrib)
@@ -249,7 +255,7 @@ def test_info_says_what_a_file_holds(run, files, tmp_path):
     result = run("info", files / "ct.tif", "--json", tmp_path / "ct.json")
     assert result.returncode == 0, result.stderr
     assert json.loads((tmp_path / "ct.json").read_text())["shape"] == [30, 30, 20]
-    assert "2500" in run("info", files / "scan.ply", "--unit", "mm").stdout
+    assert str(POINTS) in run("info", files / "scan.ply", "--unit", "mm").stdout
 
 
 def test_clean_and_render(run, tmp_path):
@@ -260,9 +266,12 @@ def test_clean_and_render(run, tmp_path):
     assert cleaned.returncode == 0, cleaned.stderr
     assert len(o3d.io.read_triangle_mesh(tmp_path / "clean.ply").cluster_connected_triangles()[1]) == 1
     o3d.io.write_point_cloud(tmp_path / "points.ply", sphere.sample_points_uniformly(500))
-    drawn = run("render", tmp_path / "clean.ply", tmp_path / "points.ply", "-o", tmp_path / "clean.png", "--unit", "mm")
+    how = ("--unit", "mm", "--size", 480, 300)
+    drawn = run("render", tmp_path / "clean.ply", tmp_path / "points.ply", "-o", tmp_path / "clean.png", *how)
     assert drawn.returncode == 0, drawn.stderr
-    assert (tmp_path / "clean.png").stat().st_size > 10_000
+    picture = imread(tmp_path / "clean.png")
+    assert picture.shape[:2] == (300, 480)
+    assert np.ptp(picture[:, :, :3]) > 0.5
 
 
 def test_figures_are_drawn_and_what_is_left_out_is_said(run, files, tmp_path):

@@ -1,6 +1,7 @@
 """A whole leaf meshed: windows of one surface, closed solids, levels, blends; counted before it is made."""
 
 import tracemalloc
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -64,24 +65,33 @@ def rows(points):
     return {row.tobytes() for row in np.ascontiguousarray(points)}
 
 
+@pytest.fixture(scope="module")
+def whole(leaf):
+    """Return a function that gives the vertices of the whole leaf's mesh, and where they lie flat."""
+
+    @cache
+    def vertices_of(closed, method):
+        vertices = arrays(leaf.plan_mesh(0.1, closed=closed, method=method).extract())[0]
+        return vertices, leaf.blade.flatten(vertices)[:, :2]
+
+    return vertices_of
+
+
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
 @pytest.mark.parametrize("region", [[[5.03, -1.07], [8.9, 1.9]], [[7.0, -1.0], [9.0, 1.0]], [[4.5, -0.35], [4.9, 0.1]]])
-def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, closed, method, region):
+def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, whole, closed, method, region):
     """In the cells that both have, the vertices are the same bits; the second window is one tile, whole."""
-    whole, window = (
-        arrays(leaf.plan_mesh(0.1, box, closed=closed, method=method).extract())[0] for box in (None, region)
-    )
+    window = arrays(leaf.plan_mesh(0.1, region, closed=closed, method=method).extract())[0]
     region = np.array(region)
     step = 0.1 * 1.01
 
-    def within(vertices):
-        flat = leaf.blade.flatten(vertices)[:, :2]
+    def within(vertices, flat):
         return vertices[((flat > region[0] + step) & (flat < region[1] - step)).all(axis=1)]
 
-    common = rows(within(window))
+    common = rows(within(window, leaf.blade.flatten(window)[:, :2]))
     assert len(common) > (4 if region[1, 0] - region[0, 0] < 1 else 400)
-    assert common == rows(within(whole))
+    assert common == rows(within(*whole(closed, method)))
 
 
 def test_a_window_has_its_place_and_no_more(leaf):
@@ -162,12 +172,12 @@ def is_one_leaf(mesh, *, closed):
 
 
 def test_vertices_lie_on_the_surface_and_triangles_to_second_order(leaf, blend_leaf):
-    assert is_of_second_order(errors_between_vertices(leaf, (0.03, 0.015)))
+    assert is_of_second_order(errors_between_vertices(leaf, (0.04, 0.02)))
     assert is_of_second_order(errors_between_vertices(blend_leaf, (0.06, 0.03)))
 
 
 def test_so_they_do_along_the_normal_of_the_paper_s_blade(normal_leaf):
-    assert is_of_second_order(errors_between_vertices(normal_leaf, (0.03, 0.015)))
+    assert is_of_second_order(errors_between_vertices(normal_leaf, (0.04, 0.02)))
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -368,7 +378,7 @@ def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, fra
             leaf, _ = leaf_of(field, length=length, frame=frame)
 
             def work(leaf=leaf):
-                plan = leaf.plan_mesh(0.04, closed=True)
+                plan = leaf.plan_mesh(0.06, closed=True)
                 made.append(plan.triangles)
                 plan.write(tmp_path / f"leaf{suffix}")
 

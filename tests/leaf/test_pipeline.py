@@ -108,25 +108,25 @@ def test_the_height_map_of_the_real_leaf_is_not_steep(paper_blade):
 
 
 def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
-    surface = leaf.plan_mesh(0.15)
+    surface = leaf.plan_mesh(0.2)
     sheets = surface.extract()
     report = mesh_report(sheets.mesh)
     assert report.components == 2
     assert report.holes == 0
     assert report.manifold
     assert report.oriented
-    assert mesh_report(sheets.mesh).self_intersections == 0
+    assert report.self_intersections == 0
     assert surface.voids > 0
     plane = leaf.blade.flatten(np.asarray(sheets.mesh.vertices))[:, :2]
     beside = shapely.distance(leaf.blade.outline.polygon, shapely.points(plane))
-    assert beside.max() <= (ON_MARGIN[1] * 0.15 if leaf.blade.open_edges == "cut" else 1e-9)
+    assert beside.max() <= (ON_MARGIN[1] * 0.2 if leaf.blade.open_edges == "cut" else 1e-9)
     # Both faces cover the outline: each is at least as large as the plane under it, less the rim's steps.
     assert report.area > 2 * 0.95 * leaf.blade.outline.area
 
 
 def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_between_them(leaf):
     window = [[100, -0.5], [101, 0.5]]
-    spacings, errors = np.array([0.03, 0.015, 0.0075]), []
+    spacings, errors = np.array([0.04, 0.02, 0.01]), []
     for spacing in spacings:
         mesh = leaf.extract_mesh(spacing, window)
         vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
@@ -155,7 +155,7 @@ def test_leaf_to_world_to_leaf_is_the_identity_inside_the_outline(paper_blade):
 @pytest.mark.parametrize("frame", FRAMES)
 def test_the_synthetic_leaf_is_recovered(frame):
     """The blade of a scan whose truth is known lies on the truth, within half the scanner's noise on the whole."""
-    sample = wheat_scan()
+    sample = wheat_scan(count=800)
     blade = create_blade(sample.cloud, sample.midrib, options=BladeOptions(frame=frame))
     vertices = np.asarray(blade.extract_mesh(0.5).vertices)
     off = np.linalg.norm(vertices - sample.truth.closest(vertices)[0], axis=1)
@@ -165,7 +165,7 @@ def test_the_synthetic_leaf_is_recovered(frame):
 
 @pytest.mark.parametrize("frame", FRAMES)
 def test_the_result_does_not_depend_on_the_number_of_threads(texture, frame):
-    sample, before, found = wheat_scan(count=1500), o3l.get_num_threads(), []
+    sample, before, found = wheat_scan(count=800), o3l.get_num_threads(), []
     try:
         for threads in (1, 3):
             o3l.set_num_threads(threads)
@@ -201,13 +201,13 @@ def test_options_reach_their_stage(wheat):
 
 def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
     """Midrib, frame and height map of fewer points lie within the noise of those of all; the outline has all points."""
-    scan = np.asarray(wheat_scan(count=6000).cloud.points)
+    scan = np.asarray(wheat_scan(count=3000).cloud.points)
     whole = create_blade(scan, options=PAPER)
     asked = []
-    monkeypatch.setattr(paper_pipeline, "MAX_POINTS", 2500)
+    monkeypatch.setattr(paper_pipeline, "MAX_POINTS", 1250)
     monkeypatch.setattr(paper_pipeline, "find_midrib", lambda points: asked.append(len(points)) or find_midrib(points))
     thinned = create_blade(scan, options=PAPER)
-    assert asked[0] <= 2500
+    assert asked[0] <= 1250
     assert len(thinned.outline.points) == len(whole.outline.points)
     flat = np.column_stack([whole.outline.points, np.zeros(len(whole.outline.points))])
     inner = whole.outline.polygon.buffer(-1.0)

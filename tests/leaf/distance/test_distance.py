@@ -136,8 +136,10 @@ def test_it_depends_on_neither_company_nor_threads(rough, monkeypatch):
         set_num_threads(before)
 
 
-def test_memory_does_not_grow_with_the_number_of_points(rough):
+def test_memory_does_not_grow_with_the_number_of_points(rough, monkeypatch):
     leaf, _ = rough
+    monkeypatch.setattr(distance, "BLOCK", distance.BLOCK // 4)
+    monkeypatch.setattr(distance, "BATCH_SIZE", distance.BATCH_SIZE // 4)
     x = about(leaf, np.random.default_rng(9), 8 * distance.BATCH_SIZE, 40.0)
     leaf.signed_distance(x[:10])
 

@@ -45,24 +45,26 @@ def cut(tile, sides, *, closed, batch_size=BATCH_SIZE, **given):
 
 def facets(found, keep=None):
     """The triangles by the bits of their corners, each from its first corner in order."""
-    corners = found.vertices[found.triangles if keep is None else found.triangles[keep]]
-    rows = [[corner.tobytes() for corner in triangle] for triangle in corners]
-    return sorted(tuple(row[(k := row.index(min(row))) :] + row[:k]) for row in rows)
+    corners = found.vertices[found.triangles if keep is None else found.triangles[keep]].view(np.int64)
+    _, names = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    turned = (names.reshape(-1, 3).argmin(axis=1)[:, np.newaxis] + np.arange(3)) % 3
+    rows = np.take_along_axis(corners, turned[:, :, np.newaxis], axis=1).reshape(-1, 9)
+    return rows[np.lexsort(rows.T)]
 
 
 @both
-@pytest.mark.parametrize("sides", [outline(), eaten()], ids=["whole", "eaten"])
+@pytest.mark.parametrize("sides", [outline() / 2, eaten()], ids=["whole", "eaten"])
 @pytest.mark.parametrize("field", [layer, solid_layer])
 def test_the_solid_is_closed_and_without_its_wall_it_is_the_two_sheets(method, sides, field):
     tile, holes = extract_tile(field, LATTICE, method), len(sides) > 90
     (_, solid), (_, sheets) = (cut(tile, sides, closed=closed) for closed in (True, False))
-    assert facets(solid, solid.labels != RIM) == facets(sheets)
+    assert np.array_equal(facets(solid, solid.labels != RIM), facets(sheets))
     report = mesh_report((solid.vertices, solid.triangles))
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, int(holes))
     assert report.watertight
     assert report.oriented
     thickness = 2 * 0.1037
-    expected = thickness * (area(outline()) - (area(eaten()[90:]) if holes else 0))
+    expected = thickness * (area(sides[:90]) - area(sides[90:]))
     assert report.volume == pytest.approx(expected, rel=0.02)
     report = mesh_report((sheets.vertices, sheets.triangles))
     assert report.manifold
@@ -150,7 +152,7 @@ def test_hairs_that_the_margin_cuts_end_on_it(method):
     tile = extract_tile(hairy, LATTICE, method)
     everything = {"keep_fragments": True}
     (_, solid), (_, sheets) = (cut(tile, eaten(), closed=closed, **everything) for closed in (True, False))
-    assert facets(solid, solid.labels != RIM) == facets(sheets)
+    assert np.array_equal(facets(solid, solid.labels != RIM), facets(sheets))
     report = mesh_report((solid.vertices, solid.triangles))
     assert (report.boundary_edges, report.manifold, report.oriented) == (0, True, True)
     assert report.self_intersections == 0

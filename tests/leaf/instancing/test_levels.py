@@ -1,5 +1,6 @@
 """Finer windows in a coarser surface: one mesh, no crack, each level the surface of its own spacing."""
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -15,25 +16,27 @@ from o3dleaf.surface.isosurface.polygonize import polygonize
 from tile_fields import LATTICE, area, assemble, layer, outline
 
 
-def finer(lattice, ratio):
-    nx, ny, nz = lattice.shape
-    spacing = tuple(np.array(lattice.spacing) / ratio)
-    return TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
+@cache
+def tile(ratio=1):
+    """The tile of the layer, its lattice finer by `ratio`."""
+    nx, ny, nz = LATTICE.shape
+    spacing = tuple(np.array(LATTICE.spacing) / ratio)
+    lattice = TileLattice(LATTICE.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
+    return extract_tile(layer, lattice)
 
 
 def nested(ratios=(4, 2), *, closed=False):
     """The layer with a window, and a window in the window."""
     root = Level(
-        extract_tile(layer, LATTICE),
+        tile(),
         footprint(outline(), np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None),
         np.array([[-90, -50], [160, 60]]),
         closed,
     )
-    first = finer(LATTICE, ratios[0])
     box = np.array([[30, 22], [44, 34]]) * ratios[0]
-    window = Level(extract_tile(layer, first), root.footprint, box, False, ratios[0])
+    window = Level(tile(ratios[0]), root.footprint, box, False, ratios[0])
     inner = np.array([box[0] + [6, 7], box[0] + [20, 17]]) * ratios[1]
-    window.children.append(Level(extract_tile(layer, finer(first, ratios[1])), root.footprint, inner, False, ratios[1]))
+    window.children.append(Level(tile(ratios[0] * ratios[1]), root.footprint, inner, False, ratios[1]))
     root.children.append(window)
     return root
 

@@ -40,7 +40,8 @@ def ball():
 @pytest.fixture(scope="module")
 def leaf():
     return MultiscaleLeaf(
-        create_texture(wheat_ct()[0]), blade=create_blade(*wheat_scan()[:2], options=BladeOptions(frame="paper"))
+        create_texture(wheat_ct()[0]),
+        blade=create_blade(*wheat_scan(count=800)[:2], options=BladeOptions(frame="paper")),
     )
 
 

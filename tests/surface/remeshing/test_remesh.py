@@ -271,7 +271,7 @@ def test_the_result_does_not_depend_on_threads():
     try:
         for count in (1, 2, 4):
             set_num_threads(count)
-            found.append([*mesh_arrays(remesh(mesh, 0.08, field)), *mesh_arrays(remesh(mesh, 0.08))])
+            found.append([*mesh_arrays(remesh(mesh, 0.12, field)), *mesh_arrays(remesh(mesh, 0.12))])
     finally:
         set_num_threads(threads)
     for other in found[1:]:
