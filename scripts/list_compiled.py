@@ -29,14 +29,20 @@ SAMPLES = ROOT / "data_samples"
 SCAN, MIDRIB, CT = (SAMPLES / name for name in ("wheat_scan.ply", "wheat_midrib.ply", "wheat_ct_24um.tif"))
 JOBS = {
     "demo": "demo -o {folder}/demo",
+    "demo, coarse": "demo --spacing 0.5 -o {folder}/coarse",
     "leaf": "leaf {scan} --spacing 0.4 -o {folder}/blade.ply",
     "leaf closed": "leaf {scan} --ct {ct} --closed --remesh 0.6 --spacing 0.6 -o {folder}/closed.ply",
+    "leaf window": "leaf {scan} --ct {ct} --region 90 -2 94 2 --closed --spacing 0.05 --remesh 0.05 --period best "
+    "-o {folder}/window.ply",
     "leaf paper": "leaf {scan} --midrib {midrib} --frame paper --ct {ct} --spacing 0.5 -o {folder}/paper.ply",
     "reconstruct": "reconstruct {folder}/oriented.ply -o {folder}/surface.ply --model {folder}/surface.o3l "
     "--picture {folder}/surface.png",
+    "reconstruct a leaf": "reconstruct {folder}/coarse/leaf.ply --measure residual -o {folder}/leaf_surface.ply",
+    "reconstruct a noisy ball": "reconstruct {folder}/ball.ply -o {folder}/ball_surface.ply",
     "reconstruct without normals": "reconstruct {folder}/points.ply -o {folder}/points_surface.ply",
     "reconstruct hermite": "reconstruct {folder}/oriented.ply --local hermite -o {folder}/hermite.ply",
     "qa": "qa {folder}/surface.ply --field {folder}/surface.o3l --cloud {folder}/oriented.ply --html {folder}/qa.html",
+    "qa of a leaf": "qa {folder}/leaf_surface.ply --cloud {folder}/coarse/leaf.ply --html {folder}/qa_leaf.html",
     "clean": "clean {folder}/surface.ply --triangles 2000 -o {folder}/clean.ply",
     "export": "export {folder}/demo/leaf.o3l --for openfoam --region 90 -2 96 2 --spacing 0.1 -o {folder}/leaf.stl",
     "render": "render {folder}/surface.ply -o {folder}/render.png",
@@ -71,7 +77,7 @@ def main():
 
 
 def write_clouds(folder):
-    """Write a noisy torus, with normals and without."""
+    """Write a noisy torus, with normals and without, and a noisier ball."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 2 * np.pi, (2, 4000))
     normals = np.column_stack([np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)])
@@ -80,6 +86,9 @@ def write_clouds(folder):
     o3d.io.write_point_cloud(str(folder / "points.ply"), cloud)
     cloud.normals = o3d.utility.Vector3dVector(normals)
     o3d.io.write_point_cloud(str(folder / "oriented.ply"), cloud)
+    ball = rng.normal(size=(3000, 3))
+    ball *= (1 + rng.normal(0, 0.02, (3000, 1))) / np.linalg.norm(ball, axis=1, keepdims=True)
+    o3d.io.write_point_cloud(str(folder / "ball.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(ball)))
 
 
 def run_apart(words, folder, *, keep):
