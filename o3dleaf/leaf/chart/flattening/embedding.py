@@ -17,7 +17,7 @@ SAFE_ROUNDS = 30
 AT_REST = 1e-4
 """Share by which the energy may still fall in a round when the chart is taken to rest."""
 UNSEEN = 1e-9
-"""Or the fall itself: lengths change by 3e-5 then, root mean square. Below it the charts of flat leaves creep for long."""
+"""Or the fall itself: lengths change by 3e-5 then, root mean square. Below it the charts of flat leaves creep."""
 
 
 def conformal_chart(vertices: FloatArray, triangles: IntArray, rings: BoundaryRings) -> FloatArray | None:
