@@ -54,6 +54,18 @@ class CalleeCompiler(_FunctionCompiler):
         return flags
 
 
+class CallerCompiler(_FunctionCompiler):
+    """Numba's compiler of a function that Python calls."""
+
+    callee: "Callee"
+
+    def compile(self, args: Any, return_type: Any) -> Any:
+        """Compile it; if it may call itself, its callee first: Numba would take that for what is being compiled."""
+        if self.py_func.__name__ in self.py_func.__code__.co_names:
+            self.callee.compile(args)
+        return super().compile(args, return_type)
+
+
 class Callee(CPUDispatcher):
     """What a compiled function is to those that call it: linked into them, without machine code of its own."""
 
@@ -91,6 +103,8 @@ class LevelDispatcher(CPUDispatcher):
     ) -> None:
         super().__init__(py_func, locals, targetoptions, pipeline_class)
         self.callee = Callee(py_func, self.locals, self.targetoptions, pipeline_class)
+        self._compiler = CallerCompiler(py_func, self.targetdescr, self.targetoptions, self.locals, pipeline_class)
+        self._compiler.callee = self.callee
 
     @property
     def _numba_type_(self) -> Any:
@@ -105,8 +119,6 @@ class LevelDispatcher(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Compile or load the function for these arguments, and with it what Numba itself compiles for it."""
         with target_override(NAME):
-            if self.py_func.__name__ in self.py_func.__code__.co_names:  # it calls itself, as its own callee
-                self.callee.compile(sig)
             return super().compile(sig)
 
 

@@ -41,7 +41,7 @@ def fibonacci(n):
     return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
 
 @njit(nogil=True, cache=True)
-def mixed(a):
+def argsort(a):  # the name of what it calls, as a function has that calls itself
     order = np.argsort(a, kind="mergesort")
     return fibonacci(15), a[order]
 """
@@ -50,15 +50,20 @@ CALLS = """
 import sys
 import numpy as np
 import some_loops as loops
+from numba.core import event
 a, b = np.random.default_rng(0).random((2, 50, 77))
+recorder = event.RecordingListener()
+event.register("numba:compile", recorder)
 if "callee first" in sys.argv:
     loops.total(b[0], b[1], 77)
 parts = [loops.totals(a, b)]
 if "all" in sys.argv:
-    parts += loops.mixed(a.ravel())
+    parts += loops.argsort(a.ravel())
     assert parts[1] == 610 and (parts[2] == np.sort(a, axis=None)).all()
 print("|".join(np.asarray(each).tobytes().hex() for each in parts))
-print(sum(sum(f.stats.cache_misses.values()) for f in (loops.total, loops.totals, loops.mixed)))
+missed = sum(sum(f.stats.cache_misses.values()) for f in (loops.total, loops.totals, loops.argsort))
+assert bool(recorder.buffer) == bool(missed)
+print(missed)
 """
 
 
