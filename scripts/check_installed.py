@@ -19,7 +19,8 @@ class Count(event.Listener):
     number = 0
     def on_start(self, event):
         Count.number += 1
-        print(event.data["dispatcher"].py_func, event.data["args"], file=sys.stderr)
+        if Count.number <= 5:
+            print(event.data["dispatcher"].py_func, event.data["args"], file=sys.stderr)
     def on_end(self, event): pass
 event.register("numba:compile", Count())
 from o3dleaf.commands.cli import main
