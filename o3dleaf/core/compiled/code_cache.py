@@ -96,6 +96,10 @@ class CalleeCache(CodeCache):
 
     suffix = ".callee"
 
+    def __init__(self, function: Any) -> None:
+        super().__init__(function)
+        self._environments: list[Any] = []  # Numba itself refers to them weakly
+
     def _pack(self, data: CompileResult) -> bytes:
         data.library._ensure_finalized()
         name, code = data.library.name, data.library._get_module_for_linking().as_bitcode()
@@ -103,7 +107,8 @@ class CalleeCache(CodeCache):
         return dumps((name, code, data.fndesc, data.environment, data.signature, data._find_referenced_environments()))
 
     def _unpack(self, payload: bytes, target_context: LevelContext) -> CompileResult:
-        name, code, fndesc, environment, signature, self._environments = pickle.loads(payload)
+        name, code, fndesc, environment, signature, environments = pickle.loads(payload)
+        self._environments += environments
         library = target_context.codegen().create_library(name)
         library.is_callee, library._shared_module, library._finalized = True, llvm.parse_bitcode(code), True
         parts = dict.fromkeys(CompileResult._fields)

@@ -1,9 +1,9 @@
-"""The margin of a random sample as the curve of greatest penalised likelihood, as stiff as the sample allows.
+"""The margin of a random sample as the curve of greatest penalized likelihood, as stiff as the sample allows.
 
-Each length of an edge tells little (`edge_score`), so that a curve through the outermost points alone strays by a
-quarter of a spacing and more. Margins are smooth nearly everywhere, though, and a stiff curve averages over many
-spacings. Where a stiffer curve leaves what a softer one has found by more than chance, at corners, teeth and bites, the
-softer one stays (Lepski's rule).
+Each length of an edge carries little information (`edge_score`), so that a curve through the outermost points alone
+strays by a quarter of a spacing and more. Margins are smooth nearly everywhere, though, and a stiff curve averages over
+many spacings. Where a stiffer curve leaves what a softer one has found by more than chance, at corners, teeth and
+bites, the softer one stays (Lepski's rule).
 """
 
 from dataclasses import dataclass
@@ -39,20 +39,25 @@ BEYOND_CHANCE = 3.0
 by chance, and there the softer curve costs little; a corner that is missed costs more."""
 SPREAD = 2.0
 """Bandwidths to both sides of such a place in which the softer curve stays."""
-CROOKED = 0.12
+BIAS = 0.12
 """Spacings, over the bandwidth, by which the curve of greatest likelihood lies inside the true one: it bends to the
 outermost points. By simulation of discs, 0.12 at the least bandwidth and 0.15 at the widest, with and without noise;
 unblurred it would be 1/3, a cell for each degree of freedom, as Efron's identity has it."""
 INSIDE, OUTSIDE = 6.0, 3.0
-"""Blurs from the curve within which points tell of it: farther in they say nothing, farther out they are strays."""
+"""Blurs from the curve within which points are used: farther in they carry no information, farther out they are
+strays."""
 NARROW = 0.5
-"""Spacings of half the width of a tip, below which its points tell nothing of either side."""
+"""Spacings of half the width of a tip, below which its points belong to neither side."""
 BESIDE = 1.0
 """Spacings from what was filled within which the curve runs over it."""
-FARTHEST = 1.5
+MOST_MOVED = 1.5
 """Spacings that the curve may move."""
 NOT_ACROSS = 0.8
 """Share of the way to the axis of a tip that a flank may go: it does not cross the other one."""
+NEWTON_STEPS, CONVERGED = 15, 5e-3
+"""At most as many steps, until none moves the curve by more, in spacings: a hundredth of its own deviation."""
+DAMPING = 1e-4
+"""Added to the curvature: it decides only where neither points nor the penalty do, at the ends of tips."""
 SMOOTH_NORMALS = 3.0
 """Width of the Gaussian, in spacings, by which the directions to move in are smoothed."""
 
@@ -81,21 +86,21 @@ class EdgeSample:
 
 @dataclass(frozen=True)
 class EdgeFit:
-    """A closed curve (k, 2), the local spacings (k,) along it, where points tell of it (k,), the rows of sharp tips."""
+    """A closed curve (k, 2), the local spacings (k,) along it, where points were used (k,), the rows of sharp tips."""
 
     curve: FloatArray
     spacing: FloatArray
-    told: BoolArray
+    observed: BoolArray
     apexes: list[int]
 
 
 class _EdgeFrame(NamedTuple):
-    """A curve with what tells of it.
+    """A curve with the points near it.
 
-    `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip (n,); whether points tell
-    of it (`told`), and whether it runs over a `gap` that was filled; the nearest `node` (m,) of each point and how far
-    `across` (m,) it lies, in spacings; third `differences` (n, n) of what moves, and of the curve itself (`bend`, n);
-    the rows of tips.
+    `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip (n,); whether points
+    are used there (`observed`), and whether it runs over a `gap` that was filled; the nearest `node` (m,) of each point
+    and how far `across` (m,) it lies, in spacings; third `differences` (n, n) of what moves, and of the curve itself
+    (`bend`, n); the rows of tips.
     """
 
     curve: FloatArray
@@ -103,7 +108,7 @@ class _EdgeFrame(NamedTuple):
     spacing: FloatArray
     noise: FloatArray
     half_width: FloatArray
-    told: BoolArray
+    observed: BoolArray
     gap: BoolArray
     node: IntArray
     across: FloatArray
@@ -144,8 +149,8 @@ def fit_edge(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeF
     frame = _frame(curve, curve[frame.apexes], sample)
     blur, offset, information = blurred(frame.noise)
     moved, bandwidth = _widened(frame, blur, information)
-    moved = sample.randomness * (moved - offset + CROOKED / bandwidth)
-    return EdgeFit(_moved(frame, moved), frame.spacing, frame.told, frame.apexes)
+    moved = sample.randomness * (moved - offset + BIAS / bandwidth)
+    return EdgeFit(_moved(frame, moved), frame.spacing, frame.observed, frame.apexes)
 
 
 def _widened(frame: _EdgeFrame, blur: FloatArray, information: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -157,7 +162,7 @@ def _widened(frame: _EdgeFrame, blur: FloatArray, information: FloatArray) -> tu
         wider = np.where(stays, bandwidth, WIDEN * last)
         trial = _most_likely(frame, blur, information * wider**6, moved)
         change = np.abs(trial - moved) > BEYOND_CHANCE * np.sqrt(CHANGE / (information * last))
-        contradicted = change & ~stays & frame.told
+        contradicted = change & ~stays & frame.observed
         stays |= maximum_filter1d(contradicted, 2 * round(SPREAD * last / NODE_STEP) + 1, mode="wrap")
         bandwidth = np.where(stays, bandwidth, wider)
         again = contradicted.any()
@@ -172,16 +177,16 @@ def _most_likely(frame: _EdgeFrame, blur: FloatArray, stiffness: FloatArray, sta
     penalty = (frame.differences.T @ weights @ frame.differences).tocsc()
     force = frame.differences.T @ (weights @ frame.bend)
     stays, moved = np.where(frame.gap, NODE_STEP / blur, 0.0), start
-    for _ in range(15):
+    for _ in range(NEWTON_STEPS):
         z, depth = (moved[node] - frame.across) / blur[node], (moved + frame.half_width) / blur
-        scores, length = score(z), NODE_STEP * frame.told
+        scores, length = score(z), NODE_STEP * frame.observed
         gradient = np.bincount(node, scores / blur[node], count) - length * (1 + log_ndtr(depth))
         curvature = np.bincount(node, scores * (scores + z) / blur[node] ** 2, count) + length * score(depth) / blur
-        # Over a filled gap the curve stays; the little besides decides only where nothing else does, at ends of tips.
-        matrix = (penalty + sparse.diags_array(curvature + stays + 1e-4)).tocsc()
+        # Over a filled gap the curve stays.
+        matrix = (penalty + sparse.diags_array(curvature + stays + DAMPING)).tocsc()
         way = np.clip(spsolve(matrix, gradient - stays * moved - penalty @ moved - force), -0.5, 0.5)
-        moved = np.clip(moved + way, np.maximum(-FARTHEST, -NOT_ACROSS * frame.half_width), FARTHEST)
-        if np.abs(way).max() < 5e-3:
+        moved = np.clip(moved + way, np.maximum(-MOST_MOVED, -NOT_ACROSS * frame.half_width), MOST_MOVED)
+        if np.abs(way).max() < CONVERGED:
             break
     return moved
 
@@ -197,7 +202,7 @@ def _frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> _EdgeFr
     rows = sorted({int(np.argmin(((curve - apex) ** 2).sum(axis=1))) for apex in apexes})
     normals, half_width = _normals(curve, rows), _half_widths(curve, spacing, rows)
     gap = shapely.distance(shapely.points(curve), sample.filled) <= BESIDE * spacing
-    told = (half_width >= NARROW) & ~gap
+    observed = (half_width >= NARROW) & ~gap
     part = np.minimum(sample.noise / spacing, MOST_NOISE)
     blur = blurred(part)[0]
     points = np.asarray(sample.local.tree.data)
@@ -205,10 +210,10 @@ def _frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> _EdgeFr
     node = cKDTree(curve).query(points, distance_upper_bound=reach)[1]
     points, node = points[node < count], node[node < count]
     across = ((points - curve[node]) * normals[node]).sum(axis=1) / spacing[node]
-    near = told[node] & (across < OUTSIDE * blur[node]) & (across > -INSIDE * blur[node])
+    near = observed[node] & (across < OUTSIDE * blur[node]) & (across > -INSIDE * blur[node])
     differences, bend = _third_differences(curve, normals, spacing, rows)
     return _EdgeFrame(
-        curve, normals, spacing, part, half_width, told, gap, node[near], across[near], differences, bend, rows
+        curve, normals, spacing, part, half_width, observed, gap, node[near], across[near], differences, bend, rows
     )
 
 

@@ -1,10 +1,10 @@
-"""What single points say of a straight edge near them: the likelihood of a uniform sample that ends there, blurred.
+"""The likelihood of a straight edge given single points near it: that of a uniform sample that ends there, blurred.
 
 Points of density ρ inside an edge at e, moved by noise of deviation s, have the density ρ Φ((e − x)/s) at a place x
 across it (Φ the normal distribution's). Moving the edge out by de gains d log Φ for every point, and costs the points
 that the strip would have held, ρ de for each length. So the edge is where the sum of the scores φ/(s Φ) is ρ for each
-length. A sharp edge is seen through a blur too, `BLUR`: where it then comes out, and how much each length of it tells,
-follow from the means over a sample.
+length. A sharp edge is seen through a blur too, `BLUR`: where it then comes out, and the information of each length of
+it, follow from the means over a sample.
 """
 
 from functools import cache
@@ -16,8 +16,8 @@ from o3dleaf.core.checks import FloatArray
 
 BLUR = 0.35
 """Spacings that an edge without noise is blurred by: a window of six spacings then has two points in the strip that
-tells, fewer make the estimate crooked; more of it tells less, 1.7/s for each length."""
-FARTHEST = 12.0
+counts, fewer make the estimate biased; more of it leaves less information, 1.7/s for each length."""
+TABLE_END = 12.0
 """Deviations from the edge beyond which the tables end."""
 
 
@@ -31,16 +31,16 @@ def score(z: FloatArray) -> FloatArray:
 def _tables() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return ratios of the noise to the blur (q,), and for each the edge found and the information, of a blur of 1."""
     ratios, edges = np.linspace(0.0, 1.0, 11), np.linspace(-0.6, 0.2, 81)
-    x = np.linspace(-FARTHEST, FARTHEST, 2001)
+    x = np.linspace(-TABLE_END, TABLE_END, 2001)
     scores = score(edges[:, None] - x)
     slopes = scores * (scores + edges[:, None] - x)
-    offsets, told = np.empty_like(ratios), np.empty_like(ratios)
+    offsets, known = np.empty_like(ratios), np.empty_like(ratios)
     for i, ratio in enumerate(ratios):
         density = ndtr(-x / max(ratio, 1e-9))
         offsets[i] = np.interp(-1.0, -np.trapezoid(density * scores, x, axis=1), edges)
         slope, square = (np.trapezoid(density * each, x, axis=1) for each in (slopes, scores**2))
-        told[i] = np.interp(offsets[i], edges, slope**2 / square)
-    return ratios, offsets, told
+        known[i] = np.interp(offsets[i], edges, slope**2 / square)
+    return ratios, offsets, known
 
 
 def blurred(noise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -53,5 +53,5 @@ def blurred(noise: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         of a length of one spacing.
     """
     blur = np.hypot(BLUR, noise)
-    ratios, offsets, told = _tables()
-    return blur, blur * np.interp(noise / blur, ratios, offsets), np.interp(noise / blur, ratios, told) / blur
+    ratios, offsets, known = _tables()
+    return blur, blur * np.interp(noise / blur, ratios, offsets), np.interp(noise / blur, ratios, known) / blur

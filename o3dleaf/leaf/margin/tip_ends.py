@@ -10,10 +10,10 @@ from o3dleaf.leaf.margin.margin_tips import BEYOND, replaced
 
 WIDE, LONG = 4.5, 8.0
 """Spacings of width, and from the end, up to which at least a tip's taper is taken for even: farther leaves bend."""
-FEW = 3.0
+FEWEST_POINTS = 3.0
 """Points beyond a place of a tip below which its width there is chance."""
-LEAST = 6
-"""Nodes to each side at least that tell of the taper."""
+FEWEST_NODES = 6
+"""Nodes to each side at least that the taper is fitted to."""
 LONGEST = 60.0
 """Spacings to the end beyond which there is none: a tip of a degree."""
 NOISY = 2.0
@@ -75,10 +75,10 @@ def _tip(edge: EdgeFit, apex: int) -> _Taper | None:
     width = np.where((one - other) @ (one[last] - other[last]) > 0, width, 0.0)
     # Where the tip goes on as it begins, w² / 2t points lie beyond a width w that falls by t a spacing.
     taper = max((width[last] - width[0]) / (last * NODE_STEP), 0.0)
-    told = edge.told[(apex - steps) % count] & edge.told[(apex + steps) % count]
-    narrow = np.flatnonzero((width[:last] <= np.sqrt(2 * FEW * taper)) | ~told[:last])
+    observed = edge.observed[(apex - steps) % count] & edge.observed[(apex + steps) % count]
+    narrow = np.flatnonzero((width[:last] <= np.sqrt(2 * FEWEST_POINTS * taper)) | ~observed[:last])
     first = int(narrow[-1]) + 1 if len(narrow) else 0
-    if last - first + 1 < LEAST:
+    if last - first + 1 < FEWEST_NODES:
         return None
     axis = middle[first] - middle[last]
     axis /= max(float(np.hypot(*axis)), 1e-300)

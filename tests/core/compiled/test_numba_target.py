@@ -133,27 +133,8 @@ def test_a_damaged_file_is_not_loaded(call, tmp_path):
     assert call() == (bits, 1)
 
 
-@njit(nogil=True)
 def product(a, b):
     """Return Σ a b."""
-    total = 0.0
-    for i in range(a.size):
-        total += a[i] * b[i]
-    return total
-
-
-@njit(nogil=True, fastmath=True)
-def fast_product(a, b):
-    """Return Σ a b in any order."""
-    total = 0.0
-    for i in range(a.size):
-        total += a[i] * b[i]
-    return total
-
-
-@of_numba(fastmath=True)
-def product_of_numba(a, b):
-    """Return Σ a b in any order."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -163,13 +144,14 @@ def product_of_numba(a, b):
 def test_code_is_for_the_level_and_nothing_else_of_this_processor():
     """Functions of others stay for the processor at hand."""
     a = np.arange(5.0)
-    assert fast_product(a, a) == product_of_numba(a, a) == product(a, a) == 30.0
-    ours, theirs = (next(iter(f.overloads.values())).library.codegen for f in (fast_product, product_of_numba))
+    fast, of_others = njit(nogil=True, fastmath=True)(product), of_numba(fastmath=True)(product)
+    assert fast(a, a) == of_others(a, a) == njit(nogil=True)(product)(a, a) == 30.0
+    ours, theirs = (next(iter(f.overloads.values())).library.codegen for f in (fast, of_others))
     assert ours.magic_tuple()[1:] == (os.environ.get("NUMBA_CPU_NAME", processor_level()[0]), ours._tm_features)
     assert ours is not theirs
     if "NUMBA_CPU_NAME" not in os.environ:
         assert theirs.magic_tuple()[1] == llvm.get_host_cpu_name()
-        assert "zmm" not in next(iter(fast_product.inspect_asm().values()))
+        assert "zmm" not in next(iter(fast.inspect_asm().values()))
 
 
 def test_a_level_is_the_highest_that_the_processor_has(monkeypatch):
