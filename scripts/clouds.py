@@ -9,7 +9,7 @@ import numpy as np
 import open3d as o3d
 from peers import cloud_of
 from scipy.spatial import KDTree
-from surface_errors import errors_to_scan, errors_to_truth
+from surface_errors import errors_to_scan, errors_to_truth, shape_of
 
 import o3dleaf as o3l
 
@@ -20,7 +20,12 @@ SOLIDS = {
     "sheet": o3l.samples.WavySheet,
     "block": o3l.samples.Block,
     "figure": o3l.samples.Figure,
+    "fins": o3l.samples.fins,
+    "gap": o3l.samples.gap,
+    "fold": o3l.samples.fold,
+    "bumps": o3l.samples.bumps,
 }
+MESHES = {"horse": "solids/horse.ply", "lucy": "solids/lucy.ply"}
 SCANS = {
     # File, and whether the surface has a border.
     "homer": ("oriented/homer.ply", False),
@@ -40,7 +45,11 @@ FINEST = 10
 
 @dataclass
 class Case:
-    """A cloud, and how a mesh of it is judged: `errors(vertices, triangles)` returns the figures."""
+    """A cloud, and how a mesh of it is judged: `errors(vertices, triangles)` returns the figures.
+
+    Without normals, `normals` are for the peers: Open3D's, made consistent by its minimum spanning tree. `euler` is
+    V − E + F of the truth, None where that is not known.
+    """
 
     shape: str
     noise: float
@@ -49,26 +58,48 @@ class Case:
     spacing: float
     is_open: bool
     errors: Callable
+    euler: int | None = None
+    oriented: bool = True
 
 
 def synthetic(shape, count, noise, normals="auto", samples=None):
-    """Return a case of a solid; noise is in parts of the diagonal of the clean cloud's box."""
+    """Return a case of a solid, or of a file of a closed mesh; noise is in parts of the diagonal of the clean box."""
     solid = solid_of(shape)
     points, facing = solid.sample(count)
     amount = noise * np.linalg.norm(np.ptp(points, axis=0))
     points = points + amount * np.random.default_rng([count, 17]).normal(size=points.shape)
-    if normals == "estimated" or (normals == "auto" and noise):
+    if normals == "none":
+        facing = made_consistent(points)
+    elif normals == "estimated" or (normals == "auto" and noise):
         facing = estimated(points, solid.closest(points).normals)
     spacing = float(np.sqrt(solid.area / count))
     more = {"samples": samples} if samples else {}
     errors = partial(errors_to_truth, solid=solid, threshold=max(spacing / FINEST, amount), **more)
-    return Case(shape, noise, points, facing, spacing, is_open=False, errors=errors)
+    name, oriented = Path(shape).stem, normals != "none"
+    return Case(name, noise, points, facing, spacing, False, errors, euler_of(shape), oriented)
 
 
 @cache
 def solid_of(shape):
     """Return a solid, made once: its mesh and its trees are kept."""
-    return SOLIDS[shape]()
+    if shape in SOLIDS:
+        return SOLIDS[shape]()
+    return o3l.samples.MeshSolid.of(o3d.io.read_triangle_mesh(str(SHARED / MESHES.get(shape, shape))))
+
+
+def euler_of(shape):
+    """Return V − E + F of a solid's surface: 2 of those made here, but the torus."""
+    if shape in SOLIDS:
+        return 0 if shape == "torus" else 2
+    return shape_of(solid_of(shape).vertices, solid_of(shape).triangles)["euler"]
+
+
+def made_consistent(points):
+    """Return the normals that a user of Open3D's gets for a cloud without any."""
+    cloud = cloud_of(points, np.zeros_like(points))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+    cloud.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+    return np.array(cloud.normals)
 
 
 def estimated(points, sides):
@@ -97,9 +128,7 @@ def scanned(shape, samples=None):
 def facing_of(cloud):
     """Return a scan's own normals; if they are not there or at odds, PCA normals made consistent by Open3D."""
     if not cloud.has_normals() or at_odds(np.asarray(cloud.points), np.asarray(cloud.normals)) > AT_ODDS:
-        cloud = cloud_of(np.asarray(cloud.points), np.zeros((len(cloud.points), 3)))
-        cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
-        cloud.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+        return made_consistent(np.asarray(cloud.points))
     normals = np.asarray(cloud.normals)
     return normals / np.linalg.norm(normals, axis=1)[:, np.newaxis]
 

@@ -6,7 +6,10 @@ method that the truth has a border: then the vertices of the lowest 1 % of densi
 """
 
 import math
+import tempfile
 import time
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +26,9 @@ TRIMMED = 0.01
 WARM_UP = 2000
 
 
-def rbfpu(points, normals, _spacing, _is_open):
-    mesh, _ = o3l.create_from_point_cloud_rbfpu(cloud_of(points, normals))
+def rbfpu(points, normals, _spacing, _is_open, *, oriented=True):
+    cloud = cloud_of(points, normals) if oriented else o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    mesh, _ = o3l.create_from_point_cloud_rbfpu(cloud)
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
 
 
@@ -62,11 +66,72 @@ def ball_pivoting(points, normals, spacing, _is_open):
     return np.asarray(mesh.vertices), np.asarray(mesh.triangles)
 
 
-METHODS = {each.__name__: each for each in (rbfpu, open3d_poisson, meshlab_poisson, apss, rimls, ball_pivoting)}
+def rsr(points, normals, _spacing, _is_open):
+    from pygel3d import hmesh  # noqa: PLC0415
+
+    found = hmesh.rsr_recon(points, normals)
+    return np.array(found.positions()), np.array([list(found.circulate_face(each)) for each in found.faces()])
+
+
+def advancing_front(points, _normals, _spacing, _is_open):
+    from CGAL import CGAL_Advancing_front_surface_reconstruction as fronts  # noqa: PLC0415
+    from CGAL.CGAL_Kernel import Point_3  # noqa: PLC0415
+    from CGAL.CGAL_Point_set_3 import Point_set_3  # noqa: PLC0415
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3  # noqa: PLC0415
+
+    cloud, found = Point_set_3(), Polyhedron_3()
+    for point in points.tolist():
+        cloud.insert(Point_3(*point))
+    fronts.advancing_front_surface_reconstruction(cloud, found)
+    return arrays_of_cgal(found)
+
+
+def alpha_wrap(points, _normals, spacing, _is_open):
+    """Shrink a wrap as far as a ball of two spacings' radius goes, off by that over 30 as CGAL advises."""
+    from CGAL import CGAL_Alpha_wrap_3 as wraps  # noqa: PLC0415
+    from CGAL.CGAL_Kernel import Point_3  # noqa: PLC0415
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3  # noqa: PLC0415
+
+    cloud, found = wraps.Point_3_Vector(), Polyhedron_3()
+    for point in points.tolist():
+        cloud.append(Point_3(*point))
+    wraps.alpha_wrap_3(cloud, 2 * spacing, spacing / 15, found)
+    return arrays_of_cgal(found)
+
+
+def arrays_of_cgal(mesh):
+    """Return vertices and triangles of CGAL's polyhedron, by way of a file: six digits."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mesh.off"
+        mesh.write_to_file(str(path))
+        numbers = path.read_text().split()[1:]
+    count, faces = int(numbers[0]), int(numbers[1])
+    vertices = np.array(numbers[3 : 3 + 3 * count], dtype=np.float64).reshape(-1, 3)
+    return vertices, np.array(numbers[3 + 3 * count :][: 4 * faces], dtype=np.int64).reshape(-1, 4)[:, 1:]
+
+
+METHODS = {
+    each.__name__: each
+    for each in (
+        rbfpu,
+        open3d_poisson,
+        meshlab_poisson,
+        apss,
+        rimls,
+        ball_pivoting,
+        rsr,
+        advancing_front,
+        alpha_wrap,
+    )
+}
+EXTRAS = {"rsr": "pygel3d", "advancing_front": "CGAL", "alpha_wrap": "CGAL"}
+"""The packages, of the extra `bench`, that methods need."""
 
 
 def is_there(method):
-    """Say whether this version of o3dleaf has the method."""
+    """Say whether this version of o3dleaf has the method, or its package is installed."""
+    if method in EXTRAS:
+        return find_spec(EXTRAS[method]) is not None
     return method != "rbfpu" or hasattr(o3l, "create_from_point_cloud_rbfpu")
 
 
@@ -104,12 +169,12 @@ def meshlab(points, normals):
     return session
 
 
-def reconstruct(points, normals, method, spacing, is_open, seconds):
+def reconstruct(points, normals, method, spacing, is_open, seconds, *, oriented=True):
     """Return (vertices, triangles, seconds, processor seconds, peak MB) of a method, run in a fresh process.
 
     Raises O3DLeafError if it crashes, fails, or does not end within `seconds`, the start of the process included.
     """
-    options = {"method": method, "spacing": spacing, "is_open": is_open}
+    options = {"method": method, "spacing": spacing, "is_open": is_open, "oriented": oriented}
     outcome = run_in_subprocess(
         serve,
         (points, normals),
@@ -122,12 +187,18 @@ def reconstruct(points, normals, method, spacing, is_open, seconds):
     return vertices, triangles, *used.tolist()
 
 
-def serve(points, normals, method, spacing, is_open):
-    """Call a method, in the child: warmed up on a ball, so that neither imports nor compilation are counted."""
+def serve(points, normals, method, spacing, is_open, oriented):
+    """Call a method, in the child: warmed up on a ball, so that neither imports nor compilation are counted.
+
+    A cloud that is not oriented has normals for the peers; ours is not given them.
+    """
     call, rng = METHODS[method], np.random.default_rng(0)
+    if not oriented and call is rbfpu:
+        call = partial(rbfpu, oriented=False)
     ball = rng.normal(size=(WARM_UP, 3))
     ball /= np.linalg.norm(ball, axis=1)[:, np.newaxis]
-    call(ball, ball, math.sqrt(4 * math.pi / WARM_UP), False)
+    for noise in (0.0, 0.02):  # what is done for a noisy cloud is more
+        call(ball + rng.normal(scale=noise, size=ball.shape), ball, math.sqrt(4 * math.pi / WARM_UP), False)
     before = forget_peak()
     start, processor = time.perf_counter(), time.process_time()
     vertices, triangles = call(points, normals, spacing, is_open)

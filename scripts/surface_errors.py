@@ -68,13 +68,14 @@ def summary(there, back, farthest, cosines, threshold):
 
 
 def shape_of(vertices, triangles):
-    """Return what kind of a mesh it is: pieces, whether it is manifold (edges and vertices), open edges, size."""
+    """Return what kind of a mesh it is: pieces, manifold or not (edges, vertices), open edges, V − E + F, size."""
     edges = EdgeTable.of(triangles)
     fans = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices))
     return {
         "components": int(label_triangles(triangles, edges).max(initial=-1)) + 1,
         "manifold": bool((edges.count <= 2).all() and (fans <= 1).all()),
         "boundary_edges": int((edges.count == 1).sum()),
+        "euler": len(np.unique(triangles)) - len(edges.count) + len(triangles),
         "triangles": len(triangles),
         "area": float(triangle_areas(vertices, triangles).sum()),
     }

@@ -160,6 +160,33 @@ def test_the_clouds_are_what_they_say(script):
     assert np.array_equal(exact.normals, clean.normals)
 
 
+def test_a_file_of_a_closed_mesh_is_a_truth(script, tmp_path):
+    clouds, path = script("clouds"), tmp_path / "block.ply"
+    o3d.io.write_triangle_mesh(str(path), o3d.geometry.TriangleMesh.create_box(1.0, 0.7, 0.4))
+    case = clouds.synthetic(str(path), 500, 0.0, samples=100)
+    assert (case.shape, case.euler, case.oriented) == ("block", 2, True)
+    assert np.abs(clouds.solid_of(str(path)).signed_distance(case.points)).max() < SOLID_FOOT
+
+
+def test_without_normals_the_peers_get_consistent_ones(script):
+    clouds = script("clouds")
+    case = clouds.synthetic("torus", 2000, 0.0, normals="none", samples=100)
+    agree = (case.normals * clouds.solid_of("torus").closest(case.points).normals).sum(axis=1)
+    assert not case.oriented
+    assert abs(np.sign(agree).mean()) > 0.99
+
+
+@pytest.mark.parametrize("method", ["rsr", "advancing_front", "alpha_wrap"])
+def test_peers_of_the_extra_mesh_a_torus(script, method):
+    peers = script("peers")
+    if not peers.is_there(method):
+        pytest.skip(f"{peers.EXTRAS[method]} is not installed (extra: bench)")
+    points, normals = Torus().sample(2000)
+    vertices, triangles = peers.METHODS[method](points, normals, np.sqrt(Torus().area / 2000), False)
+    assert np.abs(Torus().signed_distance(vertices)).max() < 0.05
+    assert len(triangles) > 1000
+
+
 def test_the_spacing_of_a_scan_is_that_of_its_density(script):
     points = Sphere().sample(20_000)[0]
     assert abs(script("clouds").spacing_of(points) / np.sqrt(np.pi / 20_000) - 1) < BENCH_SPACING
@@ -201,7 +228,7 @@ def test_what_crashes_gets_another_chance_but_not_for_ever(script, monkeypatch, 
     case = script("clouds").synthetic("sphere", 200, 0.0, samples=100)
     left = [1]
 
-    def crash(*_):
+    def crash(*_, **__):
         if left[0] == 0:
             return vertices, triangles, 1.0, 1.0, 1.0
         left[0] -= 1
@@ -221,7 +248,7 @@ def test_vertices_that_are_no_numbers_are_counted_and_go(script, monkeypatch, of
     case = script("clouds").synthetic("sphere", 200, 0.0, samples=100)
     broken = vertices.copy()
     broken[triangles[0, 0]] = np.nan
-    monkeypatch.setattr(bench, "reconstruct", lambda *_: (broken, triangles, 1.0, 1.0, 1.0))
+    monkeypatch.setattr(bench, "reconstruct", lambda *_, **__: (broken, triangles, 1.0, 1.0, 1.0))
     found = bench.judge(case, "rimls", 10)
     assert found.nonfinite_vertices == 1
     assert found.boundary_edges == np.sum(triangles == triangles[0, 0])
@@ -252,6 +279,21 @@ def test_a_verdict_is_against_the_best_peer_and_the_better_poisson(script):
         bench.Record("torus", 5000, 0.0, method, accuracy=1.0, spacing=1.0) for method in ("rbfpu", "open3d_poisson")
     ]
     assert not bench.holds(*bench.verdicts(equal).values(), "accuracy"), "no better than Poisson"
+
+
+def test_topology_counts_where_a_peer_has_it(script):
+    bench = script("bench_peers")
+
+    def record(shape, method, euler, open_edges=0):
+        r = bench.Record(shape, 5000, 0.0, method, components=1, boundary_edges=open_edges, euler=euler)
+        r.true_euler = 2
+        return r
+
+    ours = [record("a", "rbfpu", 2), record("b", "rbfpu", 0), record("c", "rbfpu", 1, 3)]
+    peers = [record("a", "apss", 2), record("b", "apss", 2), record("c", "apss", 0)]
+    assert bench.topology_of(ours + peers) == (
+        "no open edge on 2 of 3 closed truths; one piece of the truth's genus on 1 of 2 where a peer has it"
+    )
 
 
 def test_a_quick_run_writes_records_with_the_promised_keys(script, capsys, tmp_path):

@@ -513,6 +513,9 @@ SPACING = 0.1
 SOLID_FOOT = 1e-12
 """Newton's method goes on to rounding; found 2e-14. Where the last steps had to descend, 1e-8 was left."""
 
+SINGLE_PRECISION_FOOT = 2e-6
+"""A triangle that is farther than the nearest by what single precision rounds at a length of 1; found 3e-7."""
+
 SOLID_ASTRAY = 1e-3
 """Part of the points, deep inside the figure, for which the nearest vertex is taken; found 3 of 50,000."""
 

@@ -10,6 +10,8 @@
 `meshed`  solids meshed finely
 `slab`    a wavy sheet
 `figure`  a figure of many parts
+`mesh_solid` what a closed mesh bounds
+`narrow`  fins, a gap, a fold, bumps
 `leaves`  leaves of any shape: curled, twisted, eaten, lobed, on a petiole
 """
 
@@ -20,7 +22,9 @@ from o3dleaf.samples.leaves.kinds import LEAF_KINDS, leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import LeafScan, scan_leaf
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.scan_files import write_leaf_scans
+from o3dleaf.samples.mesh_solid import MeshSolid
 from o3dleaf.samples.micro import WheatPatch
+from o3dleaf.samples.narrow import bumps, fins, fold, gap
 from o3dleaf.samples.scan import ScanSample, wheat_scan
 from o3dleaf.samples.sheet import WheatBlade
 from o3dleaf.samples.slab import WavySheet
@@ -33,6 +37,7 @@ __all__ = [
     "Figure",
     "LeafScan",
     "LeafShape",
+    "MeshSolid",
     "ScanSample",
     "Solid",
     "Sphere",
@@ -40,6 +45,10 @@ __all__ = [
     "WavySheet",
     "WheatBlade",
     "WheatPatch",
+    "bumps",
+    "fins",
+    "fold",
+    "gap",
     "leaf_shape",
     "scan_leaf",
     "wheat_ct",

@@ -1,6 +1,7 @@
 """Solids that are sampled by way of a fine mesh of theirs."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -33,17 +34,7 @@ class Meshed(Solid):
     @cached_property
     def mesh(self) -> tuple[FloatArray, IntArray]:
         """Vertices and triangles of the level set, in the solid's own coordinates."""
-        lattice = Lattice.covering(self.box + self.step * np.array([[-1.0], [1.0]]), self.step)
-        axes = (o + s * np.arange(n) for o, s, n in zip(lattice.origin, lattice.spacing, lattice.shape, strict=True))
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        values = np.empty(len(points))
-
-        def task(start: int, stop: int) -> None:
-            values[start:stop] = self._level(points[start:stop])
-
-        run_blocks(task, len(points), BLOCK)
-        crossings, triangles = polygonize(values.reshape(lattice.shape), 0.0)
-        return lattice.positions(crossings), triangles
+        return level_mesh(self._level, self.box, self.step)
 
     @property
     def area(self) -> float:
@@ -52,6 +43,21 @@ class Meshed(Solid):
 
     def _draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         return draw_on_triangles(*self.mesh, count, rng)[0]
+
+
+def level_mesh(level: Callable[[FloatArray], FloatArray], box: FloatArray, step: float) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles where values (n,) at points (n, 3), larger inside, vanish within a (2, 3) box."""
+    lattice = Lattice.covering(box + step * np.array([[-1.0], [1.0]]), step)
+    axes = (o + s * np.arange(n) for o, s, n in zip(lattice.origin, lattice.spacing, lattice.shape, strict=True))
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = np.empty(len(points))
+
+    def task(start: int, stop: int) -> None:
+        values[start:stop] = level(points[start:stop])
+
+    run_blocks(task, len(points), BLOCK)
+    crossings, triangles = polygonize(values.reshape(lattice.shape), 0.0)
+    return lattice.positions(crossings), triangles
 
 
 def draw_on_triangles(
