@@ -830,3 +830,8 @@ JUNCTION = 1.0
 petioles 95 end within it, with a deviation of 0.33."""
 JUNCTION_WIDTH = 0.25
 """Of a petiole's width, known from the variance of some thirty points: 8 % deviation, three of them."""
+
+OUTSIDE_POLYNOMIAL = 1e-9
+"""Of the largest value: outside a ball a sum of r³ cancels to rounding times the cube of the distance in radii."""
+FIELD_HESSIAN_OUTSIDE = 1e-7
+"""Of the largest, some thousands where fits part far outside: differences of gradients over 2e-6, whose rounding grows as the square of the distance in radii."""

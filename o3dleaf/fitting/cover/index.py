@@ -103,6 +103,23 @@ class BallIndex:
         run_blocks(task, len(points), FOLD_BLOCK)
         return folded, leaves
 
+    def nearest(self, points: FloatArray) -> FloatArray:
+        """Return the (n, d) points, those outside `domain` moved to its nearest point."""
+        return np.asarray(np.clip(points, *self.domain))
+
+    def beyond(self, points: FloatArray, folded: FloatArray) -> FloatArray:
+        """Return how far points lie outside the box, (n, d), from what `fold` made of them; (0, d) if none does.
+
+        Along axes that repeat nothing is outside.
+        """
+        fixed = np.flatnonzero(self.period == 0)
+        if not any((points[:, axis] != folded[:, axis]).any() for axis in fixed):
+            return np.empty((0, points.shape[1]))
+        away = np.zeros_like(points)
+        with np.errstate(over="ignore"):  # from one end of the numbers to the other
+            away[:, fixed] = points[:, fixed] - folded[:, fixed]
+        return away
+
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
         counting, filling = progress.split(1, 1)
