@@ -1,7 +1,7 @@
 """Compiled: a field that falls outside its bounds: its value at the nearest point less a slope times the distance.
 
-So do fields of solids whose shape is known: far away is outside. The slope is value over length: 1 for a distance. Along
-an axis that repeats there is no outside.
+So do fields of solids whose shape is known: far away is outside. The slope is value over length: 1 for a distance.
+Along an axis that repeats there is no outside.
 """
 
 import math

@@ -107,18 +107,10 @@ class BallIndex:
         """Return the (n, d) points, those outside `domain` moved to its nearest point."""
         return np.asarray(np.clip(points, *self.domain))
 
-    def beyond(self, points: FloatArray, folded: FloatArray) -> FloatArray:
-        """Return how far points lie outside the box, (n, d), from what `fold` made of them; (0, d) if none does.
-
-        Along axes that repeat nothing is outside.
-        """
+    def is_left(self, points: FloatArray, folded: FloatArray) -> bool:
+        """Return whether some of the (n, d) points lie outside `domain`, from what `fold` made of them."""
         fixed = np.flatnonzero(self.period == 0)
-        if not any((points[:, axis] != folded[:, axis]).any() for axis in fixed):
-            return np.empty((0, points.shape[1]))
-        away = np.zeros_like(points)
-        with np.errstate(over="ignore"):  # from one end of the numbers to the other
-            away[:, fixed] = points[:, fixed] - folded[:, fixed]
-        return away
+        return any(bool((points[:, axis] != folded[:, axis]).any()) for axis in fixed)
 
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""

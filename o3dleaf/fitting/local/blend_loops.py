@@ -56,9 +56,11 @@ class Workspace(NamedTuple):
 
     Attributes
     ----------
-    points, unit, place : (d, STRIP)
-        The points of a strip, the unit coordinates of those of them that a ball contains, and those where its fit is
-        asked for: the same, but outside the box.
+    points, away : (d, STRIP)
+        The points of a strip, and how far the queries lie outside the box, if any does.
+    unit, place : (d, STRIP)
+        The unit coordinates of those of them that a ball contains, and those at which its fit is asked for: the same,
+        but outside the box.
     squared, inside : (STRIP,)
         Squared distances from a center, and numbers of the points that its ball contains.
     weight, local, sums, totals, spare : (jet, STRIP)
@@ -68,6 +70,7 @@ class Workspace(NamedTuple):
     """
 
     points: Any
+    away: Any
     unit: Any
     place: Any
     squared: Any
@@ -84,12 +87,12 @@ class Workspace(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def blend(start, stop, order, folded, beyond, leaves, tree, images, model, level, jets):
+def blend(start, stop, order, queries, folded, period, leaves, tree, images, model, level, jets):
     """Fill the jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop].
 
-    `order` groups the points by leaf, so that one ball's data stay in the cache for all of them. `beyond` (n, d) is how
-    far each point lies outside the box, whose nearest point `folded` is; it has no rows where none does. There the
-    weights are those of the nearest point, and the fits go on.
+    `order` groups the points by leaf, so that one ball's data stay in the cache for all of them. `queries` has rows if
+    some of them lie outside the box, whose nearest point `folded` is: the weights are those of the nearest point, and
+    the fits go on. Along axes with a `period` nothing is outside.
     """
     space = workspace(images, model, level)
     first = start
@@ -99,7 +102,7 @@ def blend(start, stop, order, folded, beyond, leaves, tree, images, model, level
         while last < stop and last - first < STRIP and leaves[order[last]] == leaf:
             last += 1
         listed = tree.images[tree.starts[leaf] : tree.stops[leaf]]
-        blend_strip(order[first:last], listed, folded, beyond, images, model, level, space, jets)
+        blend_strip(order[first:last], listed, queries, folded, period, images, model, level, space, jets)
         first = last
 
 
@@ -109,6 +112,7 @@ def workspace(images, model, level):
     dimension, terms = images.centers.shape[1], len(model.exponents)
     size = jet_size(dimension, level)
     return Workspace(
+        np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
@@ -170,15 +174,18 @@ def potential_spline_jets(model, ball, z, count, space, level, local):
 
 
 @njit(nogil=True, cache=True)
-def blend_strip(rows, listed, folded, beyond, images, model, level, space, jets):
+def blend_strip(rows, listed, queries, folded, period, images, model, level, space, jets):
     """Blend the images `listed` at the points `rows` of one leaf."""
     points, unit, inside, far = space.points, space.unit, space.inside, far_of(model.sites)
-    place = space.place if len(beyond) else unit
+    outside = len(queries) > 0
+    place = space.place if outside else unit
     weight, local, sums, totals = space.weight, space.local, space.sums, space.totals
     dimension = folded.shape[1]
     for axis in range(dimension):
         for i in range(rows.size):
             points[axis, i] = folded[rows[i], axis]
+            if outside:
+                space.away[axis, i] = 0.0 if period[axis] > 0.0 else queries[rows[i], axis] - folded[rows[i], axis]
     sums[:, : rows.size] = 0.0
     totals[:, : rows.size] = 0.0
     for image in listed:
@@ -186,12 +193,12 @@ def blend_strip(rows, listed, folded, beyond, images, model, level, space, jets)
         count = select_inside(points, rows.size, images.centers[image], radius, space.squared, unit, inside)
         if count == 0:
             continue
-        if len(beyond):
-            go_on(rows, inside, beyond, count, radius, far, unit, place)
+        if outside:
+            go_on(space.away, inside, count, radius, far, unit, place)
         ball_jets(model, ball, place, count, space, level, local)
         weight_jets(unit, count, level, weight)
-        if len(beyond) and level > 0:
-            hold(rows, inside, beyond, count, radius, far, weight, local)
+        if outside and level > 0:
+            hold(space.away, inside, count, radius, far, weight, local)
         scale_jets(local, count, 1.0 / radius, dimension)
         scale_jets(weight, count, 1.0 / radius, dimension)
         add_product(weight, local, inside, count, dimension, level, sums, totals)
@@ -208,30 +215,30 @@ def far_of(sites):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def go_on(rows, inside, beyond, count, radius, far, unit, place):
+def go_on(away, inside, count, radius, far, unit, place):
     """Write where a ball's fit is asked for: at the points themselves, and no farther than `far` radii outside."""
     for axis in range(len(unit)):
         for i in range(count):
             place[axis, i] = unit[axis, i]
-            moved = beyond[rows[inside[i]], axis]
+            moved = away[axis, inside[i]]
             if moved != 0.0:
                 place[axis, i] += min(max(moved / radius, -far), far)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def hold(rows, inside, beyond, count, radius, far, weight, local):
+def hold(away, inside, count, radius, far, weight, local):
     """Set the derivatives to zero along axes on which nothing changes outside: weights', and fits' where far away."""
-    dimension = beyond.shape[1]
+    dimension = len(away)
     for i in range(count):
         row = 1 + dimension
         for a in range(dimension):
-            one = abs(beyond[rows[inside[i]], a]) / radius
+            one = abs(away[a, inside[i]]) / radius
             if one > 0.0:
                 weight[1 + a, i] = 0.0
             if one > far:
                 local[1 + a, i] = 0.0
             for b in range(a, dimension if len(weight) > 1 + dimension else 0):
-                most = max(one, abs(beyond[rows[inside[i]], b]) / radius)
+                most = max(one, abs(away[b, inside[i]]) / radius)
                 if most > 0.0:
                     weight[row, i] = 0.0
                 if most > far:

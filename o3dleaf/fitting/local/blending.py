@@ -27,12 +27,13 @@ def blend_balls(model: NamedTuple, index: BallIndex, queries: FloatArray, level:
         The highest order of the derivatives.
     """
     folded, leaves = index.fold(queries)
-    beyond = index.beyond(queries, folded)
+    asked = queries if index.is_left(queries, folded) else queries[:0]
     order = order_by_leaf(leaves, len(index.tree.axes))
     jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
 
     def task(start: int, stop: int) -> None:
-        blend_loops.blend(start, stop, order, folded, beyond, leaves, index.tree, index.images, model, level, jets)
+        ways = asked, folded, index.period, leaves
+        blend_loops.blend(start, stop, order, *ways, index.tree, index.images, model, level, jets)
 
     run_blocks(task, len(queries), BLEND_BLOCK)
     return jets

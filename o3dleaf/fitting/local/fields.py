@@ -64,7 +64,10 @@ class LocalFields:
     ) -> FloatArray:
         """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too."""
         folded, _ = index.fold(queries)
-        beyond = index.beyond(queries, folded)
+        # How far each lies outside the box, where nothing is along axes that repeat.
+        with np.errstate(over="ignore"):
+            away = np.where(index.period > 0, 0.0, queries - folded).T
+        outside = bool(away.any())
         count, dimension = folded.shape
         sums, totals = (np.zeros((jet_size(dimension, level), count)) for _ in range(2))
         tree = cKDTree(folded)
@@ -78,11 +81,11 @@ class LocalFields:
             weight_jets(z, len(rows), level, weight)
             scale_jets(weight, len(rows), 1 / radius, dimension)
             places = folded[rows] - index.shifts[image]
-            if len(beyond):
-                places += np.clip(beyond[rows], -FAR * radius, FAR * radius)
+            if outside:
+                places += np.clip(away.T[rows], -FAR * radius, FAR * radius)
             local = _jets_of(self.fields[ball], places, level)
-            if len(beyond) and level > 0:
-                hold(rows, np.arange(len(rows)), beyond, len(rows), radius, FAR, weight, local)
+            if outside and level > 0:
+                hold(away, rows, len(rows), radius, FAR, weight, local)
             add_product(weight, local, rows, len(rows), dimension, level, sums, totals)
         divide(sums, totals, count, dimension, level)
         return sums

@@ -28,9 +28,9 @@ class Blended:
     Outside its domain a blend goes on as the local fits of the balls do that contain the nearest point of it, with the
     weights that they have there: :math:`F(x) = \sum_i w_i(p(x)) F_i(x)`. A polynomial that all of them reproduce is
     reproduced there too. F is continuous, and derivatives are those of this formula: across the border the one along
-    the way out changes by :math:`\sum_i \partial w_i F_i`, which is as small as the fits agree. From 10⁶ radii of a ball
-    on (10³ in single precision) its fit stays as it is, so that F is finite at every finite point. Whatever the number of
-    points, evaluation needs `WORKING_MEMORY` beside its arguments and its result.
+    the way out changes by :math:`\sum_i \partial w_i F_i`, which is as small as the fits agree. From 10⁶ radii of a
+    ball on (10³ in single precision) its fit stays as it is, so that F is finite at every finite point. Whatever the
+    number of points, evaluation needs `WORKING_MEMORY` beside its arguments and its result.
     """
 
     local: LocalFits
@@ -136,7 +136,7 @@ class Blended:
         return results
 
     def stacked_jets(self, queries: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets, a column each, to derivatives of `level` at checked (n, d) points, for what blends blends."""
+        """Return the jets, a column each, to derivatives of `level` at checked (n, d) points."""
         return self.local.blend(self.index, queries, level=level, dtype=dtype)
 
     def _fill(self, queries: FloatArray, results: dict[int, npt.NDArray[Any]]) -> None:

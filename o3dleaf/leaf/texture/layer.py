@@ -8,9 +8,10 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.outside_loops import fall_outside
-from o3dleaf.core.parallel import run_blocks
-from o3dleaf.fitting.pu.blend import FOLD_BLOCK, Blended
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.fitting.pu.blend import BATCH_SIZE, FOLD_BLOCK, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 
 STEEPNESS = 2.0
 """The range of a patch's values is lost within this part, 1/2, of r N^(−1/d), the distance of its data but for a factor
@@ -39,16 +40,22 @@ class LayerField(Blended):
         return max(_steepness(patch) for patch in self.patches)
 
     def stacked_jets(self, queries: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets, a column each, to derivatives of `level` at checked (n, d) points, for what blends blends."""
-        index = self.index
-        nearest = index.nearest(queries)
-        jets = super().stacked_jets(nearest, level, dtype)
-        if (nearest != queries).any():
+        """Return the jets, a column each, to derivatives of `level` at checked (n, d) points."""
+        low, high = self.index.domain
+        if not any(
+            (queries[:, axis] < low[axis]).any() or (queries[:, axis] > high[axis]).any() for axis in range(len(low))
+        ):
+            return super().stacked_jets(queries, level, dtype)
+        jets = np.empty((jet_size(len(low), level), len(queries)))
+        # Nearest points are held beside the jets: fewer at once keep to the memory that a blend promises.
+        for first, last in blocks(len(queries), BATCH_SIZE >> (3 + level)):
+            nearest = self.index.nearest(queries[first:last])
+            jets[:, first:last] = super().stacked_jets(nearest, level, dtype)
 
-            def task(start: int, stop: int) -> None:
-                fall_outside(start, stop, jets, queries, index.bounds, index.period, self.fall)
+        def task(start: int, stop: int) -> None:
+            fall_outside(start, stop, jets, queries, self.index.bounds, self.index.period, self.fall)
 
-            run_blocks(task, len(queries), FOLD_BLOCK)
+        run_blocks(task, len(queries), FOLD_BLOCK)
         return jets
 
 
@@ -57,5 +64,6 @@ def _steepness(patch: PUInterpolant) -> float:
     cover, (low, high) = patch.cover, patch.bounds
     ticks = [np.linspace(*ends, PROBES) for ends in zip(low, high, strict=True)]
     values = patch(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
-    distance = float(np.median(cover.radii)) * float(np.median(cover.counts)) ** (-1.0 / len(low))
-    return STEEPNESS * float(np.ptp(values) or abs(values[0])) / distance
+    distance = float(np.median(cover.radii) * np.median(cover.counts) ** (-1.0 / len(low)))
+    lost = float(np.ptp(values)) or abs(float(values[0]))
+    return STEEPNESS * lost / distance

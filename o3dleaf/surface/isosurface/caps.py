@@ -12,7 +12,7 @@ CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 """Corners of a square of a face, counter-clockwise."""
 
 HALVES = ((0, 1, 2), (0, 2, 3))
-"""The two triangles that Kuhn's subdivision leaves of a square: its diagonal runs from the lower corner to the upper."""
+"""The two triangles that Kuhn's subdivision leaves of a square, whose diagonal rises along both axes."""
 
 
 def square_triangles(code: int) -> list[tuple[int, int, int]]:
@@ -33,9 +33,7 @@ def fan_inside(inside: list[int]) -> list[tuple[int, int, int]]:
     return [(polygon[0], polygon[n], polygon[n + 1]) for n in range(1, len(polygon) - 1)]
 
 
-def close_faces(
-    crossings: Crossings, inside: BoolArray, method: int, faces: BoolArray
-) -> tuple[IntArray, IntArray]:
+def close_faces(crossings: Crossings, inside: BoolArray, method: int, faces: BoolArray) -> tuple[IntArray, IntArray]:
     """Return triangles that close a surface on faces of its lattice.
 
     Parameters
@@ -65,7 +63,7 @@ def close_faces(
 
 
 def _cap(inside: BoolArray, method: int, axis: int, far: int) -> IntArray:
-    """Return the triangles (m, 3) on one face, by names: 8 · (number of a point) + direction of its edge, 0 for none."""
+    """Return the triangles (m, 3) on one face, by names: 8 · (number of a point) + direction, 0 for the point."""
     along = [other for other in range(3) if other != axis]
     face = np.moveaxis(inside, axis, 0)[-1 if far else 0]
     strides = np.array([inside.shape[1] * inside.shape[2], inside.shape[2], 1])

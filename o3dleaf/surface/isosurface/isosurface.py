@@ -63,7 +63,8 @@ def extract_isosurface(
     within : float or callable, optional
         With seeds: cells whose center lies farther than this from all of them, or for whose centers (n, 3) the
         function returns False, are left out; the surface ends there, open. Left out, it is followed until it is
-        closed, by the field's bounds too; those caps are beveled along the rim, by a step at most. `distance_mask` makes such a function of a cloud.
+        closed, by the field's bounds too; those caps are beveled along the rim, by a step at most. `distance_mask`
+        makes such a function of a cloud.
     sharpen : bool
         With seeds: evaluate the field once more at every vertex and move it along its edge to the zero of the parabola
         through the three values: off by O(spacing^3) at most where the field is smooth, instead of O(spacing^2).
@@ -103,7 +104,7 @@ def extract_isosurface(
     if seeds is None:
         if within is not None or features:
             raise InputError("within, features: are for a surface that is continued from seeds; give seeds")
-        return build_mesh(*_march_box(field, _lattice(field, step, bounds, closed), level, method))
+        return build_mesh(*_march_box(field, _lattice(field, step, bounds, closed=closed), level, method))
     if bounds is not None or method != "cubes":
         raise InputError("bounds, method: are for a whole lattice; with seeds leave them out, and give within")
     points = as_points(seeds, "seeds", dim=3, least=1)
@@ -121,7 +122,7 @@ def extract_isosurface(
     )
 
 
-def _lattice(field: Field, step: FloatArray, bounds: npt.ArrayLike | None, closed: bool | None) -> BoxedLattice:
+def _lattice(field: Field, step: FloatArray, bounds: npt.ArrayLike | None, *, closed: bool | None) -> BoxedLattice:
     """Return the lattice over what is asked of a field, cut where the surface is to be closed."""
     if bounds is None:
         box = as_bounds(field.bounds, 3)

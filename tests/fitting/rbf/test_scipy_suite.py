@@ -54,7 +54,10 @@ def adapt(fit, y, d, **options):
     smoothing = np.asarray(options.get("smoothing", 0.0))
     if smoothing.ndim:
         share = smoothing / smoothing.max()
-        options |= {"smoothing": smoothing.max() * LEAST_WEIGHT, "weights": LEAST_WEIGHT / np.maximum(share, LEAST_WEIGHT)}
+        options |= {
+            "smoothing": smoothing.max() * LEAST_WEIGHT,
+            "weights": LEAST_WEIGHT / np.maximum(share, LEAST_WEIGHT),
+        }
     return fit(y, d, **options)
 
 
