@@ -1,13 +1,14 @@
 """A lattice of whole multiples of a step whose outermost points lie on the faces of a box, where they are to."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError
-from o3dleaf.core.field import Field
 from o3dleaf.core.lattice import MAX_SIZE, Lattice, sample_lattice
 from o3dleaf.core.mesh_arrays import BoolArray
 
@@ -54,9 +55,18 @@ class BoxedLattice:
         shape = tuple(int(n) for n in count)
         return cls(Lattice(tuple((first * step).tolist()), tuple(step.tolist()), shape), box, cut)
 
-    def sample(self, field: Field) -> npt.NDArray[np.float64]:
+    def sample(self, field: Callable[[FloatArray], npt.NDArray[Any]]) -> FloatArray:
         """Return the (nx, ny, nz) values of a field at the points."""
         return sample_lattice(lambda points: field(self._moved(points)), self.lattice)
+
+    def points(self, indices: npt.NDArray[np.int64]) -> FloatArray:
+        """Return the (n, 3) positions of (n, 3) points, to the last bit those that `sample` asks for."""
+        return self._moved(self.lattice.positions(indices))
+
+    def is_within(self, bounds: FloatArray) -> bool:
+        """Return whether all points lie in a box."""
+        low, high = self.points(np.array([np.zeros(3), np.array(self.lattice.shape) - 1.0], dtype=np.int64))
+        return bool(np.all((low >= bounds[0]) & (high <= bounds[1])))
 
     def _moved(self, points: FloatArray) -> FloatArray:
         """Return points of the lattice with the outermost ones on their faces."""
