@@ -86,7 +86,10 @@ class LocalFits(Protocol):
     """The local fits of a cover: all that the partition of unity needs of them."""
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries."""
+        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at (n, d) queries.
+
+        Outside the index's box the weights are those of its nearest point, and the fits go on.
+        """
         ...
 
 

@@ -270,6 +270,15 @@ class PUInterpolant(Blended):
         """(2, d) the covered box, in `unit`."""
         return self.cover.bounds
 
+    @property
+    def rough_error(self) -> float:
+        """The most that `rough` is off within the bounds: infinite where the local fits are no splines."""
+        return self.local.single_error if isinstance(self.local, LocalSplines) else np.inf
+
+    def rough(self, points: npt.ArrayLike) -> npt.NDArray[np.float32]:
+        """Return the (n,) values at (n, d) points from sums in single precision, in little more than half the time."""
+        return self(points, dtype=np.float32)
+
     def diagnostics(self, balls: npt.ArrayLike | None = None) -> BallDiagnostics:
         """Return smoothing, score, degrees of freedom, condition and leave-one-out error of the fit of each ball.
 
