@@ -6,6 +6,7 @@ from typing import Any
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -40,6 +41,7 @@ CLASSES: dict[str, type[Any]] = {
         HeightMapBlade,
         Hole,
         LeafFrame,
+        LocalColumns,
         LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,

@@ -25,7 +25,7 @@ class ScatteredData:
 
     Attributes
     ----------
-    points, values : (n, d), (n,) ndarrays
+    points, values : (n, d), (n,) or (n, c) ndarrays
     weights : (n,) ndarray or None
         Above 0: the smoothing at a point is divided by its weight.
     groups : (n,) int64 ndarray or None
@@ -55,7 +55,7 @@ class ScatteredData:
         sites = as_points(points, least=1)
         return cls(
             sites,
-            as_values(values, len(sites)),
+            as_values(values, len(sites), columns=True),
             None if weights is None else as_weights(weights, len(sites)),
             None if groups is None else as_rows(groups, len(sites)),
             None if normals is None else as_normals(normals, sites),
@@ -86,7 +86,10 @@ class LocalFits(Protocol):
     """The local fits of a cover: all that the partition of unity needs of them."""
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries."""
+        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries.
+
+        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n).
+        """
         ...
 
 

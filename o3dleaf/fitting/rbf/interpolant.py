@@ -64,6 +64,11 @@ class RBFInterpolant:
         unit = f", unit {self.unit}" if self.unit else ""
         return f"RBFInterpolant({self.kernel.dimension}-D, {self.points.shape[1]:,} points, {self.kernel}{unit})"
 
+    @property
+    def columns(self) -> int | None:
+        """m, the number of columns of values, or None where a point has one number."""
+        return None if self.weights.ndim == 1 else len(self.weights)
+
     @classmethod
     def fit(
         cls,
