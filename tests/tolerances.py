@@ -420,6 +420,10 @@ MERGED = 1e-9
 SINGLE_PRECISION_DISTANCE = 1e-6
 """Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
 
+CARRIED = 1e-4
+"""A color from 0 to 1 where colors are linear in space, so that each ball has them in its tail: float32 rounds by 6e-8,
+and balls whose points lie nearly on a quadric leave 1e-8 to 1e-5 of the color beside them. A byte is 4e-3."""
+
 # --- mesh: reports ---
 
 MESHLAB_AREA = 1e-6
