@@ -37,6 +37,10 @@ SCIPY = 1e-9
 FIELD_GRADIENT = 1e-7
 """Share of the largest slope: a difference of fourth order at a step of 1e-4, in balls of 0.1, is right to 1e-8."""
 
+SHAPED_SLOPE = 1e-7
+"""Share of the largest slope or curvature: a difference of fourth order at a step of 3e-3/ε is right to (3e-3)⁴ of the
+next derivatives but four, some 1e-9, and systems that lose seven digits leave as much."""
+
 HESSIAN_TWIN = 1e-11
 """Share of the largest: smoothed systems of 80 points and Leibniz's rule in another order; found 2e-13."""
 

@@ -13,6 +13,7 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.io.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
@@ -54,6 +55,7 @@ CLASSES: dict[str, type[Any]] = {
         Polyharmonic,
         RBFInterpolant,
         RobustChoice,
+        Shaped,
         Smoothing,
         TiledField,
         VectorSplines,
