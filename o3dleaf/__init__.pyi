@@ -47,6 +47,7 @@ from .surface.reconstruction.trim import trim_to_data as trim_to_data
 from .surface.reconstruction.along_mesh import find_inverted_regions as find_inverted_regions
 from .surface.reconstruction.vertex_support import vertex_support as vertex_support
 from .surface.reconstruction.vertex_support import color_by_support as color_by_support
+from .surface.reconstruction.attributes import interpolate_attributes as interpolate_attributes
 from .surface.reconstruction.reconstruct import create_from_point_cloud_rbfpu as create_from_point_cloud_rbfpu
 from .surface.repair.clean import clean_mesh as clean_mesh
 from .surface.repair.simplify import simplify_mesh as simplify_mesh

@@ -24,11 +24,22 @@ KERNEL_SLOPE = 1e-8
 FIELD_TWIN = 1e-10
 """Share of the largest value: dense systems of up to 200 scattered points lose four to six digits of sixteen."""
 
+COLUMN = 1e-9
+"""Share of the largest value or derivative: one system solved for several columns and for one, but for how the compiler
+groups the sums; systems of 50 points lose three digits, second derivatives on a line, found 2e-11, three more."""
+
+COLUMN_SHARE = 0.4
+"""Of eight fits, what one fit of eight columns may take: a matrix is factored once, its columns cost an eighth each."""
+
 SCIPY = 1e-9
 """The same, between our solve on the null space and SciPy's of the saddle point: 3e-11 for the quintic."""
 
 FIELD_GRADIENT = 1e-7
 """Share of the largest slope: a difference of fourth order at a step of 1e-4, in balls of 0.1, is right to 1e-8."""
+
+SHAPED_SLOPE = 1e-7
+"""Share of the largest slope or curvature: a difference of fourth order at a step of 3e-3/ε is right to (3e-3)⁴ of the
+next derivatives but four, some 1e-9, and systems that lose seven digits leave as much."""
 
 HESSIAN_TWIN = 1e-11
 """Share of the largest: smoothed systems of 80 points and Leibniz's rule in another order; found 2e-13."""
@@ -412,6 +423,10 @@ MERGED = 1e-9
 
 SINGLE_PRECISION_DISTANCE = 1e-6
 """Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
+
+CARRIED = 1e-4
+"""A color from 0 to 1 where colors are linear in space, so that each ball has them in its tail: float32 rounds by 6e-8,
+and balls whose points lie nearly on a quadric leave 1e-8 to 1e-5 of the color beside them. A byte is 4e-3."""
 
 # --- mesh: reports ---
 

@@ -33,9 +33,10 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
     local: str = option("rbf", "Local fit in each ball: rbf, hermite, curl-free, mls or auto.")
     untrimmed: bool = option(False, "Keep the surface up to four spacings beyond the data.", "--untrimmed")
     measure: str = option(
-        "distance",
-        "Color of the mesh: distance to the data, weight (sampling density) or residual.",
-        choices="o3dleaf.surface.reconstruction.vertex_support:MEASURES",
+        "auto",
+        "Color of the mesh: the cloud's own or, where it has none, the distance to the data (auto); distance, weight "
+        "(sampling density) or residual.",
+        choices="o3dleaf.surface.reconstruction.finish:SHOWN",
     )
     model: Path | None = option(None, "Also write the field as a model (.o3l).", writes=MODEL)
     picture: Path | None = option(
@@ -79,15 +80,21 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
                 field.save(self.model)
         if self.picture is not None:
             with stage("draw picture"):
-                values = mesh.vertex[self.measure].numpy().ravel()
-                render(mesh, self.picture, scalars=Scalars(values, self.label), unit=self.unit)
+                values = Scalars(mesh.vertex[self.shown].numpy().ravel(), self.label)
+                own = self.measure == "auto" and cloud.has_colors()
+                render(mesh, self.picture, scalars=None if own else values, unit=self.unit)
         with stage("check mesh"):
             return mesh_report(mesh, unit=self.unit)
 
     @property
+    def shown(self) -> str:
+        """The measure that a picture of a cloud without colors shows."""
+        return "distance" if self.measure == "auto" else self.measure
+
+    @property
     def label(self) -> str:
         """Label of the color bar."""
-        return LABELS[self.measure] + (f" / {self.unit}" if self.unit and self.measure != "weight" else "")
+        return LABELS[self.shown] + (f" / {self.unit}" if self.unit and self.shown != "weight" else "")
 
     def line(self, summary: "MeshReport") -> str:
         """Return what the surface is."""

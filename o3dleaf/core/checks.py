@@ -47,6 +47,8 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
 
 
 def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
+    if np.asarray(array).dtype.kind == "c":
+        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
     try:
         return np.require(array, np.float64, ["C", "A", "W", "E"])
     except (TypeError, ValueError) as cause:
@@ -60,6 +62,13 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
     return require_finite(array, name)
+
+
+def require_one_column(field: object, caller: str) -> None:
+    """Raise `InputError` if a field has several values at a point, where the caller needs one."""
+    columns = getattr(field, "columns", None)
+    if columns is not None:
+        raise InputError(f"{caller}: the field has {columns} columns of values; fit one of them, values (n,), for this")
 
 
 def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels") -> npt.NDArray[np.uint8]:

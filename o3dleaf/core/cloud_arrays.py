@@ -51,3 +51,13 @@ def raw_normals(cloud: CloudLike) -> npt.ArrayLike | None:
         return cast(npt.ArrayLike, legacy.point.normals.cpu().numpy()) if "normals" in legacy.point else None
     normals = getattr(legacy, "normals", None)
     return None if normals is None or not len(normals) else np.asarray(normals)
+
+
+def point_attributes(cloud: CloudLike) -> dict[str, npt.NDArray[Any]]:
+    """Return what the points of an Open3D cloud carry beside positions and normals, unchecked, by Open3D's names."""
+    legacy: Any = cloud
+    if hasattr(legacy, "point"):
+        own = {name: tensor.cpu().numpy() for name, tensor in legacy.point.items()}
+        return {name: values for name, values in own.items() if name not in {"positions", "normals"}}
+    colors = getattr(legacy, "colors", None)
+    return {} if colors is None or not len(colors) else {"colors": np.asarray(colors)}

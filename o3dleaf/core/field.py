@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks import FloatArray, require_one_column
 
 
 @runtime_checkable
@@ -68,6 +68,7 @@ class HasRough(Protocol):
 
 def values_and_gradients(field: Field, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the values (n,) and gradients (n, d) of a field at (n, d) points, in one pass where it can."""
+    require_one_column(field, "values_and_gradients")
     if isinstance(field, HasJets):
         value, slope = field.jets(points, 1)
         return value, slope

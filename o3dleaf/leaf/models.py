@@ -6,12 +6,14 @@ from typing import Any
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.interpolant import RBFInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.io.model_file import read_model, stored_class
 from o3dleaf.leaf.blade.blade import Blade
@@ -40,6 +42,7 @@ CLASSES: dict[str, type[Any]] = {
         HeightMapBlade,
         Hole,
         LeafFrame,
+        LocalColumns,
         LocalCreasedSplines,
         LocalPolynomials,
         LocalPotentials,
@@ -52,6 +55,7 @@ CLASSES: dict[str, type[Any]] = {
         Polyharmonic,
         RBFInterpolant,
         RobustChoice,
+        Shaped,
         Smoothing,
         TiledField,
         VectorSplines,

@@ -39,6 +39,26 @@ def test_all_that_a_run_writes(run, scan, tmp_path):
     assert o3l.mesh_report(o3d.io.read_triangle_mesh(str(mesh))).genus == 1
 
 
+def test_a_red_cloud_is_red(run, tmp_path):
+    """In the mesh, in the picture beside it, and in a picture of the mesh."""
+    points, normals = samples.Torus().sample(1_500, seed=1)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.normals = o3d.utility.Vector3dVector(normals)
+    cloud.paint_uniform_color([1, 0, 0])
+    o3d.io.write_point_cloud(str(tmp_path / "red.ply"), cloud)
+    done = run("reconstruct", tmp_path / "red.ply", "-o", tmp_path / "mesh.ply", "--picture", tmp_path / "one.png")
+    assert done.returncode == 0, done.stderr
+    mesh = o3d.io.read_triangle_mesh(str(tmp_path / "mesh.ply"))
+    np.testing.assert_array_equal(np.asarray(mesh.vertex_colors), np.broadcast_to([1, 0, 0], (len(mesh.vertices), 3)))
+    assert mesh.has_vertex_normals()
+    assert run("render", tmp_path / "mesh.ply", "-o", tmp_path / "two.png").returncode == 0
+    for name in ("one.png", "two.png"):
+        pixels = np.asarray(o3d.io.read_image(str(tmp_path / name)))[..., :3].astype(float)
+        solid = np.ptp(pixels, axis=2) > 60  # neither paper nor ink
+        assert solid.mean() > 0.1
+        assert (pixels[solid].argmax(axis=1) == 0).all()
+
+
 def test_what_no_data_support_can_be_kept(run, tmp_path):
     """Untrimmed, a patch of a plane is larger than its data by four spacings on all sides."""
     rng = np.random.default_rng(2)

@@ -6,6 +6,7 @@
 `potentials`           splines of points and normals: Hermite, curl-free
 `polynomials`          moving least squares of points and normals
 `fields`               any field a ball
+`columns`              splines of several columns of values
 `smoothing_selection`  how much each ball is smoothed
 `fitter_selection`     which fit of points and normals suits the noise
 `cross_validation`     errors at groups of points left out

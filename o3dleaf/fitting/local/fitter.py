@@ -25,7 +25,7 @@ class ScatteredData:
 
     Attributes
     ----------
-    points, values : (n, d), (n,) ndarrays
+    points, values : (n, d), (n,) or (n, c) ndarrays
     weights : (n,) ndarray or None
         Above 0: the smoothing at a point is divided by its weight.
     groups : (n,) int64 ndarray or None
@@ -55,7 +55,7 @@ class ScatteredData:
         sites = as_points(points, least=1)
         return cls(
             sites,
-            as_values(values, len(sites)),
+            as_values(values, len(sites), columns=True),
             None if weights is None else as_weights(weights, len(sites)),
             None if groups is None else as_rows(groups, len(sites)),
             None if normals is None else as_normals(normals, sites),
@@ -89,6 +89,7 @@ class LocalFits(Protocol):
         """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at (n, d) queries.
 
         Outside the index's box the weights are those of its nearest point, and the fits go on.
+        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n).
         """
         ...
 

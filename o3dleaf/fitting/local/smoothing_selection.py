@@ -7,9 +7,11 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local import fit_loops
+from o3dleaf.fitting.local.columns.column_fit_loops import ball_column_spectra
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, SplineModel, choose_by_gcv, trial_values
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -36,7 +38,8 @@ def choose_smoothing(
 
     "gcv" takes what a fixed sample of balls agrees on, "gcv-per-ball" what each ball chooses: 0
     where the tail takes all the degrees of freedom of its points, so that nothing can be smoothed. Where the data
-    have groups it is what `SharedErrors.each` says, each point being left out with its whole group.
+    have groups it is what `SharedErrors.each` says, each point being left out with its whole group. Of several columns
+    of values the spectra are pooled.
 
     Parameters
     ----------
@@ -51,11 +54,18 @@ def choose_smoothing(
     if not isinstance(smoothing.value, str):
         return smoothing, None
     values, exponents, power = data.weighted, model.exponents, model.kernel.power
+    several = data.values.ndim == 2
+    if several and data.groups is not None:
+        raise InputError("groups: 'gcv' knows them of one column of values only; give a number, or leave groups out")
 
     def spectrum(ball: int) -> Spectrum:
         tail, count = exponents[: terms[ball]], int(cover.counts[ball])
-        eigenvalues, coefficients = fit_loops.ball_spectrum(ball, values, cover.balls, tail, power)
-        return Spectrum(eigenvalues / (smoothing.scale(count) / cover.radii[ball] ** power), coefficients, count)
+        find = ball_column_spectra if several else fit_loops.ball_spectrum
+        eigenvalues, coefficients = find(ball, values, cover.balls, tail, power)
+        eigenvalues = eigenvalues / (smoothing.scale(count) / cover.radii[ball] ** power)
+        if several:
+            return Spectrum.pooled(Spectrum(eigenvalues, column, count) for column in coefficients)
+        return Spectrum(eigenvalues, coefficients, count)
 
     every = np.arange(len(cover.radii))
     sample = np.unique(np.linspace(0, len(every) - 1, GCV_BALLS).round().astype(np.int64))

@@ -15,6 +15,7 @@ from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.blend_loops import SplineBalls
 from o3dleaf.fitting.local.blending import blend_balls
+from o3dleaf.fitting.local.columns.column_splines import LocalColumns, fit_columns
 from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
@@ -39,9 +40,10 @@ class Splines:
     rho: SmoothingValue | None = None
     points_per_ball: int | tuple[int, int] = POINTS_PER_BALL
 
-    def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines":
-        """Fit every ball of the cover."""
-        return fit_splines(cover, data, self.model(data.points.shape[1]))
+    def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines | LocalColumns":
+        """Fit every ball of the cover, to one column of values or to several."""
+        model = self.model(data.points.shape[1])
+        return fit_splines(cover, data, model) if data.values.ndim == 1 else fit_columns(cover, data, model)
 
     def model(self, dimension: int) -> SplineModel:
         """Return kernel, degree and smoothing for points of a dimension, or raise `InputError` or `IllPosedError`."""

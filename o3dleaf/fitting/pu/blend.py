@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_points, require_one_column
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.parallel import blocks, run_blocks
@@ -36,8 +36,13 @@ class Blended:
     local: LocalFits
     index: BallIndex
 
+    @property
+    def columns(self) -> int | None:
+        """c, the number of values at a point, or None where it is one number."""
+        return getattr(self.local, "columns", None)
+
     def __call__(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
-        """Return the (n,) values at (n, d) points.
+        """Return the (n,) values, or (n, c) of `columns`, at (n, d) points.
 
         Parameters
         ----------
@@ -49,7 +54,7 @@ class Blended:
         return self._evaluate(points, 0, dtype)
 
     def gradient(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
-        """Return the (n, d) analytic gradients at (n, d) points, through the weights and the local fits.
+        """Return the (n, d) analytic gradients, or (n, c, d), at (n, d) points, through weights and local fits.
 
         Parameters
         ----------
@@ -60,7 +65,7 @@ class Blended:
         return self._evaluate(points, 1, dtype)
 
     def hessian(self, points: npt.ArrayLike, *, dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
-        """Return the (n, d, d) analytic second derivatives at (n, d) points.
+        """Return the (n, d, d) analytic second derivatives, or (n, c, d, d), at (n, d) points.
 
         Parameters
         ----------
@@ -77,6 +82,8 @@ class Blended:
 
     def jets(self, points: npt.ArrayLike, level: int, *, dtype: npt.DTypeLike = np.float64) -> tuple[FloatArray, ...]:
         """Return values (n,), gradients (n, d) and, at `level` 2, Hessians (n, d, d) at (n, d) points, in one pass.
+
+        Of c columns of values they are (n, c), (n, c, d) and (n, c, d, d).
 
         Parameters
         ----------
@@ -116,6 +123,7 @@ class Blended:
         InputError, MemoryBudgetError
             If the box or the spacing cannot be meant, or the lattice would not fit into memory.
         """
+        require_one_column(self, "on_lattice")
         kind = _as_kind(dtype)
         lattice = Lattice.covering(bounds, spacing, dimension=self.index.bounds.shape[1])
         return lattice, sample_lattice(lambda points: self(points, dtype=kind), lattice, dtype=kind)
@@ -130,8 +138,9 @@ class Blended:
         kind = _as_kind(dtype)
         dimension = self.index.bounds.shape[1]
         queries = as_points(points, dim=dimension)
-        results = tuple(np.empty((len(queries), *[dimension] * order), dtype=kind) for order in orders)
-        for first, last in blocks(len(queries), BATCH_SIZE):
+        columns = () if self.columns is None else (self.columns,)
+        results = tuple(np.empty((len(queries), *columns, *[dimension] * order), dtype=kind) for order in orders)
+        for first, last in blocks(len(queries), BATCH_SIZE // (self.columns or 1)):
             self._fill(queries[first:last], dict(zip(orders, (part[first:last] for part in results), strict=True)))
         return results
 
@@ -142,8 +151,19 @@ class Blended:
     def _fill(self, queries: FloatArray, results: dict[int, npt.NDArray[Any]]) -> None:
         """Write the derivatives of some orders at one chunk of points; what that took is given back on return."""
         level = max(results)
-        kind = results[level].dtype
-        jets = self.stacked_jets(queries, level, kind)
+        jets = self.stacked_jets(queries, level, results[level].dtype)
+        if jets.ndim == 2:
+            self._unpack(jets, queries, results)
+            return
+        for column, part in enumerate(jets):
+            each = {order: np.empty_like(result[:, column], order="C") for order, result in results.items()}
+            self._unpack(part, queries, each)
+            for order, result in results.items():
+                result[:, column] = each[order]
+
+    def _unpack(self, jets: FloatArray, queries: FloatArray, results: dict[int, npt.NDArray[Any]]) -> None:
+        """Write the derivatives of some orders of what has the jets (jet, n)."""
+        kind = results[max(results)].dtype
         parts = [results.get(order, np.empty((0, *[queries.shape[1]] * order), dtype=kind)) for order in range(3)]
 
         def task(start: int, stop: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels
+from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels, require_one_column
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
@@ -61,6 +61,7 @@ class PUInterpolant(Blended):
     def __repr__(self) -> str:
         members, balls = self.cover.members, f"{len(self.cover.radii):,} balls"
         count = f"{members.max() + 1:,} points in {balls}" if len(members) else balls
+        count += f", {self.columns} columns" if self.columns else ""
         unit = f", unit {self.unit}" if self.unit else ""
         return f"PUInterpolant({self.bounds.shape[1]}-D, {count}{unit})"
 
@@ -89,7 +90,10 @@ class PUInterpolant(Blended):
         ----------
         points : (n, d) array_like
             Data sites, in `unit`.
-        values : (n,) array_like
+        values : (n,) or (n, c) array_like
+            One number a point, or c of them: colors, scalars. All columns are fitted by one factorization a ball, and
+            the field then returns (m, c), its gradient (m, c, d). "gcv" chooses one smoothing for all of them, from
+            their errors together: bring columns of different units to one scale, or fit them apart.
         kernel, degree
             As in `RBFInterpolant.fit`: by default r³ with the tail of its energy's null space
             (degree 2 in 3-D).
@@ -119,7 +123,7 @@ class PUInterpolant(Blended):
         local : optional
             Any other fit: an object with ``fit(cover, data) -> LocalFits`` and `points_per_ball`, such as
             `CreasedSplines` or `Hermite`, or a callable ``local(points, values) -> Field`` that fits one ball. The
-            options of the spline (kernel to rho) then have no meaning.
+            options of the spline (kernel to rho) then have no meaning, and there may be one column of values.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.
@@ -133,6 +137,8 @@ class PUInterpolant(Blended):
             error: its terms that vanish on the ball's points are left out.
         """
         data = ScatteredData.of(points, values, weights=weights, groups=groups, normals=normals)
+        if local is not None and data.values.ndim > 1:
+            raise InputError("values: several columns are for splines; leave out local, or fit one column")
         fitter = Splines(kernel, degree, smoothing, rho) if local is None else as_fitter(local, data)
         data_hash = _hash(data.points, data.values, data.weights)
         return cls._fitted(data, fitter, points_per_ball, overlap, bounds, unit, data_hash)
@@ -295,6 +301,7 @@ class PUInterpolant(Blended):
         InputError
             If the local fits are no splines, or there is no ball of such a number.
         """
+        require_one_column(self, "diagnostics")
         if not isinstance(self.local, LocalSplines):
             raise InputError("diagnostics: the local fits are no splines; fit values, with local=None")
         count = len(self.cover.radii)

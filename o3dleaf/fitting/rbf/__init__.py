@@ -1,10 +1,11 @@
-"""One local interpolant: polyharmonic kernel, polynomial tail, smoothing, solve.
+"""One local interpolant: kernel, polynomial tail, smoothing, solve.
 
 The chapter answers one question: given a few hundred scattered values, which function of least
 bending energy takes them (or nearly takes them, when smoothed)? Everything above it only uses that
 the answer can be evaluated and differentiated.
 
 `kernels`             polyharmonic kernels: φ, φ′/r, order, θ
+`shaped`              kernels with a length of their own: Gaussian, multiquadrics
 `tail`                monomials of the tail
 `smoothing`           ρ, the diagonal and their choice by GCV; which splines are fitted
 `factor`              a local system factored once for many columns of values

@@ -1,4 +1,4 @@
-"""The single interpolant: one polyharmonic spline through all the data, the paper's equation (2)."""
+"""The single interpolant: one sum of kernels and tail through all the data, the paper's equation (2)."""
 
 from dataclasses import dataclass, field
 from os import PathLike
@@ -10,11 +10,12 @@ from o3dleaf.core.checks import FloatArray, as_points, as_values, as_weights
 from o3dleaf.core.errors import IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit
-from o3dleaf.fitting.rbf import evaluation_loops, solve_loops
-from o3dleaf.fitting.rbf.factor import LocalFactor
-from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
+from o3dleaf.fitting.rbf import evaluation_loops
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_any_kernel, as_degree, require_twice_differentiable
+from o3dleaf.fitting.rbf.shaped.dense_system import DenseSystem, as_rows_of
+from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
+from o3dleaf.fitting.rbf.shaped.shaped_loops import evaluate_shaped
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, Spectrum, as_smoothing
-from o3dleaf.fitting.rbf.spectrum_loops import spectra
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 from o3dleaf.io.model_file import write_model
 
@@ -23,7 +24,7 @@ BLOCK = 512
 
 @dataclass(frozen=True, eq=False)
 class RBFInterpolant:
-    r"""A (smoothed) polyharmonic spline through scattered values, with one dense system.
+    r"""A (smoothed) polyharmonic spline, or a sum of other kernels, through scattered values, by one dense system.
 
     .. math:: F(x) = \sum_j λ_j φ(|x - x_j|) + \sum_k a_k p_k(x), \qquad
               (A + s I) λ + P a = f, \quad P^T λ = 0
@@ -38,7 +39,7 @@ class RBFInterpolant:
         Bounding box of the data, in `unit`.
     unit : str or None
         Unit of length of the points.
-    kernel : Polyharmonic
+    kernel : Polyharmonic or Shaped
     smoothing : Smoothing
         With its value, chosen where it was "gcv".
     center, radius : (d,) ndarray, float
@@ -49,7 +50,7 @@ class RBFInterpolant:
         The a_k, and the exponents of the p_k.
     """
 
-    kernel: Polyharmonic
+    kernel: Polyharmonic | Shaped
     smoothing: Smoothing
     bounds: FloatArray
     unit: str | None
@@ -64,13 +65,19 @@ class RBFInterpolant:
         unit = f", unit {self.unit}" if self.unit else ""
         return f"RBFInterpolant({self.kernel.dimension}-D, {self.points.shape[1]:,} points, {self.kernel}{unit})"
 
+    @property
+    def columns(self) -> int | None:
+        """m, the number of columns of values, or None where a point has one number."""
+        return None if self.weights.ndim == 1 else len(self.weights)
+
     @classmethod
     def fit(
         cls,
         points: npt.ArrayLike,
         values: npt.ArrayLike,
         *,
-        kernel: str | Polyharmonic = "cubic",
+        kernel: str | Polyharmonic | Shaped = "cubic",
+        epsilon: float | None = None,
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
         rho: SmoothingValue | None = None,
@@ -85,10 +92,16 @@ class RBFInterpolant:
             Data sites, in `unit`; distinct where nothing is smoothed.
         values : (n,) or (n, m) array_like
             One number a point, or m of them: one fit for each column, with one factorization.
-        kernel : str or Polyharmonic
-            A kernel object, or one of SciPy's names.
+        kernel : str, Polyharmonic or Shaped
+            A kernel object, or one of SciPy's names: "linear", "thin_plate_spline", "cubic", "quintic", and with
+            `epsilon` "gaussian", "multiquadric", "inverse_multiquadric" and "inverse_quadratic" (`Shaped`).
+        epsilon : float, optional
+            ε above 0: φ is taken of εr, as in SciPy. Kernels that have a shape need it; of the others it only
+            divides `smoothing` by εᵏ, k the power of φ.
         degree : int, optional
-            Total degree of the tail; by default the null space of the kernel's energy, m − 1.
+            Total degree of the tail; by default the null space of the kernel's energy, m − 1, or 0 of a kernel with a
+            shape. −1 is no tail, as in SciPy: of a kernel that needs one the system may then be singular, and
+            "gcv" has no meaning.
         smoothing : float or "gcv", optional
             The number s on the diagonal, as in SciPy; 0 by default. "gcv" takes what `choose_by_gcv` says.
         rho : float or "gcv", optional
@@ -101,29 +114,33 @@ class RBFInterpolant:
         Raises
         ------
         InputError
-            If the input has a wrong shape or is not finite.
+            If the input has a wrong shape or is not finite, or an option makes no sense.
         IllPosedError
             If the points cannot determine the tail of the degree that was requested, or the degree
-            is below what the kernel needs.
+            is below what the kernel needs, or −1 and the system is singular.
         """
         sites = as_points(points, least=1)
         data = as_values(values, len(sites), columns=True)
         point_weights = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
-        phi = as_kernel(kernel, sites.shape[1])
-        asked = as_degree(degree, phi)
-        exponents = tail_exponents(sites.shape[1], asked)
+        phi, scale = as_any_kernel(kernel, sites.shape[1], epsilon)
+        asked = as_degree(degree, phi, or_none=True)
         bounds = np.array([sites.min(axis=0), sites.max(axis=0)])
         center, radius = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0])) / 2 or 1.0
+        if asked < phi.least_degree:
+            # Without the tail that it needs a kernel is another one in another unit: log(εr) is not log r.
+            radius = 1 / scale
         local = np.ascontiguousarray(((sites - center) / radius).T)
         chosen = as_smoothing(phi, smoothing, rho)
-        unit_scale = 1 / radius**phi.power
+        # ρ is of φ(r), whatever ε.
+        system = DenseSystem(phi, tail_exponents(sites.shape[1], asked), radius if rho is not None else scale * radius)
         with single_threaded_blas():
             if isinstance(chosen.value, str):
-                eigenvalues, rows = spectra(local, _columns(data), np.sqrt(point_weights), exponents, phi.power)
-                eigenvalues /= chosen.scale(len(sites)) * unit_scale
+                eigenvalues, rows = system.spectra(local, as_rows_of(data), np.sqrt(point_weights))
+                eigenvalues /= chosen.scale(len(sites)) * system.unit_scale
                 chosen = chosen.chosen(Spectrum.pooled(Spectrum(eigenvalues, each, len(sites)) for each in rows))
-            diagonal = chosen.diagonal(len(sites)) * unit_scale / point_weights
-            coefficients, tail, rank = _solve(local, data, exponents, phi.power, diagonal)
+            diagonal = chosen.diagonal(len(sites)) * system.unit_scale / point_weights
+            coefficients, tail, rank = system.solve(local, data, diagonal)
+        exponents = system.exponents
         if rank < len(exponents) and degree is not None:
             raise IllPosedError(
                 f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "
@@ -167,32 +184,14 @@ class RBFInterpolant:
         jets = np.empty((len(weights), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
 
         def task(start: int, stop: int) -> None:
+            if isinstance(self.kernel, Shaped):
+                shape = self.kernel.epsilon * self.radius
+                sums = (self.points, weights, tails, self.exponents)
+                evaluate_shaped(start, stop, queries, *sums, self.kernel.profile, shape, level, jets)
+                return
             for column, part in enumerate(jets):
                 model = (self.points, weights[column], tails[column], self.exponents, self.kernel.power)
                 evaluation_loops.evaluate(start, stop, queries, *model, level, part)
 
         run_blocks(task, queries.shape[1], BLOCK)
         return jets[0].T if self.weights.ndim == 1 else np.moveaxis(jets, 2, 0)
-
-
-def _columns(values: FloatArray) -> FloatArray:
-    """Return (n,) or (n, m) values as rows (m, n)."""
-    return np.atleast_2d(np.ascontiguousarray(values.T))
-
-
-def _solve(
-    points: FloatArray, values: FloatArray, exponents: IntArray, power: int, diagonal: FloatArray
-) -> tuple[FloatArray, FloatArray, int]:
-    """Return λ, a and the rank of the tail, for several columns of values a row each."""
-    if values.ndim == 1:
-        weights, tail, rank, _ = solve_loops.solve_local(points, values, exponents, power, diagonal)
-        return weights, tail, rank
-    rows = _columns(values)
-    try:
-        factor = LocalFactor.of(points, exponents, power, diagonal)
-    except IllPosedError:
-        # Coinciding points: what they agree on is found column by column.
-        each = [solve_loops.solve_local(points, row, exponents, power, diagonal) for row in rows]
-        return np.array([one[0] for one in each]), np.array([one[1] for one in each]), each[0][2]
-    weights, tails = factor.solve(rows)
-    return weights, np.ascontiguousarray(tails), len(factor.right)

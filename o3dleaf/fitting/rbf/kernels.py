@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks import FloatArray, require_choice, require_positive
 from o3dleaf.core.errors import IllPosedError, InputError
+from o3dleaf.fitting.rbf.shaped.shaped_kernels import PROFILES, Shaped, as_shaped
 
 NAMES = {"linear": 1, "thin_plate_spline": 2, "cubic": 3, "quintic": 5}
 """SciPy's names of the scale-free kernels, with the power of r; an even power carries a logarithm."""
@@ -132,8 +133,11 @@ def as_kernel(kernel: str | Polyharmonic, dimension: int) -> Polyharmonic:
     Raises
     ------
     InputError
-        If the name is unknown or the kernel belongs to another dimension.
+        If the name is unknown, or the kernel has a shape or belongs to another dimension.
     """
+    if isinstance(kernel, Shaped) or (isinstance(kernel, str) and kernel in PROFILES):
+        name = kernel.name if isinstance(kernel, Shaped) else kernel
+        raise InputError(f"kernel: {name!r} is for RBFInterpolant only; choose one of {', '.join(NAMES)} here")
     if isinstance(kernel, str):
         return Polyharmonic(NAMES[require_choice(kernel, NAMES, "kernel")], dimension)
     if kernel.dimension != dimension:
@@ -143,18 +147,46 @@ def as_kernel(kernel: str | Polyharmonic, dimension: int) -> Polyharmonic:
     return kernel
 
 
-def as_degree(degree: int | None, kernel: Polyharmonic) -> int:
-    """Return the degree of the tail, by default the kernel's own, or raise `InputError` or `IllPosedError`."""
+def as_any_kernel(
+    kernel: str | Polyharmonic | Shaped, dimension: int, epsilon: float | None
+) -> tuple[Polyharmonic | Shaped, float]:
+    """Return the kernel object of any SciPy name or of itself, and the ε that the distance is multiplied with.
+
+    That is 1 of a kernel whose shape has no scale, unless another one is given.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, ε is missing, not above 0 or given twice, or the kernel belongs to another dimension.
+    """
+    if isinstance(kernel, str) and kernel in PROFILES:
+        shaped = as_shaped(kernel, dimension, epsilon)
+        return shaped, shaped.epsilon
+    if isinstance(kernel, Shaped):
+        if epsilon is not None and epsilon != kernel.epsilon:
+            raise InputError(f"epsilon: is {epsilon:g}, and the kernel has {kernel.epsilon:g}; give one of them")
+        if kernel.dimension != dimension:
+            raise InputError(f"kernel: is for {kernel.dimension}-D points, these are {dimension}-D; give its name")
+        return kernel, kernel.epsilon
+    require_choice(kernel, (*NAMES, *PROFILES), "kernel") if isinstance(kernel, str) else None
+    return as_kernel(kernel, dimension), 1.0 if epsilon is None else require_positive(epsilon, "epsilon")
+
+
+def as_degree(degree: int | None, kernel: Polyharmonic | Shaped, *, or_none: bool = False) -> int:
+    """Return the degree of the tail, by default the kernel's own, or raise `InputError` or `IllPosedError`.
+
+    With `or_none`, −1 is the degree of no tail, also for kernels that need one.
+    """
     if degree is None:
         return kernel.degree
     if not isinstance(degree, int | np.integer):
         raise InputError(f"degree: is {degree!r}; give a whole number")
-    if degree < kernel.least_degree:
+    if degree < kernel.least_degree and not (or_none and degree == -1):
         raise IllPosedError(f"degree: is {degree}; this kernel needs at least {kernel.least_degree}")
     return int(degree)
 
 
-def require_twice_differentiable(kernel: Polyharmonic) -> None:
+def require_twice_differentiable(kernel: Polyharmonic | Shaped) -> None:
     """Raise `InputError` for φ = −r and r² log r, which have no second derivatives at their data."""
-    if kernel.power < 3:
+    if isinstance(kernel, Polyharmonic) and kernel.power < 3:
         raise InputError(f"hessian: {kernel} has no second derivatives at its data; use 'cubic' or a smoother kernel")

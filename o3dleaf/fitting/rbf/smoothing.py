@@ -11,6 +11,7 @@ from scipy.optimize import brentq, minimize_scalar
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
+from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 
 SmoothingValue = float | Literal["gcv", "gcv-per-ball"]
@@ -84,7 +85,9 @@ class Smoothing:
         return replace(self, value=float(trials[best]), score=float(squares[best] / weight))
 
 
-def as_smoothing(kernel: Polyharmonic, smoothing: SmoothingValue | None, rho: SmoothingValue | None) -> Smoothing:
+def as_smoothing(
+    kernel: Polyharmonic | Shaped, smoothing: SmoothingValue | None, rho: SmoothingValue | None
+) -> Smoothing:
     """Return `smoothing` (on the diagonal as it is) or `rho` (times N/θ), or none for neither.
 
     Raises

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_number, require_choice
+from o3dleaf.core.checks import FloatArray, as_number, require_choice, require_one_column
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
@@ -115,6 +115,7 @@ class TiledField(LayerField):
             If the period is not positive or larger than the patch, which would leave gaps, or the patch
             does not reach beyond the tile as far as the seams are to fade.
         """
+        require_one_column(field, "TiledField")
         crop, cropped = _as_crop(field, period, offset, fade, _Placing(_as_flip(flip), as_number(shift, "shift")))
         repeat = np.zeros(field.bounds.shape[1])
         repeat[:2] = size = crop.tile * _tiles_in_period(crop)

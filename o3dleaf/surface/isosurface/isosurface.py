@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_bounds, as_number, as_points, as_step, require_choice
+from o3dleaf.core.checks import FloatArray, as_bounds, as_number, as_points, as_step, require_choice, require_one_column
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh
@@ -105,6 +105,7 @@ def extract_isosurface(
     Kobbelt, Botsch, Schwanecke and Seidel (2001), Feature sensitive surface extraction from volume data.
     """
     require_choice(method, METHODS, "method")
+    require_one_column(field, "extract_isosurface")
     step, level = as_step(spacing), as_number(isovalue, "isovalue")
     if seeds is None:
         if within is not None or features:

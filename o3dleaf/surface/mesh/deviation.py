@@ -10,7 +10,7 @@ import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks import FloatArray, require_one_column
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
@@ -97,6 +97,7 @@ class Deviation:
 
 def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None, isovalue: float = 0.0) -> FloatArray:
     """Return the (n,) distances of a mesh's vertices to a field's surface, in the mesh's `unit`; see `Deviation`."""
+    require_one_column(field, "deviation")
     scale = unit_scale(unit, field.unit)
     exact = getattr(field, "signed_distance", None)
     if exact is not None and measured.is_closed:

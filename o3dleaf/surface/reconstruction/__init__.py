@@ -7,6 +7,8 @@
 `along_mesh`            distances along a mesh
 `trim`                  the surface cut off where it goes on past its data
 `vertex_support`        sampling density and residual at each vertex
+`attributes`            the cloud's colors and scalars at the vertices
+`finish`                normals, colors and support put on the mesh
 `reconstruct`           the whole job, one step a line
 `vertex_support_loops`  the compiled loops of proximity and support
 """

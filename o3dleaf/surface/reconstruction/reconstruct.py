@@ -4,11 +4,14 @@ import warnings
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
+from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
@@ -17,10 +20,12 @@ from o3dleaf.surface.cloud.downsample import adaptive_down_sample
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
+from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.extract import extract_near
+from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface
 from o3dleaf.surface.reconstruction.trim import trim_to_data
-from o3dleaf.surface.reconstruction.vertex_support import color_like, vertex_support
+from o3dleaf.surface.reconstruction.vertex_support import vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
 INVERTED = 1e-3
@@ -42,7 +47,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints: Constrain = offset_constraints,
     trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
     clean: Callable[[Mesh], Mesh] | None = None,
-    measure: str | None = "distance",
+    attributes: Callable[[CloudLike, npt.ArrayLike], dict[str, npt.NDArray[Any]]] | None = interpolate_attributes,
+    measure: str | None = "auto",
 ) -> tuple[Any, PUInterpolant]:
     r"""Return the surface of a point cloud as a mesh, and the field whose zero it is.
 
@@ -77,14 +83,19 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     clean : callable or None
         ``clean(mesh) -> mesh``, such as `clean_mesh` or a `simplify_mesh` with your numbers; the surface is manifold
         as it comes.
-    measure : {"distance", "weight", "residual"} or None
-        Support that the vertices are colored by; None leaves support out.
+    attributes : callable or None
+        ``attributes(pcd, vertices) -> {name: (m, c) ndarray}``: the cloud's colors and scalars at the vertices. None:
+        the mesh has none of them.
+    measure : {"auto", "distance", "weight", "residual"} or None
+        What the colors of the vertices show: "auto" those of the cloud or, where it has none, the distance to the data;
+        else the support of this name. None leaves support out, and the colors are the cloud's, if any.
 
     Returns
     -------
     mesh : open3d.geometry.TriangleMesh, or open3d.t.geometry.TriangleMesh for a tensor cloud
-        Triangles counter-clockwise seen from outside. The vertices have the colors of their support and, of a
-        tensor mesh, the attributes `distance`, `weight` and `residual`; `vertex_support` gives those of any mesh.
+        Triangles counter-clockwise seen from outside. The vertices have the normals of the field, −∇F/|∇F|, and colors;
+        those of a tensor mesh also the attributes that the points of the cloud have (`interpolate_attributes`), and
+        `distance`, `weight` and `residual`, which `vertex_support` gives of any mesh.
     field : PUInterpolant
         Larger inside, in the cloud's unit about the signed distance near the surface; `field.save(path)` keeps it.
 
@@ -100,6 +111,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     CloudWarning
         Of what was left out or decided; where a journal is open, it is noted there instead.
     """
+    require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
         cloud = OrientedCloud.of(prepare(pcd))
     for decision in cloud.decisions:
@@ -139,10 +151,16 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         )
     with journal.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
-    if measure is None:
-        return mesh, field
-    with journal.stage("measure support"):
-        return color_like(pcd, mesh, vertex_support(mesh, cloud, field), measure=measure), field
+    vertices, _ = mesh_arrays(mesh)
+    with journal.stage("carry attributes"):
+        normals = field_normals(field, vertices)
+        carried = attributes(pcd, vertices) if attributes else {}
+    tensor = hasattr(pcd, "point")
+    support = None
+    if measure is not None and (tensor or measure != AUTO or "colors" not in carried):
+        with journal.stage("measure support"):
+            support = vertex_support(mesh, cloud, field)
+    return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
 
 
 def _tell(decision: str) -> None:

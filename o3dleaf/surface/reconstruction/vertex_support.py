@@ -148,14 +148,6 @@ def color_by_support(
     return result
 
 
-def color_like(cloud: CloudLike, mesh: o3d.geometry.TriangleMesh, support: VertexSupport, *, measure: str) -> Any:
-    """Return a mesh of the kind of its cloud: a tensor mesh with all of its support, or the mesh in colors alone."""
-    if hasattr(cloud, "point"):
-        return color_by_support(mesh, support, measure=measure)
-    mesh.vertex_colors = o3d.utility.Vector3dVector(support_colors(support, measure=measure).astype(np.float64))
-    return mesh
-
-
 def support_colors(
     support: VertexSupport,
     *,

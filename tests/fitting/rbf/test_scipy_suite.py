@@ -15,8 +15,8 @@ theirs = pytest.importorskip(
     exc_type=ImportError,
 )
 
-MISSING_KERNELS = {"gaussian", "multiquadric", "inverse_multiquadric", "inverse_quadratic"}
-"""Kernels of SciPy's with a shape parameter, which are not ours yet."""
+SHAPED = {"gaussian", "multiquadric", "inverse_multiquadric", "inverse_quadratic"}
+"""Kernels with a shape parameter, which a blend has not."""
 
 LEAST_WEIGHT = 1e-12
 """SciPy takes one smoothing a point; ours is one number over weights, which are above 0."""
@@ -26,19 +26,18 @@ NEITHER = {
     "test_chunking": "looks into SciPy's class: its chunks",
     "test_complex_data": "complex numbers are no values; real and imaginary parts are two columns",
     "test_degree_warning": "a tail below the least degree is an error here, in SciPy a warning",
-    "test_minus_one_degree": "a tail below the least degree is an error here",
     "test_inconsistent_x_dimensions_error": THEIR_WORDS,
     "test_inconsistent_d_length_error": THEIR_WORDS,
     "test_y_not_2d_error": THEIR_WORDS,
     "test_inconsistent_smoothing_length_error": "smoothing is one number; weights are checked in test_weights.py",
     "test_invalid_kernel_name_error": THEIR_WORDS,
-    "test_epsilon_not_specified_error": "no kernel has a shape parameter yet",
+    "test_epsilon_not_specified_error": THEIR_WORDS,
     "test_x_not_2d_error": THEIR_WORDS,
     "test_not_enough_observations_error": THEIR_WORDS,
     "test_rank_error": THEIR_WORDS,
 }
 BLENDED = NEITHER | {
-    "test_vector_data": "values are one column yet",
+    "test_minus_one_degree": "a tail below the least degree is an error of a blend",
     "test_concurrency": "is that of test_determinism.py",
     "test_equivalent_to_rbf_interpolator": "is about SciPy's choice of neighbors",
 }
@@ -47,10 +46,7 @@ SPLINE = NEITHER | {"test_equivalent_to_rbf_interpolator": "compares two of SciP
 
 def adapt(fit, y, d, **options):
     """Fit as SciPy's constructor would, in its words."""
-    options.pop("epsilon", None)  # means something to kernels with a shape parameter alone
-    kernel = options.setdefault("kernel", "thin_plate_spline")
-    if kernel in MISSING_KERNELS:
-        pytest.skip(f"{kernel} is no kernel of ours yet")
+    options.setdefault("kernel", "thin_plate_spline")
     smoothing = np.asarray(options.get("smoothing", 0.0))
     if smoothing.ndim:
         share = smoothing / smoothing.max()
@@ -79,18 +75,26 @@ class TestRBFInterpolant(without(theirs.TestRBFInterpolatorNeighborsNone, SPLINE
         return adapt(RBFInterpolant.fit, *args, **kwargs)
 
 
+def adapt_blend(y, d, **options):
+    """Fit a blend, which has no kernel with a shape parameter."""
+    options.pop("epsilon", None)
+    if options.get("kernel") in SHAPED:
+        pytest.skip(f"{options['kernel']} is for RBFInterpolant alone")
+    return adapt(PUInterpolant.fit, y, d, **options)
+
+
 class TestPUInterpolant(without(theirs.TestRBFInterpolatorNeighborsNone, BLENDED)):
     """A blend, at its usual size of balls."""
 
     def build(self, *args, **kwargs):
-        return adapt(PUInterpolant.fit, *args, **kwargs)
+        return adapt_blend(*args, **kwargs)
 
 
 class TestSmallBalls(without(theirs._TestRBFInterpolator, BLENDED)):
     """A blend of many balls, as SciPy's `neighbors`: limits of one fit of all data are not asked of it."""
 
     def build(self, *args, **kwargs):
-        return adapt(PUInterpolant.fit, *args, points_per_ball=(30, 60), **kwargs)
+        return adapt_blend(*args, points_per_ball=(30, 60), **kwargs)
 
 
 @pytest.mark.parametrize("reasons", [SPLINE, BLENDED])

@@ -1,0 +1,6 @@
+"""Splines of several columns of values: one factorization a ball, and one distance a pair, for all of them.
+
+`column_splines`      their fit and their blend
+`column_fit_loops`    the compiled fits, and their spectra
+`column_blend_loops`  Shepard's sum of all columns
+"""
