@@ -17,17 +17,18 @@ POINTS_PER_BALL = (100, 200)
 STRAY = 8.0
 """Points so many times farther from the vertices than half of them are belong to no surface of the mesh."""
 
-FEWEST = 24
-"""Points with a value, below which that of the nearest one is taken: a tail has ten terms."""
+FEWEST = 12
+"""Points with a value, below which that of the nearest one is taken: a tail has four terms."""
 
 
 def interpolate_attributes(cloud: CloudLike, places: npt.ArrayLike) -> dict[str, npt.NDArray[Any]]:
     r"""Return what the points of a cloud carry, beside their normals, at other places, such as a mesh's vertices.
 
-    Colors and other real numbers are those of splines φ = r³ blended of balls, as of `PUInterpolant.fit`, all columns
-    of an attribute by one factorization, smoothed as much as cross-validation says: colors without noise come back as
-    they are, and those that are linear in space in either case. Whole numbers, such as labels, are those of the nearest
-    point.
+    Colors and other real numbers are those of splines φ = −r with a linear tail blended of balls, as of
+    `PUInterpolant.fit`, all columns of an attribute by one factorization, smoothed as much as cross-validation says:
+    colors without noise come back as they are, and those that are linear in space in either case. Colors have edges,
+    at which r³ would overshoot, and off the surface r³ grows faster than r. Whole numbers, such as labels, are those of
+    the nearest point.
 
     Parameters
     ----------
@@ -83,7 +84,8 @@ def _interpolate(points: FloatArray, values: FloatArray, targets: FloatArray) ->
     if len(points) < FEWEST:
         return np.asarray(values[cKDTree(points).query(targets, workers=-1)[1]])
     box = np.array([np.minimum(points.min(axis=0), targets.min(axis=0)), np.maximum(points.max(0), targets.max(0))])
-    field = PUInterpolant.fit(points, values, smoothing="gcv", points_per_ball=POINTS_PER_BALL, bounds=box)
+    options = {"kernel": "linear", "degree": 1, "smoothing": "gcv", "points_per_ball": POINTS_PER_BALL}
+    field = PUInterpolant.fit(points, values, bounds=box, **options)
     return np.asarray(field(targets))
 
 

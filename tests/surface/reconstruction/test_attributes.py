@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf import create_from_point_cloud_rbfpu, interpolate_attributes, samples
 from o3dleaf.core.errors import InputError
-from tolerances import CARRIED, SINGLE_PRECISION
+from tolerances import CARRIED, RINGING, SINGLE_PRECISION
 
 RED = np.array([1.0, 0.0, 0.0])
 
@@ -47,6 +47,16 @@ def colored(torus):
 def test_linear_colors_come_back(colored):
     mesh, _ = colored
     np.testing.assert_allclose(np.asarray(mesh.vertex_colors), ramp(np.asarray(mesh.vertices)), rtol=0, atol=CARRIED)
+
+
+def test_an_edge_between_colors_is_narrow_and_does_not_ring(torus):
+    points, _ = torus
+    left, spacing = points[:, 0] < 0, np.sqrt(samples.Torus().area / len(points))
+    cloud = legacy(points, points, np.where(left[:, np.newaxis], [0.8, 0.1, 0.1], [0.1, 0.2, 0.9]))
+    places = samples.Torus().sample(5_000, seed=2)[0]
+    places = places[np.abs(places[:, 0]) > 1.5 * spacing]
+    expected = np.where(places[:, :1] < 0, [0.8, 0.1, 0.1], [0.1, 0.2, 0.9])
+    assert np.abs(interpolate_attributes(cloud, places)["colors"] - expected).max() < RINGING
 
 
 def test_normals_are_the_field_s(colored):
