@@ -424,8 +424,8 @@ MERGED = 1e-9
 SINGLE_PRECISION_DISTANCE = 1e-6
 """Open3D's ray casting computes in single precision: 6e-8 of lengths around 1, a few roundings."""
 
-RINGING = 0.12
-"""One and a half spacings from an edge between colors 0.8 apart, that they are off; found 0.07, with r³ 0.2."""
+RINGING = 0.1
+"""One and a half spacings from an edge between colors 0.8 apart, that they are off, clipped; of r³ 0.13."""
 
 CARRIED = 1e-4
 """A color from 0 to 1 where colors are linear in space, so that each ball has them in its tail: float32 rounds by 6e-8,
