@@ -12,6 +12,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
+from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
@@ -103,7 +104,9 @@ class PUInterpolant(Blended):
             The paper's ρ instead, in unit^(2m−d): N_i ρ/θ on the diagonal of ball i with N_i points.
         points_per_ball : int or (least, most), optional
             Balls contain at most `most` points; one that contains fewer than `least` is fitted to its
-            `least` nearest. An int n stands for (n/2, n). By default what suits the local fit, (200, 400) for splines.
+            `least` nearest, and one that has hardly more than a cluster of many times the density of what is around
+            to points around it as well. An int n stands for (n/2, n). By default what suits the local fit, (200, 400)
+            for splines.
         overlap : float
             Radius of a ball over half the diagonal of its cell, above 1.
         weights : (n,) array_like, optional
@@ -194,6 +197,7 @@ class PUInterpolant(Blended):
         covering, fitting = progress.split(*SHARES)
         with covering:
             cover, index = Cover.indexed(data.points, box, size, overlap)
+            cover = widen_clusters(cover, data.points, size[0])
         with fitting:
             local = fitter.fit(cover, data)
         return cls(cover, index, local, check_unit(unit), data_hash)
