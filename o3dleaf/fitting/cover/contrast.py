@@ -56,12 +56,13 @@ def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
     for octave in np.unique(octaves):
         some = few[octaves == octave]
         thin = [_one_of_each_cell(points, side * 2.0**octave) for side in SIDES]
-        near = np.hstack([level[_nearest(points[level], cover.centers[some], int(SHARE * least))] for level in thin])
+        levels = [level[_nearest(points[level], cover.centers[some], int(SHARE * least))] for level in thin]
         probes = np.stack([rows[k][len(rows[k]) * np.arange(PROBES) // PROBES] for k in some])
         inner = np.median(_gaps(tree, points[probes]), axis=1)
-        outer = _gaps(tree, points[near]).max(axis=1)
+        outer = np.max([np.median(_gaps(tree, points[near]), axis=1) for near in levels], axis=0)
+        around = np.hstack(levels)
         for k in np.flatnonzero(outer > CONTRAST * inner):
-            rows[some[k]] = np.union1d(rows[some[k]], near[k])
+            rows[some[k]] = np.union1d(rows[some[k]], around[k])
     offsets = np.concatenate([[0], np.cumsum([len(each) for each in rows])])
     return replace(cover, offsets=offsets, members=np.concatenate(rows))
 

@@ -39,8 +39,8 @@ class PUInterpolant(Blended):
     .. math:: F(x) = \sum_i w_i(x) F_i(x), \qquad
               w_i(x) = \frac{w(|x - c_i|/r_i)}{\sum_k w(|x - c_k|/r_k)}
 
-    Built by `fit`, `fit_oriented` or `fit_lattice`. Every point of `bounds` lies in some ball; outside, the value is
-    the one at the nearest point of `bounds` less the distance to it.
+    Built by `fit`, `fit_oriented` or `fit_lattice`. Every point of `bounds` lies in some ball; outside, the local
+    fits go on, with the weights of the nearest point of `bounds`, see `Blended`.
 
     Attributes
     ----------
@@ -197,7 +197,8 @@ class PUInterpolant(Blended):
         covering, fitting = progress.split(*SHARES)
         with covering:
             cover, index = Cover.indexed(data.points, box, size, overlap)
-            cover = widen_clusters(cover, data.points, size[0])
+            if isinstance(fitter, Splines):  # others take what lies beyond a ball for as near as the rest
+                cover = widen_clusters(cover, data.points, size[0])
         with fitting:
             local = fitter.fit(cover, data)
         return cls(cover, index, local, check_unit(unit), data_hash)
