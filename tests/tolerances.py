@@ -863,3 +863,5 @@ CUT_VOLUME = 0.005
 """Chords over arcs cost the square of a step over the radius: 0.3 % of a ball at 0.06, less of what is flat."""
 UNITS = 1e-7
 """Of a step: a fit in other units differs by rounding times its condition, and so does what it is zero at."""
+CLUSTER_ERROR = 1.2
+"""Two draws of the same noise; without points from around the balls beside a cluster it was 50 and more."""

@@ -11,7 +11,9 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels, require_one_column
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.units import check_unit
+from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
@@ -22,6 +24,7 @@ from o3dleaf.fitting.local.lattice_fit import VoxelValues, fit_voxels
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
+from o3dleaf.fitting.pu.lattice_blend import blend_on_lattice
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.io.model_file import write_model
@@ -38,8 +41,8 @@ class PUInterpolant(Blended):
     .. math:: F(x) = \sum_i w_i(x) F_i(x), \qquad
               w_i(x) = \frac{w(|x - c_i|/r_i)}{\sum_k w(|x - c_k|/r_k)}
 
-    Built by `fit`, `fit_oriented` or `fit_lattice`. Every point of `bounds` lies in some ball; outside, the value is
-    the one at the nearest point of `bounds` less the distance to it.
+    Built by `fit`, `fit_oriented` or `fit_lattice`. Every point of `bounds` lies in some ball; outside, the local
+    fits go on, with the weights of the nearest point of `bounds`, see `Blended`.
 
     Attributes
     ----------
@@ -107,7 +110,9 @@ class PUInterpolant(Blended):
             The paper's ρ instead, in unit^(2m−d): N_i ρ/θ on the diagonal of ball i with N_i points.
         points_per_ball : int or (least, most), optional
             Balls contain at most `most` points; one that contains fewer than `least` is fitted to its
-            `least` nearest. An int n stands for (n/2, n). By default what suits the local fit, (200, 400) for splines.
+            `least` nearest, and one that has hardly more than a cluster of many times the density of what is around
+            to points around it as well. An int n stands for (n/2, n). By default what suits the local fit, (200, 400)
+            for splines.
         overlap : float
             Radius of a ball over half the diagonal of its cell, above 1.
         weights : (n,) array_like, optional
@@ -200,6 +205,8 @@ class PUInterpolant(Blended):
         covering, fitting = progress.split(*SHARES)
         with covering:
             cover, index = Cover.indexed(data.points, box, size, overlap)
+            if isinstance(fitter, Splines):  # others take what lies beyond a ball for as near as the rest
+                cover = widen_clusters(cover, data.points, size[0])
         with fitting:
             local = fitter.fit(cover, data)
         return cls(cover, index, local, check_unit(unit), data_hash)
@@ -284,6 +291,13 @@ class PUInterpolant(Blended):
     def rough(self, points: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Return the (n,) values at (n, d) points from sums in single precision, in little more than half the time."""
         return self(points, dtype=np.float32)
+
+    def rough_on(self, lattice: Lattice) -> npt.NDArray[np.float32] | None:
+        """Return the rough values on a lattice on which the balls of a fit to voxels sit alike, or None.
+
+        So they do on lattices of the voxels' step, and of parts of it; it takes a quarter of the time.
+        """
+        return blend_on_lattice(self.local, self.index, lattice) if isinstance(self.local, LocalSplines) else None
 
     def diagnostics(self, balls: npt.ArrayLike | None = None) -> BallDiagnostics:
         """Return smoothing, score, degrees of freedom, condition and leave-one-out error of the fit of each ball.
