@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_points, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike, point_attributes, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
@@ -47,6 +47,7 @@ def interpolate_attributes(cloud: CloudLike, places: npt.ArrayLike) -> dict[str,
     InputError
         If an attribute does not have one row for each point.
     """
+    require_cloud(cloud, "cloud")
     attributes, targets = point_attributes(cloud), as_points(places, "places", dim=3)
     if not attributes or not len(targets):
         return {}

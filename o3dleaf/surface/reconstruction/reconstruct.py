@@ -8,7 +8,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks import require_breadth, require_choice, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.mesh_arrays import mesh_arrays
@@ -113,7 +113,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     """
     require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
+        require_cloud(pcd, "pcd")
         cloud = OrientedCloud.of(prepare(pcd))
+        require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:
         _tell(decision)
     with journal.stage("merge points"):
