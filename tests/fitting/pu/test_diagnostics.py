@@ -99,8 +99,8 @@ def test_a_loaded_model_says_the_same_and_a_few_balls_can_be_asked(tmp_path):
     assert least == every.leave_one_out.min() < median < greatest == every.leave_one_out.max()
 
 
-@pytest.mark.filterwarnings("error")
 @pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
+@pytest.mark.filterwarnings("error")
 def test_what_the_numbers_cannot_tell_is_nan():
     points, _, values, _ = noisy(3)
     twice = PUInterpolant.fit(np.vstack([points, points[:3]]), np.append(values, values[:3] + 1), points_per_ball=200)
