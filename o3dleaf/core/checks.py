@@ -130,7 +130,7 @@ def require_breadth(points: FloatArray, name: str) -> None:
     steps = 9 if thickness > breadth / 2 else 1
     if breadth * len(points) < steps * length:
         raise InputError(
-            f"{name}: its {len(points):,} points lie on a line, {breadth:.3g} wide and {length:.3g} long; "
+            f"{name}: its {len(points):,} points lie on one line, {breadth:.3g} wide and {length:.3g} long; "
             "give the points of a surface"
         )
 

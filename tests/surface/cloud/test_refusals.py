@@ -54,9 +54,9 @@ def test_points_on_a_line_are_no_surface(count, jitter, normals):
         points = 5 + np.sort(rng.random(count))[:, np.newaxis] * along + jitter * rng.standard_normal((count, 3))
         across = np.cross(along, [0, 0, 1.0])
         cloud = o3l.OrientedCloud.of(points, np.tile(across, (count, 1))) if normals else points
-        with pytest.raises(InputError, match=r"lie on a line, .* wide and .* long; give the points of a surface"):
+        with pytest.raises(InputError, match=r"lie on one line, .* wide and .* long; give the points of a surface"):
             o3l.create_from_point_cloud_rbfpu(cloud)
-        with pytest.raises(InputError, match="points lie on a line"):
+        with pytest.raises(InputError, match="points lie on one line"):
             o3l.create_from_point_cloud_rbfpu(cloud, prepare=lambda held: held)
 
 
