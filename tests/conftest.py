@@ -34,6 +34,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
     """
+    for mark in ("skip_xp_backends", "slow"):
+        config.addinivalue_line(
+            "markers", f"{mark}: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
+        )
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded

@@ -845,3 +845,17 @@ JUNCTION = 1.0
 petioles 95 end within it, with a deviation of 0.33."""
 JUNCTION_WIDTH = 0.25
 """Of a petiole's width, known from the variance of some thirty points: 8 % deviation, three of them."""
+
+OUTSIDE_POLYNOMIAL = 1e-9
+"""Of the largest value: outside a ball a sum of r³ cancels to rounding times the cube of the distance in radii."""
+FIELD_HESSIAN_OUTSIDE = 1e-7
+"""Of the largest, some thousands where fits part far outside: differences of gradients over 2e-6, whose rounding
+grows as the square of the distance in radii."""
+UNIT_SCALE = 1e-9
+"""Of what a layer loses over its unit of length: fits in other units differ by rounding times the condition, 1e-10."""
+CUT_VOLUME = 0.005
+"""Chords over arcs cost the square of a step over the radius: 0.3 % of a ball at 0.06, less of what is flat."""
+UNITS = 1e-7
+"""Of a step: a fit in other units differs by rounding times its condition, and so does what it is zero at."""
+CLUSTER_ERROR = 1.2
+"""Two draws of the same noise; without points from around the balls beside a cluster it was 50 and more."""

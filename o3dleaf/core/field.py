@@ -18,8 +18,8 @@ class Field(Protocol):
     Attributes
     ----------
     bounds : (2, d) ndarray
-        Lower, then upper corner of the domain, in `unit`. Outside, a field is its value at the
-        nearest point of the domain less the distance to it (`o3dleaf.core.outside_loops`).
+        Lower, then upper corner of the domain, in `unit`. Outside, a field is finite: an interpolant goes on, a solid
+        of known shape falls with the distance. A surface is closed where they cut it, whatever the field is there.
     unit : str or None
         Unit of length of the points.
     """
@@ -49,6 +49,20 @@ class HasJets(Protocol):
 
     def jets(self, points: npt.ArrayLike, level: int) -> tuple[FloatArray, ...]:
         """Return values (n,), gradients (n, d), ... at (n, d) points, derivatives up to order `level`."""
+        ...
+
+
+@runtime_checkable
+class HasRough(Protocol):
+    """A field with values that cost less, and a bound of how far off they are inside its bounds."""
+
+    @property
+    def rough_error(self) -> float:
+        """The most that a rough value is off; infinite where that is not known."""
+        ...
+
+    def rough(self, points: npt.ArrayLike) -> npt.NDArray[np.float32]:
+        """Return the (n,) rough values at (n, d) points."""
         ...
 
 

@@ -3,11 +3,15 @@
 import numpy as np
 
 from o3dleaf.core.checks import require_positive
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16
 """Least number of lattice layers through the patch: a blade thinner than the spacing keeps both faces."""
+
+PROBES = 48
+"""Places along each axis at which the bottom and the top of a patch are looked at."""
 
 MIN_CELLS = 64
 """Cells along each axis of what is set down together."""
@@ -33,8 +37,14 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
 
     The texture lies within the layers but for the first and the last one.
+
+    Raises
+    ------
+    ReconstructionError
+        If the bottom or the top of the patch is solid for the most part: a hair may be cut there, the blade may not.
     """
     step = require_positive(spacing, "spacing")
+    _require_air(texture)
     low, high = texture.cell[:, 2] / scale
     layer = step / np.ceil(step * LAYERS / (high - low))
     first, last = np.floor(low / layer + 1e-9) - 1, np.ceil(high / layer - 1e-9) + 1
@@ -42,3 +52,16 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     count = np.maximum(np.round(period / step), 1).astype(int)
     origin = *(texture.cell[0, :2] / scale).tolist(), float(first * layer)
     return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
+
+
+def _require_air(texture: Texture) -> None:
+    """Raise `ReconstructionError` where the blade itself is cut by the bottom or the top of its patch."""
+    places = (np.arange(PROBES) + 0.5) / PROBES
+    plane = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * texture.period
+    for height in texture.cell[:, 2]:
+        points = np.column_stack([texture.cell[0, :2] + plane, np.full(len(plane), height)])
+        if np.mean(texture(points) > 0) > 0.5:
+            raise ReconstructionError(
+                "the surface is not two sheets (upper and lower side): the texture has no air above or below; "
+                "use another threshold or a taller patch"
+            )

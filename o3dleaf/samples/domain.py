@@ -19,8 +19,12 @@ Inside = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Values (n,) and gradients (n, 3) at (n, 3) points that lie in the bounds."""
 
 
-def evaluate(inside: Inside, bounds: FloatArray, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+def evaluate(
+    inside: Inside, bounds: FloatArray, points: npt.ArrayLike, fall: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
     """Return the (n,) values and (n, 3) gradients of a field that is known inside `bounds`, anywhere in space.
+
+    Outside it is its value at the nearest point less `fall` times the distance.
 
     Parameters
     ----------
@@ -30,6 +34,8 @@ def evaluate(inside: Inside, bounds: FloatArray, points: npt.ArrayLike) -> tuple
         Lower, then upper corner.
     points : (n, 3) array_like
         Where to evaluate.
+    fall : float
+        Value over length; 1 where the values are distances.
 
     Raises
     ------
@@ -43,7 +49,7 @@ def evaluate(inside: Inside, bounds: FloatArray, points: npt.ArrayLike) -> tuple
         block = where[start:stop]
         value, gradient = inside(np.clip(block, bounds[0], bounds[1]))
         jets = np.vstack([value, gradient.T])
-        fall_outside(0, len(block), jets, block, bounds, NEVER)
+        fall_outside(0, len(block), jets, block, bounds, NEVER, fall)
         values[start:stop], gradients[start:stop] = jets[0], jets[1:].T
 
     run_blocks(task, len(where), BLOCK)

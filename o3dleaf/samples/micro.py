@@ -71,11 +71,11 @@ class WheatPatch:
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) intensities at (n, 3) points in micrometers."""
-        return evaluate(self.inside, self.bounds, points)[0]
+        return evaluate(self.inside, self.bounds, points, LEAF / self.blur)[0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) gradients at (n, 3) points, in intensity per micrometer."""
-        return evaluate(self.inside, self.bounds, points)[1]
+        return evaluate(self.inside, self.bounds, points, LEAF / self.blur)[1]
 
     def faces(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the heights (n,) of the adaxial and the abaxial face, without hairs, at (n, 2) points (x, y)."""

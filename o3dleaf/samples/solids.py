@@ -41,7 +41,7 @@ class Solid(ABC):
     Attributes
     ----------
     bounds : (2, 3) ndarray
-        A box around it with room; outside, F falls with the distance to that box, as every Field does.
+        A box around it with room; outside, F is the value at the nearest point of it less the distance.
     unit : None
     area : float
         Of the surface.

@@ -8,7 +8,8 @@ from scipy.ndimage import label
 
 from o3dleaf import Field, get_num_threads, set_num_threads
 from o3dleaf.samples import wheat_ct
-from tolerances import FACE_INTENSITY, SAMPLE_DIFFERENCE
+from o3dleaf.samples.micro import LEAF
+from tolerances import FACE_INTENSITY, ROUNDING, SAMPLE_DIFFERENCE
 
 SEEDS = range(4)
 
@@ -38,9 +39,10 @@ def test_gradient_is_the_difference_quotient(truth):
     assert abs(truth.gradient(p) - quotient).max() < SAMPLE_DIFFERENCE
 
 
-def test_outside_is_the_nearest_value_less_the_distance(truth):
+def test_outside_is_the_nearest_value_less_the_distance_in_blurs_of_leaf(truth):
     corner = truth.bounds[1]
-    assert truth(corner + np.array([3.0, 4.0, 0.0]))[0] == truth(corner)[0] - 5.0
+    lost = 5.0 * LEAF / truth.blur
+    assert truth(corner + np.array([3.0, 4.0, 0.0]))[0] == pytest.approx(truth(corner)[0] - lost, rel=ROUNDING)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -1,6 +1,7 @@
 """Balls over a box: an adaptive cover of scattered points, a cover of a lattice, and which balls contain a point.
 
 `cover`          balls that cover a box and contain a few hundred points each
+`contrast`       points from around for balls beside a cluster
 `lattice_cover`  balls around the tiles of a lattice, in classes that sit alike on it
 `tree`           the tree of boxes that the balls are found by
 `index`          which balls contain a point

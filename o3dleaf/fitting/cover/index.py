@@ -103,6 +103,15 @@ class BallIndex:
         run_blocks(task, len(points), FOLD_BLOCK)
         return folded, leaves
 
+    def nearest(self, points: FloatArray) -> FloatArray:
+        """Return the (n, d) points, those outside `domain` moved to its nearest point."""
+        return np.asarray(np.clip(points, *self.domain))
+
+    def is_left(self, points: FloatArray, folded: FloatArray) -> bool:
+        """Return whether some of the (n, d) points lie outside `domain`, from what `fold` made of them."""
+        fixed = np.flatnonzero(self.period == 0)
+        return any(bool((points[:, axis] != folded[:, axis]).any()) for axis in fixed)
+
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""
         counting, filling = progress.split(1, 1)

@@ -19,6 +19,10 @@ from o3dleaf.fitting.rbf.potential_loops import potential_jets
 STRIP = 256
 """Points of one leaf that are blended at once: what is known of them stays in the nearest cache."""
 
+FAR, FAR_SINGLE = 2.0**20, 2.0**10
+"""Radii of a ball beyond the box, along an axis, after which its fit stays as it is, in double and single precision:
+of r³ and a value that grows as r rounding has left no digit long before, and r⁷ times a weight must not overflow."""
+
 
 class SplineBalls(NamedTuple):
     """What the blend reads of splines of values, all balls end to end; see `o3dleaf.fitting.local.splines`."""
@@ -52,8 +56,11 @@ class Workspace(NamedTuple):
 
     Attributes
     ----------
-    points, unit : (d, STRIP)
-        The points of a strip, and the unit coordinates of those of them that a ball contains.
+    points, away : (d, STRIP)
+        The points of a strip, and how far the queries lie outside the box, if any does.
+    unit, place : (d, STRIP)
+        The unit coordinates of those of them that a ball contains, and those at which its fit is asked for: the same,
+        but outside the box.
     squared, inside : (STRIP,)
         Squared distances from a center, and numbers of the points that its ball contains.
     weight, local, sums, totals, spare : (jet, STRIP)
@@ -63,7 +70,9 @@ class Workspace(NamedTuple):
     """
 
     points: Any
+    away: Any
     unit: Any
+    place: Any
     squared: Any
     inside: Any
     weight: Any
@@ -78,10 +87,12 @@ class Workspace(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
+def blend(start, stop, order, queries, folded, period, leaves, tree, images, model, level, jets):
     """Fill the jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop].
 
-    `order` groups the points by leaf, so that one ball's data stay in the cache for all of them.
+    `order` groups the points by leaf, so that one ball's data stay in the cache for all of them. `queries` has rows if
+    some of them lie outside the box, whose nearest point `folded` is: the weights are those of the nearest point, and
+    the fits go on. Along axes with a `period` nothing is outside.
     """
     space = workspace(images, model, level)
     first = start
@@ -91,7 +102,7 @@ def blend(start, stop, order, folded, leaves, tree, images, model, level, jets):
         while last < stop and last - first < STRIP and leaves[order[last]] == leaf:
             last += 1
         listed = tree.images[tree.starts[leaf] : tree.stops[leaf]]
-        blend_strip(order[first:last], listed, folded, images, model, level, space, jets)
+        blend_strip(order[first:last], listed, queries, folded, period, images, model, level, space, jets)
         first = last
 
 
@@ -101,6 +112,8 @@ def workspace(images, model, level):
     dimension, terms = images.centers.shape[1], len(model.exponents)
     size = jet_size(dimension, level)
     return Workspace(
+        np.empty((dimension, STRIP)),
+        np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty(STRIP),
@@ -161,14 +174,18 @@ def potential_spline_jets(model, ball, z, count, space, level, local):
 
 
 @njit(nogil=True, cache=True)
-def blend_strip(rows, listed, folded, images, model, level, space, jets):
+def blend_strip(rows, listed, queries, folded, period, images, model, level, space, jets):
     """Blend the images `listed` at the points `rows` of one leaf."""
-    points, unit, inside = space.points, space.unit, space.inside
+    points, unit, inside, far = space.points, space.unit, space.inside, far_of(model.sites)
+    outside = len(queries) > 0
+    place = space.place if outside else unit
     weight, local, sums, totals = space.weight, space.local, space.sums, space.totals
     dimension = folded.shape[1]
     for axis in range(dimension):
         for i in range(rows.size):
             points[axis, i] = folded[rows[i], axis]
+            if outside:
+                space.away[axis, i] = 0.0 if period[axis] > 0.0 else queries[rows[i], axis] - folded[rows[i], axis]
     sums[:, : rows.size] = 0.0
     totals[:, : rows.size] = 0.0
     for image in listed:
@@ -176,8 +193,12 @@ def blend_strip(rows, listed, folded, images, model, level, space, jets):
         count = select_inside(points, rows.size, images.centers[image], radius, space.squared, unit, inside)
         if count == 0:
             continue
-        ball_jets(model, ball, unit, count, space, level, local)
+        if outside:
+            go_on(space.away, inside, count, radius, far, unit, place)
+        ball_jets(model, ball, place, count, space, level, local)
         weight_jets(unit, count, level, weight)
+        if outside and level > 0:
+            hold(space.away, inside, count, radius, far, weight, local)
         scale_jets(local, count, 1.0 / radius, dimension)
         scale_jets(weight, count, 1.0 / radius, dimension)
         add_product(weight, local, inside, count, dimension, level, sums, totals)
@@ -185,6 +206,44 @@ def blend_strip(rows, listed, folded, images, model, level, space, jets):
     for row in range(len(jets)):
         for i in range(rows.size):
             jets[row, rows[i]] = sums[row, i]
+
+
+@njit(nogil=True, cache=True)
+def far_of(sites):
+    """Return how many radii beyond the box a fit goes on, in the precision of its sums."""
+    return FAR_SINGLE if sites.itemsize == 4 else FAR
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def go_on(away, inside, count, radius, far, unit, place):
+    """Write where a ball's fit is asked for: at the points themselves, and no farther than `far` radii outside."""
+    for axis in range(len(unit)):
+        for i in range(count):
+            place[axis, i] = unit[axis, i]
+            moved = away[axis, inside[i]]
+            if moved != 0.0:
+                place[axis, i] += min(max(moved / radius, -far), far)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def hold(away, inside, count, radius, far, weight, local):
+    """Set the derivatives to zero along axes on which nothing changes outside: weights', and fits' where far away."""
+    dimension = len(away)
+    for i in range(count):
+        row = 1 + dimension
+        for a in range(dimension):
+            one = abs(away[a, inside[i]]) / radius
+            if one > 0.0:
+                weight[1 + a, i] = 0.0
+            if one > far:
+                local[1 + a, i] = 0.0
+            for b in range(a, dimension if len(weight) > 1 + dimension else 0):
+                most = max(one, abs(away[b, inside[i]]) / radius)
+                if most > 0.0:
+                    weight[row, i] = 0.0
+                if most > far:
+                    local[row, i] = 0.0
+                row += 1
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -15,7 +15,7 @@ BLEND_BLOCK = 4096
 
 
 def blend_balls(model: NamedTuple, index: BallIndex, queries: FloatArray, level: int) -> FloatArray:
-    """Return the jets, a column each, of the compiled blend at the (n, d) queries folded into the index's box.
+    """Return the jets, a column each, of the compiled blend at (n, d) queries, outside the index's box too.
 
     Parameters
     ----------
@@ -27,11 +27,13 @@ def blend_balls(model: NamedTuple, index: BallIndex, queries: FloatArray, level:
         The highest order of the derivatives.
     """
     folded, leaves = index.fold(queries)
+    asked = queries if index.is_left(queries, folded) else queries[:0]
     order = order_by_leaf(leaves, len(index.tree.axes))
     jets = np.empty((jet_size(queries.shape[1], level), len(queries)))
 
     def task(start: int, stop: int) -> None:
-        blend_loops.blend(start, stop, order, folded, leaves, index.tree, index.images, model, level, jets)
+        ways = asked, folded, index.period, leaves
+        blend_loops.blend(start, stop, order, *ways, index.tree, index.images, model, level, jets)
 
     run_blocks(task, len(queries), BLEND_BLOCK)
     return jets

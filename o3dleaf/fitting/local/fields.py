@@ -13,6 +13,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.blend_loops import FAR, hold
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.jet_loops import add_product, divide, scale_jets
 from o3dleaf.fitting.local.weight_loops import weight_jets
@@ -61,8 +62,12 @@ class LocalFields:
         level: int,
         dtype: np.dtype[Any],  # noqa: ARG002 - what a field computes in is its own affair
     ) -> FloatArray:
-        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
+        """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too."""
         folded, _ = index.fold(queries)
+        # How far each lies outside the box, where nothing is along axes that repeat.
+        with np.errstate(over="ignore"):
+            away = np.where(index.period > 0, 0.0, queries - folded).T
+        outside = bool(away.any())
         count, dimension = folded.shape
         sums, totals = (np.zeros((jet_size(dimension, level), count)) for _ in range(2))
         tree = cKDTree(folded)
@@ -70,11 +75,17 @@ class LocalFields:
             rows = np.array(sorted(tree.query_ball_point(index.centers[image], index.radii[image])), dtype=np.int64)
             if not len(rows):
                 continue
-            z = np.ascontiguousarray((folded[rows] - index.centers[image]).T / index.radii[image])
+            radius = index.radii[image]
+            z = np.ascontiguousarray((folded[rows] - index.centers[image]).T / radius)
             weight = np.empty((len(sums), len(rows)))
             weight_jets(z, len(rows), level, weight)
-            scale_jets(weight, len(rows), 1 / index.radii[image], dimension)
-            local = _jets_of(self.fields[ball], folded[rows] - index.shifts[image], level)
+            scale_jets(weight, len(rows), 1 / radius, dimension)
+            places = folded[rows] - index.shifts[image]
+            if outside:
+                places += np.clip(away.T[rows], -FAR * radius, FAR * radius)
+            local = _jets_of(self.fields[ball], places, level)
+            if outside and level > 0:
+                hold(away, rows, len(rows), radius, FAR, weight, local)
             add_product(weight, local, rows, len(rows), dimension, level, sums, totals)
         divide(sums, totals, count, dimension, level)
         return sums

@@ -86,9 +86,10 @@ class LocalFits(Protocol):
     """The local fits of a cover: all that the partition of unity needs of them."""
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at the folded queries.
+        """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at (n, d) queries.
 
-        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n).
+        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n). Outside the
+        index's box the weights are those of its nearest point, and the fits go on.
         """
         ...
 

@@ -88,7 +88,7 @@ class LocalPolynomials:
         level: int,
         dtype: np.dtype[Any],  # noqa: ARG002 - polynomials are too few terms for single precision to pay
     ) -> FloatArray:
-        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
+        """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too."""
         nowhere, nothing = np.zeros(len(self.tails) + 1, dtype=np.int64), np.empty(0)
         balls = SplineBalls(nowhere, nowhere, nothing, nothing, self.tails, self.exponents, 3, 0)
         return blend_balls(balls, index, queries, level)

@@ -190,7 +190,7 @@ class LocalPotentials:
         return f"LocalPotentials({self.kernel}, {len(self.tails):,} balls)"
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box.
+        """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too.
 
         Raises
         ------

@@ -26,6 +26,9 @@ from o3dleaf.fitting.rbf.tail import IntArray
 BATCH_SIZE = 4
 """Balls that are fitted in one compiled call: between calls threads wait for one another."""
 
+ROUNDINGS = 16
+"""Of one term in single precision, at most: of z, of z_j, of their difference, square, root and power."""
+
 
 @dataclass(frozen=True)
 class Splines:
@@ -146,7 +149,7 @@ class LocalSplines:
         return points, self.weights[first:last], weights
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box.
+        """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too.
 
         Raises
         ------
@@ -163,6 +166,21 @@ class LocalSplines:
         widest = int(np.diff(self.offsets).max())
         power, exponents = self.kernel.power, self.exponents
         return SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
+
+    @cached_property
+    def single_error(self) -> float:
+        """The most by which values in single precision are off in the balls: n u Σ|terms|, in any order of the sum.
+
+        u is 2⁻²⁴; a term has some roundings of its own, and those of z − z_j, which lie in unit coordinates.
+        """
+        power, counts = self.kernel.power, np.diff(self.offsets)
+        reach = 1.0 + np.sqrt(self.kernel.dimension) * float(np.abs(self.sites).max(initial=0.0))
+        # |φ| and |φ′| at that distance; beside log r stands less than 1/p + 1/(p − 1) + ... < 2.
+        factor = 1.0 if power % 2 else abs(np.log(reach)) + 2.0
+        size, slope = factor * reach**power, factor * power * reach ** (power - 1)
+        sums = np.add.reduceat(np.abs(self.weights), self.offsets[:-1])
+        terms = (counts + ROUNDINGS) * size + 4.0 * slope
+        return float(np.finfo(np.float32).eps / 2 * (terms * sums).max())
 
     @cached_property
     def _single(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

@@ -171,7 +171,7 @@ def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[
         raise ReconstructionError(
             "the texture has no surface: its values are all above 0, or all below; check the level"
         )
-    # Beyond the patch a field falls with the distance: the lattice has a layer below it.
+    # Half a spacing of its data beyond the patch all is air: the lattice has a layer below it.
     origin = low - steps * [0, 0, 1]
     filled = None if positive is None else FilledLattice.fill(origin, steps, positive)
     if filled is not None:

@@ -14,23 +14,11 @@ from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
 from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, INSIDE
+from o3dleaf.surface.isosurface.caps import square_triangles
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
 
 CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 """Corners of a square of a wall, counter-clockwise in (along the wall, through the blade)."""
-
-
-def _square(code: int) -> list[tuple[int, int, int]]:
-    """Return the triangles inside a square: 0 to 3 its corners, 4 + k the vertex between corners k and k + 1."""
-    inside = [code >> k & 1 for k in range(4)]
-    if code in {5, 10}:
-        # As on the faces of a cell, inside corners that are not neighbors stay apart.
-        return [(4 + (k - 1) % 4, k, 4 + k) for k in range(4) if inside[k]]
-    polygon = []
-    for k in range(4):
-        polygon += [k] if inside[k] else []
-        polygon += [4 + k] if inside[k] != inside[(k + 1) % 4] else []
-    return [(polygon[0], polygon[n], polygon[n + 1]) for n in range(1, len(polygon) - 1)]
 
 
 def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint8]]:
@@ -84,7 +72,7 @@ def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one w
     parts = []
     for kind in range(1, 16):
         squares = vertices[code == kind]
-        parts += [squares[:, list(triangle)] for triangle in _square(kind)]
+        parts += [squares[:, list(triangle)] for triangle in square_triangles(kind)]
     triangles = np.concatenate(parts)
     # (across, up) and (along, up) turn about along and minus across.
     outward = far if axis == 0 else not far

@@ -1,5 +1,6 @@
 """The micro-structure of the whole plane: patches repeated, cropped where their faces match, and blended.
 
+`layer`       a field over the plane with air above and below
 `tiling`      one patch repeated over the plane, without copying it (paper, section 2.6)
 `seams`       how badly the faces of neighboring tiles match, one number
 `crop`        the offset and the period whose faces match best

@@ -69,6 +69,8 @@ class CrossFade:
             np.cumsum(heads, out=heads)
             points = np.empty((int(heads[-1]), dimension))
             _run(copy_loops.place_copies, folded, layout, heads, points)
+            # A copy at the patch's face may lie beyond it by rounding, and is no farther.
+            np.clip(points, *self.index.domain, out=points)
             jets = self.local.blend(self.index, points, level=level, dtype=dtype)
             _run(copy_loops.sum_copies, folded, layout, heads, jets, level, sums, first)
         return sums

@@ -10,15 +10,15 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.jet_loops import add_product
-from o3dleaf.fitting.pu.blend import BATCH_SIZE, Blended
+from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.io.model_file import write_model
+from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.tiling import TiledField
 
 AXES = {"along": 0, "up": 2}
@@ -40,7 +40,7 @@ def smooth_step(u: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class PatchBlend(Blended):
+class PatchBlend(LayerField):
     r"""Tiled patches that pass into one another along the leaf, or from its lower to its upper side.
 
     .. math:: F(z) = \sum_k ω_k(z_a)\, F_k(A_k z), \qquad
@@ -219,7 +219,7 @@ class WeightedTextures:
             rows = np.flatnonzero((folded[:, self.axis] > first) & (folded[:, self.axis] < last))
             if len(rows):
                 points, factors = folded[rows], np.append(stretch, 1.0)
-                jets = _jets(texture, points * factors, level, dtype)
+                jets = texture.stacked_jets(points * factors, level, dtype)
                 _stretch(jets, factors, level)
                 weight = self._weight(points[:, self.axis], edges[number : number + 2], level)
                 add_product(weight, jets, rows, len(rows), dimension, level, sums, totals)
@@ -237,13 +237,6 @@ class WeightedTextures:
         if level > 1:
             jets[HESSIAN_ROWS[self.axis, self.axis]] = window[2]
         return jets
-
-
-def _jets(texture: TiledField | PatchBlend, points: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
-    """Return the jets of a texture at points that may lie above or below it."""
-    jets = texture.local.blend(texture.index, points, level=level, dtype=dtype)
-    fall_outside(0, len(points), jets, points, texture.cell, np.append(texture.period, 0.0))
-    return jets
 
 
 def _stretch(jets: FloatArray, stretch: FloatArray, level: int) -> None:

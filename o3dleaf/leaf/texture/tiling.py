@@ -14,11 +14,11 @@ from o3dleaf.core.checks import FloatArray, as_number, require_choice, require_o
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
-from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.crop import best_crop, reach_of_fade
 from o3dleaf.leaf.texture.crossfade import CrossFade
+from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.seams import Crop, SampledPatch, SeamEnergy
 
 FLIPS = {"along": (True, False), "across": (False, True), "both": (True, True)}
@@ -33,7 +33,7 @@ Period = npt.ArrayLike | str | Sequence[float | str]
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
-class TiledField(Blended):
+class TiledField(LayerField):
     r"""Copies of a patch over the plane, blended where they meet.
 
     By default, as in the paper (the equation of G in section 2.6; its Algorithm 1 prints F_i(z),

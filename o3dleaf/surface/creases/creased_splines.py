@@ -124,7 +124,7 @@ class LocalCreasedSplines:
         return f"LocalCreasedSplines({len(self.composition):,} sheets in {len(self.first) - 1:,} balls)"
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets, a column each, of the blend at the (n, d) queries folded into the index's box."""
+        """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too."""
         splines = self.splines.balls(level, dtype)
         size = splines.sites, splines.exponents, splines.widest
         return blend_balls(ComposedBalls(splines, self.first, self.composition, *size), index, queries, level)

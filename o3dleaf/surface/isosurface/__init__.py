@@ -1,6 +1,9 @@
 """A field to triangles: over a whole box, or continued from seeds where the surface is.
 
 `polygonize`         samples on a lattice to triangles
+`boxed_lattice`      a lattice that ends on the faces of a box
+`level_samples`      samples, rough where their side is certain
+`caps`               what closes a surface on those faces
 `crease_edges`       sharp edges between tangent planes
 `band`               cells that grow across the faces a surface crosses
 `continuation`       a surface followed from seeds

@@ -31,6 +31,9 @@ BATCH_SIZE = 1 << 18
 SHARES = (1, 2, 3)
 """About how long finding the vertices, sharpening them and joining them over creases take."""
 
+MARGIN = 1e-6
+"""Part of a step that a point of the solid keeps from the faces of its box: a sample on one would make slivers."""
+
 BLOCK = 1 << 14
 """Cells or vertices that one thread works on at a time."""
 
@@ -51,6 +54,8 @@ class Band:
         The surface is where the field has the level; the lattice is that of the whole multiples of `step` (3,).
     center : (3,) ndarray of int64
         The lattice point in the middle of what keys can name.
+    box : (2, 3) ndarray or None
+        What lies outside is outside the solid, and what lies on it but for `MARGIN` of a step.
     expected : int
         Points at which the field is evaluated until the band is closed, about: for progress.
     table, keys, values, known, count
@@ -64,6 +69,7 @@ class Band:
     level: float
     step: FloatArray
     center: IntArray
+    box: FloatArray | None = None
     expected: int = 0
     table: npt.NDArray[np.int32] = attribute(default_factory=lambda: np.full(1 << 13, -1, dtype=np.int32))
     keys: IntArray = attribute(default_factory=lambda: np.empty(1 << 12, dtype=np.int64))
@@ -73,7 +79,9 @@ class Band:
     crossed: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
 
     @classmethod
-    def around(cls, points: FloatArray, field: Field, level: float, step: FloatArray) -> "Band":
+    def around(
+        cls, points: FloatArray, field: Field, level: float, step: FloatArray, box: FloatArray | None = None
+    ) -> "Band":
         """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
         low, high = points.min(axis=0) / step, points.max(axis=0) / step
         quarter = 1 << loops.BITS - 2
@@ -81,7 +89,8 @@ class Band:
             raise InputError(
                 f"spacing: the seeds extend over {(high - low).max():.2g} cells; coarsen it or crop the cloud"
             )
-        return cls(field, level, step, (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64))
+        center = (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64)
+        return cls(field, level, step, center, box)
 
     @property
     def base(self) -> FloatArray:
@@ -161,6 +170,8 @@ class Band:
             if sharpen:
                 self._sharpen(edges, vertices)
                 vertices = self._place(edges)
+            if self.box is not None:
+                self._cut(self.box, edges, vertices)
         with joining:
             if features:
                 vertices, triangles = self._crease(corners, codes, numbering, edges, vertices)
@@ -252,8 +263,34 @@ class Band:
         return Numbering(first, marks), int(many.sum())
 
     def _ask(self, points: FloatArray) -> FloatArray:
-        """Return the field's values less the level."""
+        """Return the field's values less the level; outside the box those at its nearest point, below the level."""
+        if self.box is None or not (outside := self._is_outside(self.box, points)).any():
+            return self._values(points)
+        values = self._values(np.clip(points, *self.box))
+        return np.where(outside, -np.maximum(np.abs(values), np.finfo(np.float64).tiny), values)
+
+    def _values(self, points: FloatArray) -> FloatArray:
         return require_finite(np.asarray(self.field(points), dtype=np.float64), "field values") - self.level
+
+    def _is_outside(self, box: FloatArray, points: FloatArray) -> BoolArray:
+        margin = MARGIN * self.step
+        return np.asarray(((points < box[0] + margin) | (points > box[1] - margin)).any(axis=1))
+
+    def _cut(self, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
+        """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.
+
+        Along such an edge the field counts as linear from its end inside to the face.
+        """
+        lower = self.positions(self.keys[edges.lower])
+        upper = lower + self.step * (edges.direction[:, np.newaxis] >> np.arange(3) & 1)
+        rows = np.flatnonzero(self._is_outside(box, lower) != self._is_outside(box, upper))
+        if not len(rows):
+            return
+        inner = np.where((edges.here[rows] > 0)[:, np.newaxis], lower[rows], upper[rows])
+        face = np.clip(np.where((edges.here[rows] > 0)[:, np.newaxis], upper[rows], lower[rows]), *box)
+        here, there = np.maximum(edges.here[rows], edges.there[rows]), self._values(face)
+        share = np.where(there > 0, 1.0, here / np.maximum(here - there, np.finfo(np.float64).tiny))
+        vertices[rows] = np.where((share == 1.0)[:, np.newaxis], face, inner + share[:, np.newaxis] * (face - inner))
 
     def _place(self, edges: CrossedEdges) -> FloatArray:
         """Return the (v, 3) positions of vertices."""

@@ -42,15 +42,20 @@ def continue_from_seeds(
     within: Within | None,
     sharpen: bool,
     features: bool,
+    box: FloatArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles of the parts of a level set that seeds lie on; see `extract_isosurface`."""
+    """Return vertices and triangles of the parts of a level set that seeds lie on; see `extract_isosurface`.
+
+    They are closed where a `box` (2, 3) cuts them.
+    """
     allowed = _as_test(within, seeds)
-    band = Band.around(seeds, field, level, step)
+    band = Band.around(seeds, field, level, step, box)
     seeding, growing, drawing = progress.split(*SHARES)
     with seeding:
         thin = _thin(seeds, step)
         band.expected = POINTS_PER_SEED * len(thin)
-        cells = band.cells_of(_toward_zero(field, thin, level, TOLERANCE * float(step.min())))
+        moved = _toward_zero(field, thin, level, TOLERANCE * float(step.min()))
+        cells = band.cells_of(moved if box is None else np.clip(moved, *box))
         if callable(within):
             cells = band.only(cells, allowed)
     with growing:

@@ -46,16 +46,18 @@ def ball_errors(field, ball, at):
 
 
 def blended_errors(field, at):
-    """Bounds of the errors at points inside, as the weights p = w/W and Leibniz's rule hand on those of the balls.
+    """Bounds of the errors at points, as the weights p = w/W and Leibniz's rule hand on those of the balls.
 
-    Where all balls that hold a point are about to let go of it, p′ and p″ are large: the errors are, too.
+    On axes along which a point lies outside, the weights do not change. Where all balls that hold a point are about to
+    let go of it, p′ and p″ are large: the errors are, too.
     """
     centres, radii = field.cover.centers, field.cover.radii
     balls = [ball_errors(field, ball, at) for ball in range(len(radii))]
     bounds = np.zeros((3, len(at)))
-    for i, x in enumerate(at):
-        inside = np.flatnonzero(np.linalg.norm(x - centres, axis=1) < radii)
+    for i, x in enumerate(np.clip(at, *field.bounds)):
+        inside, stays = np.flatnonzero(np.linalg.norm(x - centres, axis=1) < radii), (x == at[i]).astype(float)
         jets = {ball: reference.weight_jet(x - centres[ball], radii[ball]) for ball in inside}
+        jets = {ball: (w, gw * stays, hw * np.outer(stays, stays)) for ball, (w, gw, hw) in jets.items()}
         W, gW, hW = (sum(parts) for parts in zip(*jets.values(), strict=True))
         for ball, (w, gw, hw) in jets.items():
             p = w / W
@@ -72,10 +74,10 @@ def blended_errors(field, at):
 def test_the_error_is_a_rounding_of_the_terms_of_the_sum(power, d, smoothing):
     """Not of their sum, which is less by as much as the λ_j φ(r_j) of one ball cancel one another.
 
-    At every point, also outside: there is no other sum than that at the nearest point of the box.
+    At every point, also outside: weights are those of the nearest point of the box, sums those at the point.
     """
     field, at = fitted(power, d, smoothing=smoothing)
-    bounds = blended_errors(field, np.clip(at, *field.bounds))
+    bounds = blended_errors(field, at)
     shares = []
     for call, bound in zip((field, field.gradient, field.hessian), bounds, strict=True):
         double, single = call(at), call(at, dtype="float32")

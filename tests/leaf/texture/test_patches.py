@@ -103,9 +103,12 @@ def test_it_repeats_across_everywhere_and_along_between_the_breaks(along, sides)
 
 
 def test_sides_show_one_patch_below_and_one_above(sides, base, tip):
+    """Within their own heights: beyond, both fall, each as steeply as its patch does."""
     points = queries()
     scale = [np.append(each.period / sides.period, 1.0) for each in (base, tip)]
-    low, high = points[:, 2] < -0.2, points[:, 2] > 0.4
+    bottom, top = max(base.cell[0, 2], sides.cell[0, 2]), min(tip.cell[1, 2], sides.cell[1, 2])
+    low, high = (points[:, 2] < -0.2) & (points[:, 2] >= bottom), (points[:, 2] > 0.4) & (points[:, 2] <= top)
+    assert min(low.sum(), high.sum()) > 5
     assert np.abs(sides(points[low]) - base(points[low] * scale[0])).max() <= PERIODIC
     assert np.abs(sides(points[high]) - tip(points[high] * scale[1])).max() <= PERIODIC
 
@@ -138,8 +141,9 @@ def test_a_stretch_keeps_the_breaks_of_a_blend_within_a_blend(along, base):
 def test_it_falls_with_the_distance_above_and_below(along):
     rim = np.array([[9.0, 7.0, 1.5], [31.0, 1.0, 1.5]])
     assert along.bounds[:, 2].tolist() == [-1.2, 1.5]
-    np.testing.assert_allclose(along(rim + [[0, 0, 2.5]]), along(rim) - 2.5)
-    assert np.all(along.gradient(rim + [[0, 0, 2.5]])[:, 2] == -1.0)
+    assert along.fall == max(each.fall for each in along.textures) > 0
+    np.testing.assert_allclose(along(rim + [[0, 0, 2.5]]), along(rim) - 2.5 * along.fall)
+    assert np.all(along.gradient(rim + [[0, 0, 2.5]])[:, 2] == -along.fall)
 
 
 def test_it_comes_back_from_a_file(along, sides, base, tmp_path):

@@ -4,7 +4,7 @@ import pytest
 from o3dleaf import PUInterpolant, TiledField
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.local.weight_loops import wendland
-from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
+from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN, UNIT_SCALE
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +86,28 @@ def test_gradient_equals_central_differences(patch):
 def test_above_and_below_the_patch_the_field_falls_with_the_distance(patch):
     tiled = TiledField(patch)
     rim = np.array([[9.0, 7.0, 1.0]])
-    assert tiled(rim + [[0, 0, 2.5]]) == pytest.approx(tiled(rim) - 2.5)
-    assert tiled.gradient(rim + [[0, 0, 2.5]])[0, 2] == -1.0
+    assert tiled(rim + [[0, 0, 2.5]]) == pytest.approx(tiled(rim) - 2.5 * tiled.fall)
+    assert tiled.gradient(rim + [[0, 0, 2.5]])[0, 2] == -tiled.fall
+
+
+@pytest.mark.parametrize(("value", "length"), [(255.0, 1.0), (1e-6, 1e6), (1e6, 1e-6)])
+def test_how_it_falls_scales_with_the_values_and_the_lengths(value, length):
+    points = np.random.default_rng(7).random((300, 3))
+    values = np.sin(5 * points).sum(axis=1)
+    one = TiledField(PUInterpolant.fit(points, values, points_per_ball=(40, 80)))
+    other = TiledField(PUInterpolant.fit(length * points, value * values, points_per_ball=(40, 80)))
+    queries = np.random.default_rng(8).uniform(-2, 3, (50, 3))
+    np.testing.assert_allclose(other(length * queries) / value, one(queries), rtol=0, atol=UNIT_SCALE * one.fall)
+
+
+def test_a_layer_is_air_half_a_spacing_of_its_data_beyond_it():
+    """Whatever it is made of: of solid where it is cut, nothing is left there."""
+    points = np.random.default_rng(7).random((1000, 3))
+    tiled = TiledField(PUInterpolant.fit(points, np.sin(7 * points).sum(axis=1)))
+    plane = np.random.default_rng(8).random((2000, 2))
+    top = np.column_stack([plane, np.full(2000, tiled.cell[1, 2])])
+    assert tiled(top).max() > 0
+    assert tiled(top + [0, 0, 0.05]).max() < 0
 
 
 def test_a_period_beyond_the_patch_is_refused(patch):

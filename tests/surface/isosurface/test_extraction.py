@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from mesh_fields import CENTRE, Analytic, hashed_noise, sphere, torus, wavy_sheets
-from o3dleaf import extract_isosurface, get_num_threads, mesh_report, set_num_threads
+from o3dleaf import PUInterpolant, extract_isosurface, get_num_threads, mesh_report, set_num_threads
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, MemoryBudgetError, ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
@@ -164,6 +164,25 @@ def test_samples_do_not_depend_on_the_block(block):
         assert calls[-1][0] == calls[-1][1]
     whole = torus()(lattice.positions(np.argwhere(np.ones(lattice.shape)))).reshape(lattice.shape)
     assert np.array_equal(samples, whole)
+
+
+@both
+@pytest.mark.parametrize("smoothing", [0.0, 1e-3])
+def test_rough_samples_make_the_mesh_that_exact_ones_do(method, smoothing):
+    """To the last bit: also where values lie within their error of the level, as beside this level's plateau."""
+    axis = np.linspace(-1, 1, 18)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    values = np.maximum(np.round(8 * (0.7 - np.sqrt(x**2 + y**2 + z**2))) / 8, 0)
+    field = PUInterpolant.fit_lattice(values, spacing=1.0, smoothing=smoothing, points_per_ball=80)
+    level = 0.125 if smoothing == 0 else 0.1
+    exact = Analytic(lambda *x: field(np.column_stack(x)), bounds=field.bounds)
+    points = np.random.default_rng(0).uniform(*field.bounds, (2000, 3))
+    assert 0 < np.abs(field.rough(points) - field(points)).max() < field.rough_error < 1e-2
+    for one, other in zip(
+        *(mesh_arrays(extract_isosurface(each, 1.0, isovalue=level, method=method)) for each in (field, exact)),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one, other)
 
 
 @both

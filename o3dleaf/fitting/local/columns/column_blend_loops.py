@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.local.blend_loops import STRIP, block, select_inside
+from o3dleaf.fitting.local.blend_loops import STRIP, block, far_of, go_on, hold, select_inside
 from o3dleaf.fitting.local.jet_loops import add_product, divide, scale_jets
 from o3dleaf.fitting.local.weight_loops import weight_jets
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size, lower_exponents, tail_derivatives, tail_jets
@@ -46,7 +46,9 @@ class ColumnSpace(NamedTuple):
     """
 
     points: Any
+    away: Any
     unit: Any
+    place: Any
     squared: Any
     inside: Any
     weight: Any
@@ -62,8 +64,11 @@ class ColumnSpace(NamedTuple):
 
 
 @njit(nogil=True, cache=True)
-def blend_columns(start, stop, order, folded, leaves, tree, images, model, level, jets):
-    """Fill the (c, jet, n) jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop]."""
+def blend_columns(start, stop, order, queries, folded, period, leaves, tree, images, model, level, jets):
+    """Fill the (c, jet, n) jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop].
+
+    `queries` has rows if some of them lie outside the box, as in `o3dleaf.fitting.local.blend_loops.blend`.
+    """
     space = column_space(images, model, level)
     first = start
     while first < stop:
@@ -72,7 +77,7 @@ def blend_columns(start, stop, order, folded, leaves, tree, images, model, level
         while last < stop and last - first < STRIP and leaves[order[last]] == leaf:
             last += 1
         listed = tree.images[tree.starts[leaf] : tree.stops[leaf]]
-        blend_column_strip(order[first:last], listed, folded, images, model, level, space, jets)
+        blend_column_strip(order[first:last], listed, queries, folded, period, images, model, level, space, jets)
         first = last
 
 
@@ -82,6 +87,8 @@ def column_space(images, model, level):
     dimension, terms, columns = images.centers.shape[1], len(model.exponents), len(model.weights)
     size, kind = jet_size(dimension, level), model.sites.dtype
     return ColumnSpace(
+        np.empty((dimension, STRIP)),
+        np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty((dimension, STRIP)),
         np.empty(STRIP),
@@ -100,13 +107,17 @@ def column_space(images, model, level):
 
 
 @njit(nogil=True, cache=True)
-def blend_column_strip(rows, listed, folded, images, model, level, space, jets):
+def blend_column_strip(rows, listed, queries, folded, period, images, model, level, space, jets):
     """Blend the images `listed` at the points `rows` of one leaf."""
     points, unit, inside, weight = space.points, space.unit, space.inside, space.weight
     dimension, columns = folded.shape[1], len(model.weights)
+    outside, far = len(queries) > 0, far_of(model.sites)
+    place = space.place if outside else unit
     for axis in range(dimension):
         for i in range(rows.size):
             points[axis, i] = folded[rows[i], axis]
+            if outside:
+                space.away[axis, i] = 0.0 if period[axis] > 0.0 else queries[rows[i], axis] - folded[rows[i], axis]
     space.sums[:, :, : rows.size] = 0.0
     space.totals[:, : rows.size] = 0.0
     space.spare[:, : rows.size] = 0.0
@@ -115,8 +126,13 @@ def blend_column_strip(rows, listed, folded, images, model, level, space, jets):
         count = select_inside(points, rows.size, images.centers[image], radius, space.squared, unit, inside)
         if count == 0:
             continue
-        column_jets(model, ball, count, level, space)
+        if outside:
+            go_on(space.away, inside, count, radius, far, unit, place)
+        column_jets(model, ball, place, count, level, space)
         weight_jets(unit, count, level, weight)
+        if outside and level > 0:
+            for k in range(columns):
+                hold(space.away, inside, count, radius, far, weight, space.local[k])
         scale_jets(weight, count, 1.0 / radius, dimension)
         for k in range(columns):
             scale_jets(space.local[k], count, 1.0 / radius, dimension)
@@ -131,9 +147,9 @@ def blend_column_strip(rows, listed, folded, images, model, level, space, jets):
 
 
 @njit(nogil=True, cache=True)
-def column_jets(model, ball, count, level, space):
-    """Write the jets of every column of one ball's fit at the first `count` columns of the unit coordinates."""
-    z, local, coefficients, lowered = space.unit, space.local, space.coefficients, space.lowered
+def column_jets(model, ball, z, count, level, space):
+    """Write the jets of every column of one ball's fit at the first `count` columns of z (d, ·)."""
+    local, coefficients, lowered = space.local, space.coefficients, space.lowered
     first, last = model.offsets[ball], model.offsets[ball + 1]
     points, sites = block(model.sites, model, ball, len(z)), last - first
     for k in range(len(local)):

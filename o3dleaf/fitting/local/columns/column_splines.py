@@ -99,7 +99,7 @@ class LocalColumns:
         return self.smoothing.diagonals(np.diff(self.offsets), self.smoothing_per_ball)
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
-        """Return the jets (c, jet, n) of the blend at the (n, d) queries folded into the index's box.
+        """Return the jets (c, jet, n) of the blend at (n, d) queries, outside the index's box too.
 
         Raises
         ------
@@ -114,11 +114,13 @@ class LocalColumns:
             self.offsets, self.places, sites, weights, self.tails, self.exponents, self.kernel.power, widest
         )
         folded, leaves = index.fold(queries)
+        asked = queries if index.is_left(queries, folded) else queries[:0]
         order = order_by_leaf(leaves, len(index.tree.axes))
         jets = np.empty((self.columns, jet_size(queries.shape[1], level), len(queries)))
 
         def task(start: int, stop: int) -> None:
-            blend_columns(start, stop, order, folded, leaves, index.tree, index.images, model, level, jets)
+            ways = asked, folded, index.period, leaves
+            blend_columns(start, stop, order, *ways, index.tree, index.images, model, level, jets)
 
         run_blocks(task, len(queries), BLEND_BLOCK)
         return jets

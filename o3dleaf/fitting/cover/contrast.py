@@ -1,0 +1,97 @@
+"""Balls beside a cluster of points: they get points from all around, not those of the cluster alone.
+
+A ball whose points lie nearly all in a cluster many times as dense as what is around has a spline whose tail follows
+the cluster's noise: a slope known from a tenth of the ball, and a bend from its square, go on over all of it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.rbf.tail import IntArray
+
+CONTRAST = 8.0
+"""Spacing around over that in a cluster from which it is one: 500 times the density in space, 64 times on a surface."""
+
+CELL = 1 / 4
+"""Side, in radii, of the cells by which it is counted how much of a ball has points."""
+
+TIMES = 3
+"""Times the terms of a quadratic that many of a ball's cells have points, or these are said to be in one place."""
+
+SIDES = (1 / 2, 1.0, 2.0, 4.0)
+"""Sides, in radii, of the cells of which one point each stands for what is around a ball, near and far."""
+
+SHARE = 1 / 8
+"""Of the least number of a ball's points, that many are added from the cells of each side."""
+
+PROBES = 16
+"""Points of a ball that tell how far they are from one another."""
+
+
+def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
+    """Return a cover in which balls that were fitted to hardly more than a cluster are to points around it as well.
+
+    Where the points of all balls are about as dense, which is seen at once, nothing changes.
+
+    Parameters
+    ----------
+    cover : Cover
+    points : (n, d) ndarray
+    least : int
+        Points that are asked of a ball: one with more contains them all.
+    """
+    dimension = points.shape[1]
+    terms = (dimension + 1) * (dimension + 2) // 2
+    full = cover.counts > least
+    spacing = cover.radii[full] / cover.counts[full] ** (1 / dimension)
+    if least < TIMES * terms or not len(spacing) or spacing.max() < CONTRAST * spacing.min():
+        return cover
+    few = np.flatnonzero(_occupied(points, cover) < TIMES * terms)
+    rows, tree = np.split(cover.members, cover.offsets[1:-1]), cKDTree(points)
+    octaves = np.floor(np.log2(cover.radii[few]))
+    for octave in np.unique(octaves):
+        some = few[octaves == octave]
+        thin = [_one_of_each_cell(points, side * 2.0**octave) for side in SIDES]
+        levels = [level[_nearest(points[level], cover.centers[some], int(SHARE * least))] for level in thin]
+        probes = np.stack([rows[k][len(rows[k]) * np.arange(PROBES) // PROBES] for k in some])
+        inner = np.median(_gaps(tree, points[probes]), axis=1)
+        outer = np.max([np.median(_gaps(tree, points[near]), axis=1) for near in levels], axis=0)
+        around = np.hstack(levels)
+        for k in np.flatnonzero(outer > CONTRAST * inner):
+            rows[some[k]] = np.union1d(rows[some[k]], around[k])
+    offsets = np.concatenate([[0], np.cumsum([len(each) for each in rows])])
+    return replace(cover, offsets=offsets, members=np.concatenate(rows))
+
+
+def _occupied(points: FloatArray, cover: Cover) -> IntArray:
+    """Return how many of the cells of each ball, (M,), have a point that it is fitted to."""
+    ball = np.repeat(np.arange(len(cover.radii)), cover.counts)
+    away = (points[cover.members] - cover.centers[ball]) / (CELL * cover.radii[ball, np.newaxis])
+    # What is borrowed lies beyond the ball: it counts by where it is seen.
+    cells = np.clip(np.floor(away), -1 / CELL - 1, 1 / CELL).astype(np.int64) + round(1 / CELL) + 1
+    key = ball
+    for axis in range(points.shape[1]):
+        key = key * (2 * round(1 / CELL) + 2) + cells[:, axis]
+    first = np.unique(key) // (2 * round(1 / CELL) + 2) ** points.shape[1]
+    return np.bincount(first, minlength=len(cover.radii))
+
+
+def _one_of_each_cell(points: FloatArray, side: float) -> IntArray:
+    """Return the first point of each cell, (k,)."""
+    cells = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
+    return np.asarray(np.sort(np.unique(cells, axis=0, return_index=True)[1]), dtype=np.int64)
+
+
+def _nearest(points: FloatArray, places: FloatArray, count: int) -> IntArray:
+    """Return the numbers (n, count) of the points, if there are so many, that are nearest to each place."""
+    found = cKDTree(points).query(places, k=np.arange(1, min(max(count, 1), len(points)) + 1))[1]
+    return np.asarray(found, dtype=np.int64)
+
+
+def _gaps(tree: cKDTree, places: FloatArray) -> FloatArray:
+    """Return the distances (n, m) of points (n, m, d) of a tree to the next one."""
+    return np.asarray(tree.query(places, k=[2])[0][..., 0])
