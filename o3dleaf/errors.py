@@ -3,6 +3,7 @@
 from o3dleaf.core.errors import (
     CloudWarning,
     CodeWarning,
+    DataWarning,
     IllPosedError,
     InputError,
     MemoryBudgetError,
@@ -15,6 +16,7 @@ from o3dleaf.core.errors import (
 __all__ = [
     "CloudWarning",
     "CodeWarning",
+    "DataWarning",
     "IllPosedError",
     "InputError",
     "MemoryBudgetError",

@@ -1,5 +1,6 @@
 """The only input validation of the package: each check returns a clean array or raises `InputError`."""
 
+import warnings
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -47,12 +48,14 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
 
 
 def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
-    if np.asarray(array).dtype.kind == "c":
-        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
     try:
-        return np.require(array, np.float64, ["C", "A", "W", "E"])
+        given = np.asanyarray(array)
+        floats = None if given.dtype.kind == "c" else np.require(given, np.float64, ["C", "A", "W", "E"])
     except (TypeError, ValueError) as cause:
         raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
+    if floats is None:
+        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
+    return floats
 
 
 def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
@@ -112,6 +115,58 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
             f"normals: {np.sum(lengths == 0)} have length zero; remove these points, or use estimate_normals"
         )
     return np.divide(array, lengths)
+
+
+def require_breadth(points: FloatArray, name: str) -> None:
+    """Raise `InputError` if (n, 3) points are a line, and no surface.
+
+    They are where they are no wider than one of n steps along them. Where they are as thick as wide, as a line with
+    noise or a wire, they are up to nine: fewer than five points around a circle do not show it.
+    """
+    offsets = points - (points.min(axis=0) / 2 + points.max(axis=0) / 2)
+    scale = float(np.abs(offsets).max()) or 1.0
+    offsets /= scale
+    offsets -= offsets.mean(axis=0)
+    axes = np.linalg.eigh(offsets.T @ offsets)[1]
+    thickness, breadth, length = (scale * np.ptp(offsets @ axes, axis=0)).tolist()
+    steps = 9 if thickness > breadth / 2 else 1
+    if breadth * len(points) < steps * length:
+        raise InputError(
+            f"{name}: its {len(points):,} points lie on one line, {breadth:.3g} wide and {length:.3g} long; "
+            "give the points of a surface"
+        )
+
+
+def require_cloud(thing: object, name: str) -> None:
+    """Raise `InputError` if a path, a mesh or nothing stands where a point cloud should."""
+    if thing is None:
+        raise InputError(f"{name}: is None; give a point cloud")
+    if isinstance(thing, str | PathLike):
+        raise InputError(f"{name}: is a path; read it first, by read_point_cloud({str(thing)!r})")
+    of_mesh = any(hasattr(thing, part) for part in ("vertices", "vertex", "mesh"))
+    if of_mesh or (isinstance(thing, tuple) and len(thing) == 2 and np.ndim(thing[1]) == 2):
+        raise InputError(
+            f"{name}: is a mesh; give a point cloud: its vertices, or mesh.sample_points_uniformly(100_000) of Open3D"
+        )
+
+
+def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel: int = 3) -> None:
+    """Warn of places where several of the (n, d) points have different values, (n,) or (n, m): fits average them."""
+    order = np.lexsort(points.T)
+    same = np.all(points[order[1:]] == points[order[:-1]], axis=1)
+    rows = values.reshape(len(values), -1)
+    group = np.concatenate([[0], np.cumsum(~same)])
+    first = order[np.searchsorted(group, group)]
+    differs = np.any(rows[order] != rows[first], axis=1)
+    places = np.unique(group[differs])
+    if len(places):
+        where = ", ".join(f"{x:.6g}" for x in points[order[np.searchsorted(group, places[0])]])
+        warnings.warn(
+            f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
+            f"first at ({where}); the fit goes through their means; give smoothing, or leave one point at each place",
+            DataWarning,
+            stacklevel=stacklevel + 1,
+        )
 
 
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:

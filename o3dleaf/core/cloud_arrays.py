@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_points, require_cloud
 
 if TYPE_CHECKING:
     import open3d as o3d
@@ -31,11 +31,18 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     InputError
         If there are fewer than `least` points, or one is not finite.
     """
-    return as_points(raw_points(cloud), name, dim=3, least=least)
+    return as_points(raw_points(cloud, name), name, dim=3, least=least)
 
 
-def raw_points(cloud: CloudLike) -> npt.ArrayLike:
-    """Return the coordinates of an Open3D cloud (legacy or tensor) or of an array, unchecked."""
+def raw_points(cloud: CloudLike, name: str = "cloud") -> npt.ArrayLike:
+    """Return the coordinates of an Open3D cloud (legacy or tensor) or of an array, unchecked.
+
+    Raises
+    ------
+    InputError
+        If it is a path, or a mesh.
+    """
+    require_cloud(cloud, name)
     points: Any = cloud
     if hasattr(points, "point"):
         points = points.point.positions.cpu().numpy()

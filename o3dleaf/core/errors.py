@@ -49,5 +49,9 @@ class CloudWarning(UserWarning):
     """A decision about a point cloud on the way to its surface."""
 
 
+class DataWarning(UserWarning):
+    """Data that a function can take in part only: values that contradict one another, or places that leave it open."""
+
+
 class CodeWarning(UserWarning):
     """The machine code that came with the package cannot be used here, and functions are compiled anew."""

@@ -87,7 +87,7 @@ CASES = {
     "an empty cloud": (("{empty}",), "empty"),
     "NaN": (("{nan}",), "NaN"),
     "two points": (("{two}",), "2 points"),
-    "a cloud on a line": (("{line}",), "along lines"),
+    "a cloud on a line": (("{line}",), "one line"),
     "a cloud on a line, over a plane": (("{line}", "--frame", "paper", "--midrib", "{line}"), "one line"),
     "a cloud on a line, over a plane, without a midrib": (("{line}", "--frame", "paper"), "one line"),
     "a cloud in one place": (("{same}",), "damaged"),

@@ -88,8 +88,8 @@ class LocalFits(Protocol):
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets (see `evaluation_loops`), to derivatives of `level`, of the blend at (n, d) queries.
 
-        Outside the index's box the weights are those of its nearest point, and the fits go on.
-        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n).
+        They are (jet, n); of fits to c columns of values, whose number is their `columns`, (c, jet, n). Outside the
+        index's box the weights are those of its nearest point, and the fits go on.
         """
         ...
 

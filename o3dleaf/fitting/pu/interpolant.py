@@ -9,7 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_number, as_voxels, require_one_column
+from o3dleaf.core.checks import (
+    FloatArray,
+    as_bounds,
+    as_mask,
+    as_number,
+    as_voxels,
+    require_one_column,
+    warn_of_contradictions,
+)
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.units import check_unit
@@ -17,6 +25,7 @@ from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
+from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
@@ -127,8 +136,9 @@ class PUInterpolant(Blended):
             Outward normals, of any length above 0, where the values are those of a surface; for fits that use them.
         local : optional
             Any other fit: an object with ``fit(cover, data) -> LocalFits`` and `points_per_ball`, such as
-            `CreasedSplines` or `Hermite`, or a callable ``local(points, values) -> Field`` that fits one ball. The
-            options of the spline (kernel to rho) then have no meaning, and there may be one column of values.
+            `CreasedSplines` or `Hermite`, or a callable ``local(points, values) -> Field`` that fits one ball, such as
+            `RBFInterpolant.fit` with a kernel that has a shape. The options of the spline (kernel to rho) then have no
+            meaning, and there may be one column of values.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.
@@ -140,13 +150,21 @@ class PUInterpolant(Blended):
         IllPosedError
             If the degree is below what the kernel needs. Data that cannot determine the tail are no
             error: its terms that vanish on the ball's points are left out.
+
+        Warns
+        -----
+        DataWarning
+            If points coincide with different values where nothing is smoothed: the fit goes through their means.
         """
         data = ScatteredData.of(points, values, weights=weights, groups=groups, normals=normals)
         if local is not None and data.values.ndim > 1:
             raise InputError("values: several columns are for splines; leave out local, or fit one column")
         fitter = Splines(kernel, degree, smoothing, rho) if local is None else as_fitter(local, data)
         data_hash = _hash(data.points, data.values, data.weights)
-        return cls._fitted(data, fitter, points_per_ball, overlap, bounds, unit, data_hash)
+        fitted = cls._fitted(data, fitter, points_per_ball, overlap, bounds, unit, data_hash)
+        if isinstance(fitted.local, LocalSplines | LocalColumns) and fitted.local.dropped.any():
+            warn_of_contradictions(data.points, data.values, stacklevel=2)
+        return fitted
 
     @classmethod
     def fit_oriented(

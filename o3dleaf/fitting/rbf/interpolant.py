@@ -1,13 +1,14 @@
 """The single interpolant: one sum of kernels and tail through all the data, the paper's equation (2)."""
 
+import warnings
 from dataclasses import dataclass, field
 from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, as_values, as_weights
-from o3dleaf.core.errors import IllPosedError
+from o3dleaf.core.checks import FloatArray, as_points, as_values, as_weights, warn_of_contradictions
+from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.rbf import evaluation_loops
@@ -118,6 +119,11 @@ class RBFInterpolant:
         IllPosedError
             If the points cannot determine the tail of the degree that was requested, or the degree
             is below what the kernel needs, or −1 and the system is singular.
+
+        Warns
+        -----
+        DataWarning
+            If the points cannot determine the usual tail, or coincide with different values where nothing is smoothed.
         """
         sites = as_points(points, least=1)
         data = as_values(values, len(sites), columns=True)
@@ -141,11 +147,19 @@ class RBFInterpolant:
             diagonal = chosen.diagonal(len(sites)) * system.unit_scale / point_weights
             coefficients, tail, rank = system.solve(local, data, diagonal)
         exponents = system.exponents
-        if rank < len(exponents) and degree is not None:
-            raise IllPosedError(
-                f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree "
-                f"{asked}; lower the degree or add points off their common plane or curve"
+        if rank < len(exponents):
+            open_terms = (
+                f"degree: the {len(sites)} points determine rank {rank} of the {len(exponents)} terms of degree {asked}"
             )
+            if degree is not None:
+                raise IllPosedError(f"{open_terms}; lower the degree or add points off their common plane or curve")
+            warnings.warn(
+                f"{open_terms}: off their common plane or curve the function is a guess; add points there",
+                DataWarning,
+                stacklevel=2,
+            )
+        if chosen.value == 0:
+            warn_of_contradictions(sites, data, stacklevel=2)
         return cls(phi, chosen, bounds, check_unit(unit), center, radius, local, coefficients, tail, exponents)
 
     def save(self, path: str | PathLike[str]) -> None:

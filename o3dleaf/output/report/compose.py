@@ -30,12 +30,19 @@ MAX_INTERACTIVE = 300_000
 PACKAGES = ("o3dleaf", "numpy", "open3d", "numba")
 
 
-def compose_page(inspection: Inspection, verdict: CheckResult, points: FloatArray | None, title: str) -> str:
-    """Return the page of a mesh; `points` are those of the scan, if there is one."""
+def compose_page(
+    inspection: Inspection,
+    verdict: CheckResult,
+    points: FloatArray | None,
+    title: str,
+    *,
+    colors: FloatArray | None = None,
+) -> str:
+    """Return the page of a mesh; `points` are those of the scan, `colors` linear RGB of the vertices, if any."""
     report = inspection.report
     sections = [Section("figures", "Figures", figures_tables(report.to_dict(), report.unit))]
     if _can_be_drawn(inspection):
-        sections += _pictures(inspection, points)
+        sections += _pictures(inspection, points, colors)
     else:
         sections.append(
             Section("pictures", "Pictures", "<p>The mesh has no triangle with an area; there is nothing to draw.</p>")
@@ -52,7 +59,7 @@ def _can_be_drawn(inspection: Inspection) -> bool:
     return inspection.report.area > 0
 
 
-def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section]:
+def _pictures(inspection: Inspection, points: FloatArray | None, colors: FloatArray | None) -> list[Section]:
     """Return the sections of pictures, close-ups, maps and the interactive view."""
     measurements, report = inspection.measurements, inspection.report
     with journal.stage("reduced for pictures"):
@@ -65,7 +72,7 @@ def _pictures(inspection: Inspection, points: FloatArray | None) -> list[Section
             closeups.append(draw_closeup(inspection, place, number))
             progress.report(number, len(places))
     with journal.stage("pictures"):
-        sides = draw_sides(drawn, places, report.unit)
+        sides = draw_sides(drawn, places, report.unit, None if colors is None else drawn.mean(colors))
     with journal.stage("maps"):
         maps = _maps(inspection, drawn, points)
     with journal.stage("interactive view"):

@@ -14,6 +14,7 @@ from o3dleaf.core.journal import stage
 from o3dleaf.core.mesh_arrays import MeshLike
 from o3dleaf.output.report.compose import compose_page
 from o3dleaf.output.report.requirements import CheckResult, check_report, parse_requirements, require_inputs
+from o3dleaf.output.view.scene import own_colors
 from o3dleaf.surface.mesh.inspection import Inspection, inspect_mesh
 
 
@@ -29,11 +30,14 @@ class Examination:
         Each requirement, met or not.
     points : (k, 3) ndarray, optional
         The scan it was measured against, in the mesh's unit.
+    colors : (n, 3) ndarray, optional
+        Linear RGB of its vertices, as pictures show them.
     """
 
     inspection: Inspection
     result: CheckResult
     points: FloatArray | None = None
+    colors: FloatArray | None = None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.inspection.report.triangles:,} triangles, {self.result})"
@@ -53,7 +57,7 @@ class Examination:
         points = None if cloud is None else points_of(cloud, "cloud", least=2)
         with stage("figures"):
             inspection = inspect_mesh(mesh, field, points, unit)
-        return cls(inspection, check_report(inspection.report, require), points)
+        return cls(inspection, check_report(inspection.report, require), points, own_colors(mesh))
 
     @cached_property
     def figures(self) -> dict[str, Any]:
@@ -66,7 +70,7 @@ class Examination:
 
     def write_html(self, path: str | PathLike[str], title: str) -> None:
         """Write the page, whole or not at all."""
-        page = compose_page(self.inspection, self.result, self.points, title)
+        page = compose_page(self.inspection, self.result, self.points, title, colors=self.colors)
         with whole_file(path) as temporary:
             temporary.write_text(page, encoding="utf-8", newline="\n")
 

@@ -12,9 +12,10 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh
-from o3dleaf.output.report.shots import Colors, Picture, leaf_green, shoot
+from o3dleaf.output.report.shots import Colors, Picture, leaf_green, shoot, vertex_paint
 from o3dleaf.output.report.words import unit_of
 from o3dleaf.output.view.camera import Camera, View
+from o3dleaf.output.view.shade import Paint
 from o3dleaf.surface.mesh.inspection import Inspection
 
 WIDE, HALF = 1040, 505
@@ -56,8 +57,12 @@ def sides_of(reduced: ReducedMesh) -> list[Side]:
     ]
 
 
-def draw_sides(reduced: ReducedMesh, places: list[DefectPlace], unit: str | None) -> str:
-    """Return the figures of the mesh from its sides, the first two with the places marked."""
+def draw_sides(reduced: ReducedMesh, places: list[DefectPlace], unit: str | None, own: FloatArray | None = None) -> str:
+    """Return the figures of the mesh from its sides, the first two with the places marked.
+
+    They show the linear RGB of its vertices, `own` (k, 3), or leaf green.
+    """
+    paint = leaf_green if own is None else vertex_paint(own, reduced.triangles)
     scene = o3d.t.geometry.RaycastingScene()
     middle = reduced.vertices.mean(axis=0)
     scene.add_triangles(
@@ -66,19 +71,18 @@ def draw_sides(reduced: ReducedMesh, places: list[DefectPlace], unit: str | None
     )
     figures = list[str]()
     for number, side in enumerate(sides_of(reduced)):
-        shot = _frame(reduced, side.view)
+        shot = _frame(reduced, side.view, paint)
         ink = _markers(shot, places, _hidden(scene, places, shot.camera, middle)) if number < 2 else []
         figures.append(_figure(shot.svg(unit, ink), side.name, shot))
     return "\n".join(figures)
 
 
-def _frame(reduced: ReducedMesh, view: View, colors: Colors | None = None) -> Picture:
+def _frame(reduced: ReducedMesh, view: View, paint: Paint) -> Picture:
     """Return the picture of the whole mesh, as wide as its shape requires."""
     fitted = Camera.framing(reduced.vertices, reduced.triangles, view)
     width = WIDE if fitted.width > 1.9 * fitted.height else HALF
     height = int(np.clip(round(width * fitted.height / fitted.width), 90, MAX_HEIGHT if width == WIDE else HALF))
     camera = Camera.framing(reduced.vertices, reduced.triangles, view, width / height)
-    paint = leaf_green if colors is None else colors.paint(reduced.triangles)
     return shoot(reduced.vertices, reduced.triangles, paint, camera, (width, height))
 
 
@@ -171,6 +175,6 @@ def draw_map(reduced: ReducedMesh, colors: Colors, unit: str | None, caption: st
     """Return two figures of the mesh in colors, from both faces."""
     figures = list[str]()
     for side in sides_of(reduced)[:2]:
-        shot = _frame(reduced, side.view, colors)
+        shot = _frame(reduced, side.view, colors.paint(reduced.triangles))
         figures.append(_figure(shot.svg(unit, (), colors), f"{side.name}. {caption}", shot))
     return "\n".join(figures)

@@ -40,6 +40,13 @@ class ReducedMesh:
         """Return whether it has fewer triangles than the mesh."""
         return len(self.triangles) < self.full
 
+    def mean(self, values: FloatArray) -> FloatArray:
+        """Return the (k, c) means of the (n, c) values that each vertex here stands for."""
+        used = np.flatnonzero(self.cluster >= 0)
+        of_row, size = self.cluster[used], len(self.vertices)
+        sums = [np.bincount(of_row, weights=column[used], minlength=size) for column in values.T]
+        return np.stack(sums, axis=1) / np.maximum(np.bincount(of_row, minlength=size), 1)[:, np.newaxis]
+
     def worst(self, values: FloatArray, *, least: bool = False) -> FloatArray:
         """Return the largest (or `least`) of the (n,) values that each vertex here stands for; NaN where unknown."""
         chosen = np.flatnonzero((self.cluster >= 0) & ~np.isnan(values))

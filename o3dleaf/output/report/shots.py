@@ -103,6 +103,11 @@ def leaf_green(_triangle: IntArray, _weights: FloatArray, facing: FloatArray) ->
     return np.where(facing[:, np.newaxis] > 0, UPPER_GREEN, UNDER_GREEN)
 
 
+def vertex_paint(colors: FloatArray, triangles: IntArray) -> Paint:
+    """Return the colors of a surface with a linear RGB at each vertex, (n, 3)."""
+    return lambda triangle, weights, _facing: np.einsum("ij,ijk->ik", weights, colors[triangles[triangle]])
+
+
 @dataclass(frozen=True)
 class Picture:
     """One picture of a mesh.

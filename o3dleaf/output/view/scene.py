@@ -98,13 +98,13 @@ class SceneMesh:
             _require_few(len(triangles))
             if np.ptp(vertices[is_used(vertices, triangles)], axis=0).max() == 0:
                 raise InputError("mesh: all its vertices are in one place; there is nothing to draw")
-            return cls(vertices, triangles, _own_colors(thing), None, (vertices, triangles))
+            return cls(vertices, triangles, own_colors(thing), None, (vertices, triangles))
         cloud = thing if isinstance(thing, Points) else Points(thing)
         points = cloud.positions()
         # Of octahedra, the simplest of spheres.
         _require_few(8 * len(points))
         vertices, triangles, owner = make_spheres(points, cloud.size(points))
-        colors = _own_colors(cloud.points) if cloud.color is None else None
+        colors = own_colors(cloud.points) if cloud.color is None else None
         if colors is None:
             colors = _color(cloud.color or BROWN)
         elif len(colors) == len(points):
@@ -220,7 +220,7 @@ def _require_few(count: int) -> None:
         raise MemoryBudgetError(f"mesh: {count} triangles are too many for a picture; simplify it first")
 
 
-def _own_colors(thing: Any) -> FloatArray | None:
+def own_colors(thing: Any) -> FloatArray | None:
     """Return the linear RGB (n, 3) that an Open3D geometry has at its vertices or points, or None."""
     colors: npt.NDArray[Any] | None = None
     table = getattr(thing, "vertex", getattr(thing, "point", None))

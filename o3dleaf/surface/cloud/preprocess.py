@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_breadth, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
@@ -155,6 +155,7 @@ class _Usable(NamedTuple):
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         distinct = finite[_first_of_each(points[finite])]
         _require_enough(len(distinct), len(points))
+        require_breadth(points[distinct], "cloud")
         tree = cKDTree(points[distinct])
         rows = distinct[tree.indices]
         removed = Removed(non_finite=len(points) - len(finite), repeated=len(finite) - len(distinct))

@@ -105,6 +105,7 @@ def test_duplicated_points_with_equal_values_count_twice_where_smoothed_and_once
 
 
 @pytest.mark.parametrize("kernel", ["linear", "thin_plate_spline", "cubic", "quintic"])
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 def test_duplicated_points_with_different_values_are_fitted_through_their_mean(kernel):
     """SciPy gives numbers of size 1e14 or a singular matrix; the limit of vanishing smoothing is the mean."""
     rng = np.random.default_rng(0)
@@ -117,6 +118,7 @@ def test_duplicated_points_with_different_values_are_fitted_through_their_mean(k
     assert check_finite(field) < 20
 
 
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 def test_all_points_in_one_place():
     field = PUInterpolant.fit(np.full((7, 3), 2.5), np.arange(7.0))
     np.testing.assert_allclose(field([[2.5, 2.5, 2.5], [2.5, 2.5, 3.5]]), [3, 3], rtol=0, atol=POLYNOMIAL)

@@ -99,6 +99,7 @@ def test_a_loaded_model_says_the_same_and_a_few_balls_can_be_asked(tmp_path):
     assert least == every.leave_one_out.min() < median < greatest == every.leave_one_out.max()
 
 
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 @pytest.mark.filterwarnings("error")
 def test_what_the_numbers_cannot_tell_is_nan():
     points, _, values, _ = noisy(3)

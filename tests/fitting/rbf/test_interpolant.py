@@ -103,6 +103,7 @@ def test_without_smoothing_it_takes_the_values():
         np.testing.assert_allclose(field(points), values, rtol=0, atol=FIELD_TWIN * np.abs(values).max())
 
 
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 def test_points_on_a_plane_cannot_determine_a_tail_that_was_asked_for():
     points, values, _ = scattered(2)
     plane = points @ np.array([[1.0, 2.0, 0.5], [0.0, 1.0, -1.0]])
@@ -121,6 +122,7 @@ def test_a_degree_below_the_order_of_the_kernel_is_refused():
         RBFInterpolant.fit(points, values, kernel="quintic", degree=1)
 
 
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 def test_coinciding_points_are_fitted_through_their_mean():
     points, values, queries = scattered(3)
     twice = np.vstack([points, points[:4]])

@@ -63,6 +63,7 @@ def test_vector_values_agree_with_scipy_and_with_their_columns(kernel, smoothing
             close(ours.hessian(queries)[:, column], one.hessian(queries), SCIPY_PARITY)
 
 
+@pytest.mark.filterwarnings("ignore::o3dleaf.core.errors.DataWarning")
 def test_vector_values_at_coinciding_points_go_through_their_means():
     points, values, queries = waves(2, 30)
     twice, many = np.vstack([points, points]), np.column_stack([values, values**2])

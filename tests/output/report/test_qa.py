@@ -1,5 +1,7 @@
 """A mesh is judged by what is required of it; the page and the JSON say what was found, and need nothing else."""
 
+import base64
+import io
 import json
 import os
 import re
@@ -10,6 +12,7 @@ from html.parser import HTMLParser
 import numpy as np
 import open3d as o3d
 import pytest
+from PIL import Image
 
 import o3dleaf as o3l
 from o3dleaf import check_report
@@ -292,6 +295,25 @@ def test_every_figure_of_the_json_is_on_the_page(page, broken, tmp_path):
 def test_every_defect_is_on_the_page(page):
     figures = [each for each in Elements(page.read_text(encoding="utf-8")).all("figure") if "data-kind" in each]
     assert {each["data-kind"] for each in figures} == PLANTED
+
+
+def test_a_mesh_is_drawn_in_its_own_colors():
+    """A red ball is red from all sides, drawn whole or with fewer triangles; one without colors is leaf green."""
+    mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 12)
+    mesh.paint_uniform_color([1, 0, 0])
+    red, bare = Examination.of(mesh).colors, Examination.of(ball()).colors
+    assert bare is None
+    for budget in (10_000, 100):
+        drawn = reduce_mesh(*ball(), budget)
+        strongest = []
+        for own in (drawn.mean(red), None):
+            page = overviews.draw_sides(drawn, [], None, own)
+            images = [address.split(",", 1)[1] for address in re.findall(r'"(data:image/webp;base64,[^"]+)"', page)]
+            assert len(images) == 5
+            each = [np.asarray(Image.open(io.BytesIO(base64.b64decode(image))).convert("RGBA")) for image in images]
+            middle = [pixels[pixels.shape[0] // 2, pixels.shape[1] // 2, :3] for pixels in each]
+            strongest.append({int(color.argmax()) for color in middle})
+        assert strongest == [{0}, {1}]
 
 
 def test_a_mesh_without_an_area_still_gets_a_page(tmp_path):

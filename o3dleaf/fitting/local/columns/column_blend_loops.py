@@ -67,7 +67,7 @@ class ColumnSpace(NamedTuple):
 def blend_columns(start, stop, order, queries, folded, period, leaves, tree, images, model, level, jets):
     """Fill the (c, jet, n) jets, to derivatives of `level`, of Σ w_i F_i / Σ w_i at the points order[start:stop].
 
-    Outside the box it goes on as `blend_loops.blend` does, with the same arguments.
+    `queries` has rows if some of them lie outside the box, as in `o3dleaf.fitting.local.blend_loops.blend`.
     """
     space = column_space(images, model, level)
     first = start
@@ -130,8 +130,9 @@ def blend_column_strip(rows, listed, queries, folded, period, images, model, lev
             go_on(space.away, inside, count, radius, far, unit, place)
         column_jets(model, ball, place, count, level, space)
         weight_jets(unit, count, level, weight)
-        for k in range(columns if outside and level > 0 else 0):
-            hold(space.away, inside, count, radius, far, weight, space.local[k])
+        if outside and level > 0:
+            for k in range(columns):
+                hold(space.away, inside, count, radius, far, weight, space.local[k])
         scale_jets(weight, count, 1.0 / radius, dimension)
         for k in range(columns):
             scale_jets(space.local[k], count, 1.0 / radius, dimension)
