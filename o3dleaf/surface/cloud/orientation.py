@@ -13,9 +13,10 @@ from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
-from o3dleaf.surface.cloud.normals import OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
+from o3dleaf.surface.cloud.normals import OrientedPieces, find_opposed, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
+from o3dleaf.surface.cloud.surfels import DROWNED, FLAT, MIN_POINTS, Surfels
+from o3dleaf.surface.cloud.winding.consistency import make_consistent
 from o3dleaf.surface.cloud.winding_number import enclosing_signs
 
 ROUGH = 0.3
@@ -171,7 +172,19 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             sides = _find_sides(surfels)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    return _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+    found = _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+    return found if sides.enclosed < OPEN else _consistent(points, surfels, sides, found)
+
+
+def _consistent(points: FloatArray, surfels: Surfels, sides: _Sides, found: Orientation) -> Orientation:
+    """Return normals at points (n, 3) of a closed surface that are consistent with its winding number."""
+    across, along = np.sqrt(surfels.planes.variance[:, :2]).T
+    doubtful = (across > DROWNED * along) | find_opposed(surfels.points, sides.normals, surfels.rows)
+    noise = float(np.quantile(across, 0.25))
+    normals, _ = make_consistent(points, found.normals, surfels.spacing, noise, doubtful[surfels.group])
+    flat = (across <= FLAT * along)[surfels.group]
+    side = np.where(np.einsum("ij,ij->i", normals, found.normals) < 0, -1.0, 1.0)
+    return found._replace(normals=np.where(flat[:, np.newaxis], side[:, np.newaxis] * found.normals, normals))
 
 
 def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation:

@@ -1,0 +1,89 @@
+"""Normals found from the winding number of the whole, where neighbors alone leave them in doubt."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+
+ROUNDS = 10
+"""Of descent and turning; after six most shapes rest, and noisy ones after ten."""
+WIDEST = 2.0
+"""Width of the dipoles, in spacings, in the first round: patches of a few points feel what encloses them."""
+NARROWEST = 0.5
+"""The same in the last round on clean points: the radius of the disc that a point stands for is 0.56 spacings."""
+NOISE_WIDTH = 3.0
+"""Standard deviations of the noise that the last width is at least, within 2/3 of it on both sides
+of a sheet, where 95 % of the points lie then, the number falls at half its greatest slope or more."""
+OFF_HALF = 0.25
+"""Difference of the winding number from 1/2, half way to what it is on either side, from which a point is in doubt."""
+
+
+class Consistent(NamedTuple):
+    """Unit normals (n, 3), and of each point whether its side remains uncertain (n,)."""
+
+    normals: FloatArray
+    uncertain: npt.NDArray[np.bool_]
+
+
+def make_consistent(
+    points: FloatArray, normals: FloatArray, spacing: FloatArray, noise: float, doubtful: npt.NDArray[np.bool_]
+) -> Consistent:
+    r"""Return the normals of a closed surface, with those in doubt turned to where its own winding number falls.
+
+    Doubtful are besides the points given those where the winding number w is not about 1/2, and what shares a leaf of
+    the tree with them. Their dipoles f take steps down :math:`\sum_i (w(x_i) - 1/2)^2`, whose length is the best
+    along its slope, and after each the direction of :math:`-∇w`; the dipoles' width shrinks from round to round.
+    Directions follow too, so that a plane through points of two sheets does no harm.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) ndarray
+        Normals that are right for the most part.
+    spacing : (n,) ndarray
+        1/√(points per unit area).
+    noise : float
+        Standard deviation across the surface.
+    doubtful : (n,) ndarray of bool
+
+    References
+    ----------
+    Lin et al. (2022), ACM Trans. Graph. 42, 18 (w = 1/2 at the points); Lin et al. (2024), ACM Trans. Graph. 43, 55
+    (normals made consistent with the gradient of w).
+    """
+    tree = DipoleTree(points)
+    wide = spacing[tree.order]
+    area = wide[:, np.newaxis] ** 2
+    flux = np.ascontiguousarray(normals[tree.order] * area)
+    narrowest = np.maximum(NOISE_WIDTH * noise, NARROWEST * wide)
+    widest = np.maximum(WIDEST * wide, narrowest)
+    number = tree.winding(flux, np.maximum(narrowest, wide), np.ones(len(points), bool))[:, 0]
+    wanted = tree.with_leaves(doubtful[tree.order] | (np.abs(number - 0.5) > OFF_HALF))
+    if not wanted.any():
+        return Consistent(normals, wanted)
+    for left, part in zip(reversed(range(ROUNDS)), progress.split(*ROUNDS * [1]), strict=True):
+        with part:
+            share = left / (ROUNDS - 1)
+            flux = _improved(tree, flux, share * widest + (1 - share) * narrowest, wanted)
+    consistent = normals.copy()
+    rows = tree.order[wanted]
+    consistent[rows] = flux[wanted] / np.linalg.norm(flux[wanted], axis=1, keepdims=True)
+    return Consistent(consistent, np.zeros(len(points), bool))
+
+
+def _improved(tree: DipoleTree, flux: FloatArray, width: FloatArray, wanted: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return dipoles (n, 3) after a step down the error of the winding number, turned to where it falls."""
+    now = tree.winding(flux, width, wanted)
+    error = np.where(wanted, 0.5 - now[:, 0], 0.0)
+    slope = tree.pull(error, width, wanted)
+    change = tree.winding(slope, width, wanted)
+    curvature = float(change[:, 0] @ change[:, 0])
+    length = float(error @ change[:, 0]) / curvature if curvature > 0 else 0.0
+    size = np.linalg.norm(flux + length * slope, axis=1, keepdims=True)
+    fall = -(now[:, 1:] + length * change[:, 1:])
+    steepness = np.linalg.norm(fall, axis=1, keepdims=True)
+    turned = wanted & (steepness[:, 0] > 0)
+    return np.where(turned[:, np.newaxis], size * fall / np.where(steepness > 0, steepness, 1.0), flux)
