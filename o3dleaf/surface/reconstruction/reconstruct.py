@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any, Literal
 
+import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
@@ -37,7 +38,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     unit: str | None = None,
-    prepare: Callable[[CloudLike], CloudLike] = preprocess_point_cloud,
+    viewpoint: npt.ArrayLike | None = None,
+    prepare: Callable[..., CloudLike] = preprocess_point_cloud,
     merge: Callable[[OrientedCloud], CloudLike] | None = adaptive_down_sample,
     constraints: Constrain = offset_constraints,
     trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
@@ -66,8 +68,12 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     points_per_ball : int or (least, most), optional
     unit : str, optional
         Of the coordinates; the field keeps it.
+    viewpoint : (3,) or (n, 3) array_like, optional
+        Where the cloud, or each point, was scanned from: all normals are turned to it, and left so. For rooms, and what
+        else was scanned from inside, or in part.
     prepare : callable
-        ``prepare(cloud) -> OrientedCloud``, or any cloud with normals: faulty points go, normals point outward.
+        ``prepare(cloud) -> OrientedCloud``, or any cloud with normals: faulty points go, normals point outward. It
+        takes a `viewpoint` by name where there is one.
     merge : callable or None
         ``merge(cloud) -> OrientedCloud``: points averaged where noise is thicker than the spacing. None: as they are.
     constraints : callable
@@ -101,7 +107,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         Of what was left out or decided; where a journal is open, it is noted there instead.
     """
     with journal.stage("prepare cloud"):
-        cloud = OrientedCloud.of(prepare(pcd))
+        cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
     for decision in cloud.decisions:
         _tell(decision)
     with journal.stage("merge points"):

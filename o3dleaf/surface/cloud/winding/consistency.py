@@ -7,6 +7,8 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.surface.cloud.normals import find_opposed
+from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
 ROUNDS = 10
@@ -18,15 +20,69 @@ NARROWEST = 0.5
 NOISE_WIDTH = 3.0
 """Standard deviations of the noise that the last width is at least, within 2/3 of it on both sides
 of a sheet, where 95 % of the points lie then, the number falls at half its greatest slope or more."""
+QUIET = 0.25
+"""Quantile of the thickness of neighborhoods that is taken for the noise: thin parts and edges only add to it."""
+TILT = 2.0
+"""Standard deviations of the noise, over the spacing, up to which the slope of the winding number is tilted against a
+normal by noise alone; what agrees as well keeps its direction, which more points were averaged for."""
 OFF_HALF = 0.25
 """Difference of the winding number from 1/2, half way to what it is on either side, from which a point is in doubt."""
 
 
+UNCLEAR = 0.25
+"""Slope of the winding number along a normal, over that at a sheet that lies alone, below which its side is uncertain:
+another sheet, as near as the dipoles are wide, makes up for three quarters of it."""
+
+
+UNCERTAIN = 1e-3
+"""Share of the points whose sides may be uncertain without a word."""
+UNCERTAIN_NOTE = (
+    "the sides of {:,} points ({:.2g} %) remain uncertain, where sheets lie closer than their points tell apart, "
+    "around {}; give normals, or where they were scanned from"
+)
+
+
 class Consistent(NamedTuple):
-    """Unit normals (n, 3), and of each point whether its side remains uncertain (n,)."""
+    """Unit normals (n, 3), and which of the points' sides remain uncertain (n,)."""
 
     normals: FloatArray
     uncertain: npt.NDArray[np.bool_]
+
+
+def settle_doubts(
+    points: FloatArray, surfels: Surfels, sides: FloatArray, normals: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the normals (n, 3) of a closed surface made consistent, and a note where they remain uncertain.
+
+    In doubt are planes that are no planes, and normals that a neighbor's opposes. Directions that are
+    as they should be but for noise are kept.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    surfels : Surfels
+    sides : (m, 3) ndarray
+        Outward normals of the surfels.
+    normals : (n, 3) ndarray
+        The same at the points.
+    """
+    across, along = np.sqrt(surfels.planes.variance[:, :2]).T
+    doubtful = (across > DROWNED * along) | find_opposed(surfels.points, sides, surfels.rows)
+    noise = float(np.quantile(across, QUIET))
+    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful[surfels.group])
+    along_both = np.einsum("ij,ij->i", found, normals)
+    alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
+    settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
+    if uncertain.mean() <= UNCERTAIN:
+        return settled, ()
+    place = place_of_most(points[uncertain])
+    return settled, (UNCERTAIN_NOTE.format(uncertain.sum(), 100 * uncertain.mean(), place),)
+
+
+def place_of_most(points: FloatArray) -> str:
+    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
+    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
+    return " ".join(f"{x:.4g}" for x in middle)
 
 
 def make_consistent(
@@ -68,10 +124,11 @@ def make_consistent(
         with part:
             share = left / (ROUNDS - 1)
             flux = _improved(tree, flux, share * widest + (1 - share) * narrowest, wanted)
-    consistent = normals.copy()
-    rows = tree.order[wanted]
+    rows, consistent, uncertain = tree.order[wanted], normals.copy(), np.zeros(len(points), bool)
     consistent[rows] = flux[wanted] / np.linalg.norm(flux[wanted], axis=1, keepdims=True)
-    return Consistent(consistent, np.zeros(len(points), bool))
+    fall = -np.einsum("ij,ij->i", tree.winding(flux, narrowest, wanted)[wanted, 1:], consistent[rows])
+    uncertain[rows] = fall < UNCLEAR / (2 * narrowest[wanted])  # w = (1 - h/sqrt(h^2 + s^2))/2 at height h over a plane
+    return Consistent(consistent, uncertain)
 
 
 def _improved(tree: DipoleTree, flux: FloatArray, width: FloatArray, wanted: npt.NDArray[np.bool_]) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.surface.cloud.neighbors import IndexArray
+from o3dleaf.fitting.rbf.tail import IntArray
 
 LEAF = 16
 """Most points of a leaf."""
@@ -31,8 +31,8 @@ class Nodes(NamedTuple):
         Distance of the farthest of them.
     """
 
-    first: IndexArray
-    last: IndexArray
+    first: IntArray
+    last: IntArray
     center: FloatArray
     radius: FloatArray
 

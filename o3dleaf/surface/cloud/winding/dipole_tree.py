@@ -65,9 +65,7 @@ class DipoleTree:
         sums = self._moments(flux)
 
         def task(start: int, stop: int) -> None:
-            dipole_loops.wind(
-                self.points, flux, square, self.nodes, sums, mean_square, wanted, start, stop, total
-            )
+            dipole_loops.wind(self.points, flux, square, self.nodes, sums, mean_square, wanted, start, stop, total)
 
         run_blocks(task, self._leaves, BLOCK)
         return total
