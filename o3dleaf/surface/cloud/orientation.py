@@ -13,7 +13,7 @@ from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
-from o3dleaf.surface.cloud.normals import OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
+from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
 from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts
@@ -38,9 +38,6 @@ TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
 TWO_CLEAR_SHEETS = -1.3
 """The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
-SEAM = 0.3
-"""Points along the longest line across which normals contradict, over the square root of all points: a strip of a
-width of 1/30 of its length, turned once and closed, has 0.6, and a noisy leaf 0.2."""
 
 CUT = 2.0
 """Spacings on both sides of a line of contradiction within which points are cut out: planes of sixteen points reach as

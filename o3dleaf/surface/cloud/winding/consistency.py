@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.surface.cloud.normals import find_opposed
+from o3dleaf.surface.cloud.normals import SEAM, find_opposed, longest_seam
 from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
@@ -22,7 +22,7 @@ NOISE_WIDTH = 3.0
 of a sheet, where 95 % of the points lie then, the number falls at half its greatest slope or more."""
 QUIET = 0.25
 """Quantile of the thickness of neighborhoods that is taken for the noise: thin parts and edges only add to it."""
-TILT = 2.0
+TILT = 1.5
 """Standard deviations of the noise, over the spacing, up to which the slope of the winding number is tilted against a
 normal by noise alone; what agrees as well keeps its direction, which more points were averaged for."""
 OFF_HALF = 0.25
@@ -54,8 +54,9 @@ def settle_doubts(
 ) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the normals (n, 3) of a closed surface made consistent, and a note where they remain uncertain.
 
-    In doubt are planes that are no planes, and normals that a neighbor's opposes. Directions that are
-    as they should be but for noise are kept.
+    In doubt are planes that are no planes, and normals that a neighbor's opposes. Directions that are as they should be
+    but for noise are kept. So are all normals where others would contradict their neighbors along a line on a sheet:
+    a sheet that is rolled up encloses something, but not by its sides.
 
     Parameters
     ----------
@@ -67,9 +68,12 @@ def settle_doubts(
         The same at the points.
     """
     across, along = np.sqrt(surfels.planes.variance[:, :2]).T
-    doubtful = (across > DROWNED * along) | find_opposed(surfels.points, sides, surfels.rows)
+    rough = across > DROWNED * along
     noise = float(np.quantile(across, QUIET))
-    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful[surfels.group])
+    doubtful = (rough | find_opposed(surfels.points, sides, surfels.rows))[surfels.group]
+    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful)
+    if tears(surfels, sides, found):
+        return normals, ()
     along_both = np.einsum("ij,ij->i", found, normals)
     alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
     settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
@@ -77,6 +81,25 @@ def settle_doubts(
         return settled, ()
     place = place_of_most(points[uncertain])
     return settled, (UNCERTAIN_NOTE.format(uncertain.sum(), 100 * uncertain.mean(), place),)
+
+
+def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:
+    """Return whether normals contradict their neighbors along a longer line on a sheet than they did before.
+
+    Parameters
+    ----------
+    surfels : Surfels
+    before : (m, 3) ndarray
+        Normals of the surfels.
+    after : (n, 3) ndarray
+        Normals at the cloud's points.
+    """
+    across, along = np.sqrt(surfels.planes.variance[:, :2]).T
+    sheet = across <= DROWNED * along
+    mean = np.column_stack([surfels.total(after[:, a]) for a in range(3)])
+    unit = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
+    old, new = (longest_seam(surfels.points, each, surfels.rows, sheet) for each in (before, unit))
+    return new > max(old, SEAM)
 
 
 def place_of_most(points: FloatArray) -> str:
