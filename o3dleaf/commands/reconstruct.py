@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL
-from o3dleaf.core.job import ColumnsOption, LongJob, UnitOption, argument, number_or_word, option, output
+from o3dleaf.core.job import ColumnsOption, LongJob, UnitOption, argument, number_or_word, option, output, place_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
@@ -31,6 +31,13 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
         "gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word
     )
     local: str = option("rbf", "Local fit in each ball: rbf, hermite, curl-free, mls or auto.")
+    viewpoint: Any = option(
+        None,
+        "Where the cloud was scanned from, X,Y,Z: normals are turned to it",
+        unit="the cloud's unit",
+        kind=str,
+        parse=place_of,
+    )
     untrimmed: bool = option(False, "Keep the surface up to four spacings beyond the data.", "--untrimmed")
     measure: str = option(
         "auto",
@@ -44,11 +51,14 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
     )
 
     def check(self) -> None:
-        """Refuse an unknown unit."""
+        """Refuse an unknown unit, and a viewpoint that is no place."""
+        from o3dleaf.core.checks import as_viewpoint
         from o3dleaf.core.units import check_unit
 
         super().check()
         check_unit(self.unit)
+        if self.viewpoint is not None:
+            as_viewpoint(self.viewpoint, 1)
 
     def work(self) -> "MeshReport":
         """Make the surface, write it, and return what it is."""
@@ -70,6 +80,7 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
             self.rho,
             local=self.local,
             unit=self.unit,
+            viewpoint=self.viewpoint,
             measure=self.measure,
             trim=None if self.untrimmed else trim_to_data,
         )

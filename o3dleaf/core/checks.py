@@ -117,6 +117,14 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     return np.divide(array, lengths)
 
 
+def as_viewpoint(viewpoint: npt.ArrayLike, count: int) -> FloatArray:
+    """Return the place that each of `count` points was seen from (count, 3), given one or one each."""
+    array = _as_floats(viewpoint, "viewpoint")
+    if array.shape not in {(3,), (count, 3)}:
+        raise InputError(f"viewpoint: has shape {array.shape}; give one place (3,), or one for each point ({count}, 3)")
+    return np.broadcast_to(require_finite(array, "viewpoint"), (count, 3))
+
+
 def require_breadth(points: FloatArray, name: str) -> None:
     """Raise `InputError` if (n, 3) points are a line, and no surface.
 

@@ -200,6 +200,11 @@ def words_of(text: str) -> list[str]:
     return text.replace(",", " ").split()
 
 
+def place_of(text: str) -> tuple[float | str, ...]:
+    """Return the coordinates in a text, between commas or blanks."""
+    return tuple(number_or_word(word) for word in words_of(text))
+
+
 def corners_of(numbers: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the lower and the upper corner of a box whose numbers stand in a row."""
     half = len(numbers) // 2

@@ -13,10 +13,11 @@ from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
-from o3dleaf.surface.cloud.normals import OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
+from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
-from o3dleaf.surface.cloud.winding_number import enclosing_signs
+from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts
+from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
 ROUGH = 0.3
 """Flatness above which normals of neighbors are averaged before they are compared."""
@@ -32,13 +33,11 @@ OPEN = 0.25
 OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
 DECISIVE = 0.1
 """Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
+TWO_SHEETS_NOTE = "two sheets lie close together and face away from one another"
 TWO_SHEETS = -0.25
 """Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
 TWO_CLEAR_SHEETS = -1.3
 """The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
-SEAM = 0.3
-"""Points along the longest line across which normals contradict, over the square root of all points: a strip of a
-width of 1/30 of its length, turned once and closed, has 0.6, and a noisy leaf 0.2."""
 
 CUT = 2.0
 """Spacings on both sides of a line of contradiction within which points are cut out: planes of sixteen points reach as
@@ -171,7 +170,11 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             sides = _find_sides(surfels)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    return _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+    found = _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+    if sides.enclosed < OPEN or TWO_SHEETS_NOTE in found.notes:
+        return found
+    normals, notes = settle_doubts(points, surfels, sides.normals, found.normals)
+    return Orientation(normals, (*found.notes, *notes))
 
 
 def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation:
@@ -195,18 +198,12 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orient
             normals = np.zeros_like(points)
             normals[~cut], notes, _ = _split_sheets(rest, surfels, sides.normals, _notes(surfels, sides))
             normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
-            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), _place(points[cut]))
+            note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), place_of_most(points[cut]))
             return Orientation(normals, (*notes, note), cut)
     raise OrientationError(
         f"cloud: its normals contradict one another along lines throughout, as where sheets branch or touch, around "
-        f"{_place(points[cut])}; cut the cloud there, or give normals"
+        f"{place_of_most(points[cut])}; cut the cloud there, or give normals"
     )
-
-
-def _place(points: FloatArray) -> str:
-    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
-    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
-    return " ".join(f"{x:.4g}" for x in middle)
 
 
 def _coarser(surfels: Surfels, points: FloatArray) -> Surfels | None:
@@ -260,8 +257,6 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
     notes = []
     if sides.enclosed < OPEN:
         notes.append(OPEN_NOTE)
-    elif sides.seam > SEAM:
-        notes.append("normals contradict one another along a line, where parts touch or are thinner than the spacing")
     groups = len(surfels.group) / len(surfels.points)
     if groups > 1:
         notes.append(
@@ -284,7 +279,7 @@ def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, note
     if excess < TWO_CLEAR_SHEETS:
         side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
         kept = tuple(note for note in notes if note != OPEN_NOTE)
-        return Orientation(side * outward, (*kept, "two sheets lie close together and face away from one another"))
+        return Orientation(side * outward, (*kept, TWO_SHEETS_NOTE))
     if excess < TWO_SHEETS:
         notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
     return Orientation(outward, notes)

@@ -87,11 +87,12 @@ def flatten(parent, sign):
 
 
 @njit(nogil=True, cache=True)
-def winding(targets, sources, flux, piece, start, stop, number):
+def winding(targets, sources, flux, piece, soft, start, stop, number):
     """Write the winding number (m, pieces) that the sources of each piece make at each target.
 
-    w(x) = sum over j of f_j . (x_j - x) / (4 pi |x_j - x|^3), f_j the normal of x_j times its area: 1 inside, 0
-    outside a closed surface, 1/2 on it.
+    w(x) = sum over j of f_j . e / (4 pi |e| (|e|^2 + s_j)), e = x_j - x, f_j the normal of x_j times its area a_j: 1
+    inside, 0 outside a closed surface, 1/2 on it. With s_j = a_j / (2 pi) a point makes 1/2 at most, as a disc of its
+    area does where it is touched, however near to another one it lies.
     """
     for i in range(start, stop):
         number[i] = 0.0
@@ -100,4 +101,4 @@ def winding(targets, sources, flux, piece, start, stop, number):
             square = ex * ex + ey * ey + ez * ez
             if square > 0:
                 along = flux[j, 0] * ex + flux[j, 1] * ey + flux[j, 2] * ez
-                number[i, piece[j]] += along / (4 * np.pi * square * np.sqrt(square))
+                number[i, piece[j]] += along / (4 * np.pi * (square + soft[j]) * np.sqrt(square))

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_mask, as_points, require_breadth, require_positive
+from o3dleaf.core.checks import FloatArray, as_mask, as_points, as_viewpoint, require_breadth, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
@@ -20,6 +20,7 @@ from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
+from o3dleaf.surface.cloud.viewpoint import face_given, face_viewpoint
 
 UNUSABLE = 0.1
 """Share of given normals on the wrong side of a noisy cloud beyond which their directions are not used either."""
@@ -38,6 +39,7 @@ def preprocess_point_cloud(
     cloud: CloudLike,
     *,
     normals: npt.ArrayLike | None = None,
+    viewpoint: npt.ArrayLike | None = None,
     voxel_size: float | None = None,
     outliers: Detect | None = detect_outliers,
     branchings: Branch | None = find_branchings,
@@ -55,7 +57,10 @@ def preprocess_point_cloud(
     normals : (n, 3) array_like, optional
         Normals in place of those of the cloud. Given normals are kept as far as their neighbors agree
         with them: missing ones (zero or not finite) are found, single wrong ones are turned, and all of them where they
-        point inward; where they contradict one another throughout, their sides are found anew.
+        point into a closed surface; where they contradict one another throughout, their sides are found anew.
+    viewpoint : (3,) or (n, 3) array_like, optional
+        Where the cloud, or each point, was scanned from: all normals, given or estimated, are turned to it, and left
+        so. Nothing is oriented by `orient` then.
     voxel_size : float, optional
         Edge of the voxels whose points are averaged, those on the two sides of a sheet apart; without it none are.
     outliers : callable, optional
@@ -82,6 +87,7 @@ def preprocess_point_cloud(
     given = None if normals is None else _as_rows(normals, "normals")
     if given is not None and len(given) != len(points):
         raise InputError(f"normals: {len(given)} for {len(points)} points; give one per point")
+    seen_from = None if viewpoint is None else as_viewpoint(viewpoint, len(points))
     if voxel_size is not None:
         require_positive(voxel_size, "voxel_size")
     sorting, finding, measuring, branching, siding, ending = progress.split(*SHARES)
@@ -94,7 +100,11 @@ def preprocess_point_cloud(
     with branching:
         usable = usable.apart(branchings, None if given is None else given[usable.rows])
     with siding:
-        orientation = _find_normals(usable.cloud, None if given is None else given[usable.rows], estimate, orient)
+        known = None if given is None else given[usable.rows]
+        if seen_from is None:
+            orientation = _find_normals(usable.cloud, known, estimate, orient)
+        else:
+            orientation = _find_facing(usable.cloud, known, estimate, seen_from[usable.rows])
     with ending:
         oriented = usable.cloud.with_normals(orientation.normals, orientation.notes)
         if orientation.cut is not None:
@@ -250,6 +260,16 @@ def _find_normals(
     unit, more, cut = _find_anew(cloud, estimate, orient)
     note = f"{turned:.0%} of the given normals are on the wrong side, because of noise: all were estimated anew"
     return Orientation(unit, (note, *more), cut)
+
+
+def _find_facing(
+    cloud: OrientedCloud, given: FloatArray | None, estimate: Estimate | None, viewpoint: FloatArray
+) -> Orientation:
+    """Return normals that face the viewpoints (n, 3), in the directions given or else estimated."""
+    if given is not None:
+        return face_given(cloud.points, check_normals(cloud, given, orient=False), viewpoint)
+    found = _find_anew(cloud, estimate, None)
+    return found._replace(normals=face_viewpoint(cloud.points, found.normals, viewpoint))
 
 
 def _find_anew(cloud: OrientedCloud, estimate: Estimate | None, orient: Orient | None) -> Orientation:

@@ -86,8 +86,9 @@ def _interpolate(points: FloatArray, values: FloatArray, targets: FloatArray) ->
     if len(points) < FEWEST:
         return np.asarray(values[cKDTree(points).query(targets, workers=-1)[1]])
     box = np.array([np.minimum(points.min(axis=0), targets.min(axis=0)), np.maximum(points.max(0), targets.max(0))])
-    options = {"kernel": "linear", "degree": 1, "smoothing": "gcv", "points_per_ball": POINTS_PER_BALL}
-    field = PUInterpolant.fit(points, values, bounds=box, **options)
+    field = PUInterpolant.fit(
+        points, values, kernel="linear", degree=1, smoothing="gcv", points_per_ball=POINTS_PER_BALL, bounds=box
+    )
     return np.asarray(field(targets))
 
 

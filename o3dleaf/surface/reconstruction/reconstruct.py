@@ -44,7 +44,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     creases: Literal["auto", False] | float = "auto",
     points_per_ball: int | tuple[int, int] | None = None,
     unit: str | None = None,
-    prepare: Callable[[CloudLike], CloudLike] = preprocess_point_cloud,
+    viewpoint: npt.ArrayLike | None = None,
+    prepare: Callable[..., CloudLike] = preprocess_point_cloud,
     merge: Callable[[OrientedCloud], CloudLike] | None = adaptive_down_sample,
     constraints: Constrain = offset_constraints,
     trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
@@ -74,8 +75,12 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     points_per_ball : int or (least, most), optional
     unit : str, optional
         Of the coordinates; the field keeps it.
+    viewpoint : (3,) or (n, 3) array_like, optional
+        Where the cloud, or each point, was scanned from: all normals are turned to it, and left so. For rooms, and what
+        else was scanned from inside, or in part.
     prepare : callable
-        ``prepare(cloud) -> OrientedCloud``, or any cloud with normals: faulty points go, normals point outward.
+        ``prepare(cloud) -> OrientedCloud``, or any cloud with normals: faulty points go, normals point outward. It
+        takes a `viewpoint` by name where there is one.
     merge : callable or None
         ``merge(cloud) -> OrientedCloud``: points averaged where noise is thicker than the spacing. None: as they are.
     constraints : callable
@@ -116,7 +121,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
         require_cloud(pcd, "pcd")
-        cloud = OrientedCloud.of(prepare(pcd))
+        cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
         require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:
         _tell(decision)

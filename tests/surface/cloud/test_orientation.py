@@ -15,7 +15,7 @@ from o3dleaf import (
 )
 from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
 from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
-from o3dleaf.surface.cloud.winding_number import enclosing_signs
+from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, OPPOSED_LEFT
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}

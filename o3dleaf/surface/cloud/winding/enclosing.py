@@ -83,7 +83,8 @@ def _winding_between(points: FloatArray, normals: FloatArray, area: FloatArray, 
     flux = normals[sources] * (area[sources] * share[source_piece])[:, np.newaxis]
     number = np.empty((len(targets), count))
     x, y = points[targets], points[sources]
-    run_blocks(lambda i, j: parity_loops.winding(x, y, flux, source_piece, i, j, number), len(targets), BLOCK)
+    soft = np.linalg.norm(flux, axis=1) / (2 * np.pi)
+    run_blocks(lambda i, j: parity_loops.winding(x, y, flux, source_piece, soft, i, j, number), len(targets), BLOCK)
     total = np.zeros((count, count))
     np.add.at(total, piece[targets], number)
     return total / np.maximum(np.bincount(piece[targets], minlength=count), 1)[:, np.newaxis]

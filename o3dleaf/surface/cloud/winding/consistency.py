@@ -1,0 +1,169 @@
+"""Normals found from the winding number of the whole, where neighbors alone leave them in doubt."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.surface.cloud.normals import SEAM, find_opposed, longest_seam
+from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
+from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+
+ROUNDS = 10
+"""Of descent and turning; after six most shapes rest, and noisy ones after ten."""
+WIDEST = 2.0
+"""Width of the dipoles, in spacings, in the first round: patches of a few points feel what encloses them."""
+NARROWEST = 0.5
+"""The same in the last round on clean points: the radius of the disc that a point stands for is 0.56 spacings."""
+NOISE_WIDTH = 3.0
+"""Standard deviations of the noise that the last width is at least, within 2/3 of it on both sides
+of a sheet, where 95 % of the points lie then, the number falls at half its greatest slope or more."""
+QUIET = 0.25
+"""Quantile of the thickness of neighborhoods that is taken for the noise: thin parts and edges only add to it."""
+TILT = 1.5
+"""Standard deviations of the noise, over the spacing, up to which the slope of the winding number is tilted against a
+normal by noise alone; what agrees as well keeps its direction, which more points were averaged for."""
+OFF_HALF = 0.25
+"""Difference of the winding number from 1/2, half way to what it is on either side, from which a point is in doubt."""
+
+
+UNCLEAR = 0.25
+"""Slope of the winding number along a normal, over that at a sheet that lies alone, below which its side is uncertain:
+another sheet, as near as the dipoles are wide, makes up for three quarters of it."""
+
+
+UNCERTAIN = 1e-3
+"""Share of the points whose sides may be uncertain without a word."""
+UNCERTAIN_NOTE = (
+    "the sides of {:,} points ({:.2g} %) remain uncertain, where sheets lie closer than their points tell apart, "
+    "around {}; give normals, or where they were scanned from"
+)
+
+
+class Consistent(NamedTuple):
+    """Unit normals (n, 3), and which of the points' sides remain uncertain (n,)."""
+
+    normals: FloatArray
+    uncertain: npt.NDArray[np.bool_]
+
+
+def settle_doubts(
+    points: FloatArray, surfels: Surfels, sides: FloatArray, normals: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return the normals (n, 3) of a closed surface made consistent, and a note where they remain uncertain.
+
+    In doubt are planes that are no planes, and normals that a neighbor's opposes. Directions that are as they should be
+    but for noise are kept. So are all normals where others would contradict their neighbors along a line on a sheet:
+    a sheet that is rolled up encloses something, but not by its sides.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray
+    surfels : Surfels
+    sides : (m, 3) ndarray
+        Outward normals of the surfels.
+    normals : (n, 3) ndarray
+        The same at the points.
+    """
+    across, along = np.sqrt(surfels.planes.variance[:, :2]).T
+    rough = across > DROWNED * along
+    noise = float(np.quantile(across, QUIET))
+    doubtful = (rough | find_opposed(surfels.points, sides, surfels.rows))[surfels.group]
+    found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful)
+    if tears(surfels, sides, found):
+        return normals, ()
+    along_both = np.einsum("ij,ij->i", found, normals)
+    alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
+    settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
+    if uncertain.mean() <= UNCERTAIN:
+        return settled, ()
+    place = place_of_most(points[uncertain])
+    return settled, (UNCERTAIN_NOTE.format(uncertain.sum(), 100 * uncertain.mean(), place),)
+
+
+def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:
+    """Return whether normals contradict their neighbors along a longer line on a sheet than they did before.
+
+    Parameters
+    ----------
+    surfels : Surfels
+    before : (m, 3) ndarray
+        Normals of the surfels.
+    after : (n, 3) ndarray
+        Normals at the cloud's points.
+    """
+    across, along = np.sqrt(surfels.planes.variance[:, :2]).T
+    sheet = across <= DROWNED * along
+    mean = np.column_stack([surfels.total(after[:, a]) for a in range(3)])
+    unit = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
+    old, new = (longest_seam(surfels.points, each, surfels.rows, sheet) for each in (before, unit))
+    return new > max(old, SEAM)
+
+
+def place_of_most(points: FloatArray) -> str:
+    """Return the place of the point that is nearest to the median of some (k, 3), as a message names it."""
+    middle = points[np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin()]
+    return " ".join(f"{x:.4g}" for x in middle)
+
+
+def make_consistent(
+    points: FloatArray, normals: FloatArray, spacing: FloatArray, noise: float, doubtful: npt.NDArray[np.bool_]
+) -> Consistent:
+    r"""Return the normals of a closed surface, with those in doubt turned to where its own winding number falls.
+
+    Doubtful are besides the points given those where the winding number w is not about 1/2, and what shares a leaf of
+    the tree with them. Their dipoles f take steps down :math:`\sum_i (w(x_i) - 1/2)^2`, whose length is the best
+    along its slope, and after each the direction of :math:`-∇w`; the dipoles' width shrinks from round to round.
+    Directions follow too, so that a plane through points of two sheets does no harm.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) ndarray
+        Normals that are right for the most part.
+    spacing : (n,) ndarray
+        1/√(points per unit area).
+    noise : float
+        Standard deviation across the surface.
+    doubtful : (n,) ndarray of bool
+
+    References
+    ----------
+    Lin et al. (2022), ACM Trans. Graph. 42, 18 (w = 1/2 at the points); Lin et al. (2024), ACM Trans. Graph. 43, 55
+    (normals made consistent with the gradient of w).
+    """
+    tree = DipoleTree(points)
+    wide = spacing[tree.order]
+    area = wide[:, np.newaxis] ** 2
+    flux = np.ascontiguousarray(normals[tree.order] * area)
+    narrowest = np.maximum(NOISE_WIDTH * noise, NARROWEST * wide)
+    widest = np.maximum(WIDEST * wide, narrowest)
+    number = tree.winding(flux, np.maximum(narrowest, wide), np.ones(len(points), bool))[:, 0]
+    wanted = tree.with_leaves(doubtful[tree.order] | (np.abs(number - 0.5) > OFF_HALF))
+    if not wanted.any():
+        return Consistent(normals, wanted)
+    for left, part in zip(reversed(range(ROUNDS)), progress.split(*ROUNDS * [1]), strict=True):
+        with part:
+            share = left / (ROUNDS - 1)
+            flux = _improved(tree, flux, share * widest + (1 - share) * narrowest, wanted)
+    rows, consistent, uncertain = tree.order[wanted], normals.copy(), np.zeros(len(points), bool)
+    consistent[rows] = flux[wanted] / np.linalg.norm(flux[wanted], axis=1, keepdims=True)
+    fall = -np.einsum("ij,ij->i", tree.winding(flux, narrowest, wanted)[wanted, 1:], consistent[rows])
+    uncertain[rows] = fall < UNCLEAR / (2 * narrowest[wanted])  # w = (1 - h/sqrt(h^2 + s^2))/2 at height h over a plane
+    return Consistent(consistent, uncertain)
+
+
+def _improved(tree: DipoleTree, flux: FloatArray, width: FloatArray, wanted: npt.NDArray[np.bool_]) -> FloatArray:
+    """Return dipoles (n, 3) after a step down the error of the winding number, turned to where it falls."""
+    now = tree.winding(flux, width, wanted)
+    error = np.where(wanted, 0.5 - now[:, 0], 0.0)
+    slope = tree.pull(error, width, wanted)
+    change = tree.winding(slope, width, wanted)
+    curvature = float(change[:, 0] @ change[:, 0])
+    length = float(error @ change[:, 0]) / curvature if curvature > 0 else 0.0
+    size = np.linalg.norm(flux + length * slope, axis=1, keepdims=True)
+    fall = -(now[:, 1:] + length * change[:, 1:])
+    steepness = np.linalg.norm(fall, axis=1, keepdims=True)
+    turned = wanted & (steepness[:, 0] > 0)
+    return np.where(turned[:, np.newaxis], size * fall / np.where(steepness > 0, steepness, 1.0), flux)
