@@ -48,12 +48,14 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
 
 
 def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
-    if np.asarray(array).dtype.kind == "c":
-        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
     try:
-        return np.require(array, np.float64, ["C", "A", "W", "E"])
+        given = np.asanyarray(array)
+        floats = None if given.dtype.kind == "c" else np.require(given, np.float64, ["C", "A", "W", "E"])
     except (TypeError, ValueError) as cause:
         raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
+    if floats is None:
+        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
+    return floats
 
 
 def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:

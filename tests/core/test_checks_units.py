@@ -169,3 +169,11 @@ def test_a_leaf_has_an_area_in_whatever_unit():
     assert measure_in_words((1.2e-4, -3.4e-5), "m") == "120, -34 µm"
     assert measure_in_words(1234.5678, None) == "1,235"
     assert measure_in_words(1.5e-9, None, power=3) == "1.5e-09"
+
+
+def test_rows_of_different_lengths_and_complex_numbers_are_no_array():
+    with pytest.raises(InputError, match="not an array of numbers"):
+        checks.as_points([[1.0, 2.0], [3.0]])
+    for array in ([[1j, 2.0]], np.zeros((2, 2), dtype=np.complex64)):
+        with pytest.raises(InputError, match="are complex"):
+            checks.as_points(array)

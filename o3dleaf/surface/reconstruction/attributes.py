@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_points, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike, point_attributes, raw_points
 from o3dleaf.core.errors import InputError
@@ -56,11 +57,11 @@ def interpolate_attributes(cloud: CloudLike, places: npt.ArrayLike) -> dict[str,
     distance = cKDTree(targets).query(points[finite], workers=-1)[0]
     near = finite[distance <= STRAY * np.median(distance)] if len(finite) else finite
     carried = {}
-    for name, values in attributes.items():
+    for part, (name, values) in zip(progress.split(*[1] * len(attributes)), attributes.items(), strict=True):
         if len(values) != len(points):
             raise InputError(f"cloud: has {len(values)} {name} for {len(points)} points; give one row for each")
-        if len(near):
-            carried[name] = _carry(name, points[near], values[near], targets)
+        with part:
+            carried[name] = _carry(name, points[near], values[near], targets) if len(near) else None
     return {name: values for name, values in carried.items() if values is not None}
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
-from o3dleaf.core.checks import require_breadth, require_choice, require_cloud
+from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.mesh_arrays import mesh_arrays
@@ -28,6 +28,8 @@ from o3dleaf.surface.reconstruction.trim import trim_to_data
 from o3dleaf.surface.reconstruction.vertex_support import vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
+Attributes = Callable[[CloudLike, npt.ArrayLike], dict[str, npt.NDArray[Any]]]
+"""A cloud and places to what its points carry, there."""
 INVERTED = 1e-3
 """Share of the surface that may face away from its data without a word: what noise does to single vertices."""
 
@@ -47,7 +49,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     constraints: Constrain = offset_constraints,
     trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
     clean: Callable[[Mesh], Mesh] | None = None,
-    attributes: Callable[[CloudLike, npt.ArrayLike], dict[str, npt.NDArray[Any]]] | None = interpolate_attributes,
+    attributes: Attributes | None = interpolate_attributes,
     measure: str | None = "auto",
 ) -> tuple[Any, PUInterpolant]:
     r"""Return the surface of a point cloud as a mesh, and the field whose zero it is.
@@ -155,14 +157,24 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         mesh = clean(mesh) if clean else mesh
     vertices, _ = mesh_arrays(mesh)
     with journal.stage("carry attributes"):
-        normals = field_normals(field, vertices)
-        carried = attributes(pcd, vertices) if attributes else {}
+        normals, carried = _carry(pcd, field, vertices, attributes)
     tensor = hasattr(pcd, "point")
     support = None
     if measure is not None and (tensor or measure != AUTO or "colors" not in carried):
         with journal.stage("measure support"):
             support = vertex_support(mesh, cloud, field)
     return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
+
+
+def _carry(
+    pcd: CloudLike, field: PUInterpolant, vertices: FloatArray, attributes: Attributes | None
+) -> tuple[FloatArray, dict[str, npt.NDArray[Any]]]:
+    """Return the normals at the vertices, and what a step says of the cloud's attributes there."""
+    sloping, carrying = progress.split(1, 5)
+    with sloping:
+        normals = field_normals(field, vertices)
+    with carrying:
+        return normals, attributes(pcd, vertices) if attributes else {}
 
 
 def _tell(decision: str) -> None:
