@@ -131,8 +131,9 @@ class PUInterpolant(Blended):
             Outward normals, of any length above 0, where the values are those of a surface; for fits that use them.
         local : optional
             Any other fit: an object with ``fit(cover, data) -> LocalFits`` and `points_per_ball`, such as
-            `CreasedSplines` or `Hermite`, or a callable ``local(points, values) -> Field`` that fits one ball. The
-            options of the spline (kernel to rho) then have no meaning, and there may be one column of values.
+            `CreasedSplines` or `Hermite`, or a callable ``local(points, values) -> Field`` that fits one ball, such as
+            `RBFInterpolant.fit` with a kernel that has a shape. The options of the spline (kernel to rho) then have no
+            meaning, and there may be one column of values.
         unit : str, optional
         bounds : (2, d) array_like, optional
             The box to cover, if larger than the data's bounding box.

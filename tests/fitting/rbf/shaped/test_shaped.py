@@ -141,3 +141,18 @@ def test_what_makes_no_sense_is_refused():
             PUInterpolant.fit(points, values, kernel=kernel)
     with pytest.raises(IllPosedError, match="at least"):
         PUInterpolant.fit(points, values, degree=-1)
+
+
+def test_ball_by_ball_it_makes_a_blend():
+    """It takes the values, as every local interpolant does, and its slope is the limit of differences."""
+    points, values, queries = waves(2, 300)
+    field = PUInterpolant.fit(
+        points,
+        values[:, 0],
+        local=lambda x, f: RBFInterpolant.fit(x, f, kernel="inverse_multiquadric", epsilon=5.0),
+        points_per_ball=(40, 80),
+    )
+    assert len(field.cover.radii) > 3
+    close(field(points), values[:, 0])
+    inside = np.clip(queries, -0.9, 1.9)
+    close(field.gradient(inside), reference.difference(field, inside), SHAPED_SLOPE)
