@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, require_one_column
+from o3dleaf.core.lattice import Lattice
 
 
 @runtime_checkable
@@ -63,6 +64,10 @@ class HasRough(Protocol):
 
     def rough(self, points: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Return the (n,) rough values at (n, d) points."""
+        ...
+
+    def rough_on(self, lattice: Lattice) -> npt.NDArray[np.float32] | None:
+        """Return the rough values at a lattice's points within the bounds, if there is a faster way; else None."""
         ...
 
 

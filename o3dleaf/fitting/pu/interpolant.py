@@ -19,6 +19,7 @@ from o3dleaf.core.checks import (
     warn_of_contradictions,
 )
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
@@ -32,6 +33,7 @@ from o3dleaf.fitting.local.lattice_fit import VoxelValues, fit_voxels
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
+from o3dleaf.fitting.pu.lattice_blend import blend_on_lattice
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.io.model_file import write_model
@@ -307,6 +309,13 @@ class PUInterpolant(Blended):
     def rough(self, points: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Return the (n,) values at (n, d) points from sums in single precision, in little more than half the time."""
         return self(points, dtype=np.float32)
+
+    def rough_on(self, lattice: Lattice) -> npt.NDArray[np.float32] | None:
+        """Return the rough values on a lattice on which the balls of a fit to voxels sit alike, or None.
+
+        So they do on lattices of the voxels' step, and of parts of it; it takes a quarter of the time.
+        """
+        return blend_on_lattice(self.local, self.index, lattice) if isinstance(self.local, LocalSplines) else None
 
     def diagnostics(self, balls: npt.ArrayLike | None = None) -> BallDiagnostics:
         """Return smoothing, score, degrees of freedom, condition and leave-one-out error of the fit of each ball.

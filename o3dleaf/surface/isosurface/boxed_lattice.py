@@ -59,6 +59,14 @@ class BoxedLattice:
         """Return the (nx, ny, nz) values of a field at the points."""
         return sample_lattice(lambda points: field(self._moved(points)), self.lattice)
 
+    @property
+    def moved(self) -> BoolArray:
+        """(nx, ny, nz) which points were moved onto a face."""
+        which = np.zeros(self.lattice.shape, dtype=bool)
+        for side, axis in zip(*np.nonzero(self.cut & (self.box != self.lattice.bounds)), strict=True):
+            np.moveaxis(which, axis, 0)[-side] = True
+        return which
+
     def points(self, indices: npt.NDArray[np.int64]) -> FloatArray:
         """Return the (n, 3) positions of (n, 3) points, to the last bit those that `sample` asks for."""
         return self._moved(self.lattice.positions(indices))

@@ -92,11 +92,11 @@ def extract_isosurface(
     Notes
     -----
     What takes long is the field, not the triangles: a sample of a `PUInterpolant` is a sum over the 300 to 400 points
-    of each of three or four balls. Of a volume of 200 x 200 x 200 voxels, fitted and sampled at their step, marching
-    takes 0.3 s of processor time and the samples 5 s; of given samples (`skimage.measure.marching_cubes`) there is
-    nothing to evaluate, and nothing to smooth, to refine or to differentiate either. They are asked for in single
-    precision first, and in double where their side of the isovalue is not certain and beside the surface, so that the
-    mesh is the same. `seeds` ask near the surface alone.
+    of each of three or four balls, and takes as long as 30 samples do to be marched. It is what smooths, refines and
+    differentiates; a mesh of the voxels as they are (`skimage.measure.marching_cubes`) has none of that. So it is asked
+    in single precision first, where it was fitted to voxels of the same step by one product for all balls of a kind,
+    and in double where that leaves open on which side a sample lies, and beside the surface: the mesh is the same.
+    `seeds` ask near the surface alone.
 
     References
     ----------

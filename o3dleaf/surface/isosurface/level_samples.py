@@ -12,6 +12,9 @@ from o3dleaf.surface.isosurface.cell_loops import DIRECTIONS
 BATCH_SIZE = 1 << 18
 """Points at which a field is evaluated at once."""
 
+ROUNDINGS = 16
+"""Of what a blend in single precision makes of its balls' values, at most."""
+
 
 def sample_level(field: Field, lattice: BoxedLattice, level: float, method: int) -> FloatArray:
     """Return samples (nx, ny, nz) that are the field's own at both ends of each edge that crosses the level.
@@ -31,9 +34,12 @@ def sample_level(field: Field, lattice: BoxedLattice, level: float, method: int)
         isinstance(field, HasRough) and np.isfinite(error := field.rough_error) and lattice.is_within(field.bounds)
     ):
         return lattice.sample(field)
-    samples = lattice.sample(field.rough)
-    # The result itself is rounded too.
-    known = np.abs(samples - level) <= 1.001 * error + np.finfo(np.float32).eps * np.abs(samples)
+    rough = field.rough_on(lattice.lattice)
+    samples = lattice.sample(field.rough) if rough is None else rough.astype(np.float64)
+    # The result itself is rounded too, and so are the products and sums of weights.
+    known = np.abs(samples - level) <= 1.001 * error + ROUNDINGS * np.finfo(np.float32).eps * np.abs(samples).max()
+    if rough is not None:
+        known |= lattice.moved
     _ask(field, lattice, known, samples)
     beside = _ends(samples > level, method)
     _ask(field, lattice, beside & ~known, samples)

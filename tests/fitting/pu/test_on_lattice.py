@@ -9,6 +9,7 @@ from o3dleaf import PUInterpolant, TiledField
 from o3dleaf.core import lattice as sampling
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, MemoryBudgetError
+from o3dleaf.core.lattice import Lattice
 
 
 def fitted(d):
@@ -76,3 +77,26 @@ def test_the_blocks_do_not_change_a_bit_and_progress_reaches_the_end(d, block, m
 def test_what_cannot_be_meant_is_refused(bounds, spacing, error, words):
     with pytest.raises(error, match=words):
         fitted(3).on_lattice(bounds, spacing)
+
+
+@pytest.mark.parametrize("kernel", ["cubic", "quintic", "linear"])
+@pytest.mark.parametrize("origin", [[0.0] * 3, [0.37, -11.2, 4.0]])
+def test_rough_values_on_the_voxels_lattice_are_within_their_error(kernel, origin):
+    """Where the lattice has the voxels' step or a part of it, wherever it begins, and its ends lie in the box."""
+    values = np.sin(np.add.outer(np.add.outer(np.arange(20) / 3, np.arange(17) / 4), np.arange(18) / 2))
+    field = PUInterpolant.fit_lattice(values, spacing=0.4, origin=origin, kernel=kernel, points_per_ball=80)
+    low, high = field.bounds
+    for step in (0.4, 0.2):
+        lattice = Lattice.covering([low + 0.4, high - 0.4], step)
+        rough = field.rough_on(lattice)
+        exact = field(lattice.positions(np.argwhere(np.ones(lattice.shape)))).reshape(lattice.shape)
+        assert rough.dtype == np.float32
+        assert 0 < np.abs(rough - exact).max() < field.rough_error < 0.1 * np.abs(exact).max()
+
+
+def test_other_lattices_and_other_fits_have_no_faster_rough_values():
+    values = np.random.default_rng(3).normal(size=(20, 17, 18))
+    field = PUInterpolant.fit_lattice(values, spacing=0.4, points_per_ball=80)
+    assert field.rough_on(Lattice.covering([[1.0] * 3, [5.0] * 3], 0.3)) is None
+    points = np.random.default_rng(4).random((300, 3))
+    assert PUInterpolant.fit(points, points[:, 0]).rough_on(Lattice.covering([[0] * 3, [1] * 3], 0.1)) is None

@@ -167,19 +167,22 @@ def test_samples_do_not_depend_on_the_block(block):
 
 
 @both
+@pytest.mark.parametrize("step", [1.0, 0.9])
 @pytest.mark.parametrize("smoothing", [0.0, 1e-3])
-def test_rough_samples_make_the_mesh_that_exact_ones_do(method, smoothing):
+def test_rough_samples_make_the_mesh_that_exact_ones_do(method, smoothing, step):
     """To the last bit: also where values lie within their error of the level, as beside this level's plateau."""
     axis = np.linspace(-1, 1, 18)
     x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
     values = np.maximum(np.round(8 * (0.7 - np.sqrt(x**2 + y**2 + z**2))) / 8, 0)
-    field = PUInterpolant.fit_lattice(values, spacing=1.0, smoothing=smoothing, points_per_ball=80)
+    field = PUInterpolant.fit_lattice(
+        values, spacing=1.0, origin=[0.3, -7.2, 5.0], smoothing=smoothing, points_per_ball=80
+    )
     level = 0.125 if smoothing == 0 else 0.1
     exact = Analytic(lambda *x: field(np.column_stack(x)), bounds=field.bounds)
     points = np.random.default_rng(0).uniform(*field.bounds, (2000, 3))
     assert 0 < np.abs(field.rough(points) - field(points)).max() < field.rough_error < 1e-2
     for one, other in zip(
-        *(mesh_arrays(extract_isosurface(each, 1.0, isovalue=level, method=method)) for each in (field, exact)),
+        *(mesh_arrays(extract_isosurface(each, step, isovalue=level, method=method)) for each in (field, exact)),
         strict=True,
     ):
         np.testing.assert_array_equal(one, other)
