@@ -116,7 +116,8 @@ def make_consistent(
     Doubtful are besides the points given those where the winding number w is not about 1/2, and what shares a leaf of
     the tree with them. Their dipoles f take steps down :math:`\sum_i (w(x_i) - 1/2)^2`, whose length is the best
     along its slope, and after each the direction of :math:`-∇w`; the dipoles' width shrinks from round to round.
-    Directions follow too, so that a plane through points of two sheets does no harm.
+    Directions follow too, so that a plane through points of two sheets does no harm. (A large flat patch that is turned
+    as a whole makes nothing on itself, and is in doubt at its border only.)
 
     Parameters
     ----------
