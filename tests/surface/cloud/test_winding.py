@@ -130,8 +130,32 @@ def test_a_sheet_that_is_rolled_up_keeps_one_side():
     points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), rng.uniform(0, 2, 5000)])
     across = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * radius[:, np.newaxis]
     across += 0.06 * np.column_stack([np.sin(turn), -np.cos(turn), 0 * turn])
-    share = right(preprocess_point_cloud(points).normals, across)
+    cloud = preprocess_point_cloud(points)
+    share = right(cloud.normals, across)
     assert max(share, 1 - share) == 1
+    assert any("rolled up" in note for note in cloud.notes)
+
+
+def test_two_bodies_that_nearly_touch_are_not_joined_with_contrary_sides():
+    """Eggs one spacing apart, whose neighbors join them by a few edges: one of them came out inside out."""
+    eggs = [sphere(4000, seed) for seed in (0, 9)]
+    points = np.vstack([egg[0] * [1, 1, 3] for egg in eggs])
+    normals = np.vstack([egg[1] / [1, 1, 3] for egg in eggs])
+    points[4000:, 0] += 2 + np.sqrt(4 * np.pi * 2.3 / 4000)
+    cloud = preprocess_point_cloud(points)
+    assert right(cloud.normals, normals) >= ALMOST_ALL - 0.002
+    assert not any("open sheet" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize("thickness", [0.5, 2.0])
+def test_a_noisy_sheet_is_no_thin_body(thickness):
+    """What lies on both sides of it within the noise could be closed by a pancake."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 1, (4000, 3))
+    points[:, 2] = 0.1 * np.sin(4 * points[:, 0]) + thickness / np.sqrt(4000) * rng.normal(size=4000)
+    cloud = preprocess_point_cloud(points, outliers=None)
+    up = np.sign(cloud.normals[:, 2])
+    assert abs(up.mean()) > ALMOST_ALL
 
 
 def test_uneven_areas_do_no_harm():
