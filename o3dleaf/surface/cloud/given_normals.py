@@ -10,6 +10,7 @@ from o3dleaf.surface.cloud.normals import repair_normals
 from o3dleaf.surface.cloud.orientation import OPEN, Orientation, orient_surfels
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import Surfels
+from o3dleaf.surface.cloud.winding.closed import imbalance
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
 CONTRADICTED = 0.03
@@ -54,7 +55,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     else:
         unit, more = repaired, ((f"{turned} normals contradicted their neighbors and were flipped",) if turned else ())
     if _point_inward(surfels, unit):
-        closed = _openness(surfels, unit) < max(CLOSED, SURE / np.sqrt(len(points)))
+        closed = imbalance(unit, surfels.spacing) < max(CLOSED, SURE / np.sqrt(len(points)))
         unit = -unit if closed else unit
         more += ("all normals pointed inward and were flipped" if closed else INWARD_NOTE,)
     return Orientation(unit, notes + more)
@@ -80,12 +81,6 @@ def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
     mean = _group_means(surfels, unit)
     enclosure = enclosing_signs(surfels.points, mean, area, np.zeros(len(mean), np.int64))
     return float(enclosure.sign[0]) < 0 and float(enclosure.winding[0]) > OPEN
-
-
-def _openness(surfels: Surfels, unit: FloatArray) -> float:
-    """Return the length of the mean of unit normals (n, 3) by area: zero on every closed surface, by Gauss."""
-    area = surfels.spacing**2
-    return float(np.linalg.norm(area @ unit) / area.sum())
 
 
 def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple[FloatArray, int]:

@@ -16,6 +16,7 @@ from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
 from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
+from o3dleaf.surface.cloud.winding.closed import close_anew
 from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
@@ -171,8 +172,11 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     if sides.contradictory:
         return _orient_apart(points, *finest)
     found = _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
-    if sides.enclosed < OPEN or TWO_SHEETS_NOTE in found.notes:
+    if TWO_SHEETS_NOTE in found.notes:
         return found
+    if sides.enclosed < OPEN:
+        anew = close_anew(points, surfels, sides.normals, found.normals)
+        return found if anew is None else Orientation(*anew)
     normals, notes = settle_doubts(points, surfels, sides.normals, found.normals)
     return Orientation(normals, (*found.notes, *notes))
 

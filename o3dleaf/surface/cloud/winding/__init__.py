@@ -3,5 +3,6 @@
 `enclosing`     signs of pieces that enclose a volume
 `dipole_tree`   winding numbers that points with normals and areas make, their gradients, and how errors pull
 `consistency`   normals at doubtful places found from the winding number of the whole
+`closed`        closed surfaces whose neighbors do not show their sides
 `dipole_loops`  the compiled loops over the nodes of the tree
 """

@@ -41,6 +41,11 @@ UNCERTAIN_NOTE = (
     "around {}; give normals, or where they were scanned from"
 )
 
+TORN_NOTE = (
+    "what the normals enclose contradicts their neighbors along a line, as where a sheet is rolled up or parts touch: "
+    "their sides are those that neighbors agree on"
+)
+
 
 class Consistent(NamedTuple):
     """Unit normals (n, 3), and which of the points' sides remain uncertain (n,)."""
@@ -73,14 +78,17 @@ def settle_doubts(
     doubtful = (rough | find_opposed(surfels.points, sides, surfels.rows))[surfels.group]
     found, uncertain = make_consistent(points, normals, surfels.spacing, noise, doubtful)
     if tears(surfels, sides, found):
-        return normals, ()
+        return normals, (TORN_NOTE,)
     along_both = np.einsum("ij,ij->i", found, normals)
     alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
     settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
-    if uncertain.mean() <= UNCERTAIN:
-        return settled, ()
-    place = place_of_most(points[uncertain])
-    return settled, (UNCERTAIN_NOTE.format(uncertain.sum(), 100 * uncertain.mean(), place),)
+    return settled, uncertain_notes(points, Consistent(settled, uncertain))
+
+
+def uncertain_notes(points: FloatArray, found: Consistent) -> tuple[str, ...]:
+    """Return the note on how many sides at `points` (n, 3) remain uncertain, and where, if that is worth a word."""
+    share, some = found.uncertain.mean(), points[found.uncertain]
+    return (UNCERTAIN_NOTE.format(len(some), 100 * share, place_of_most(some)),) if share > UNCERTAIN else ()
 
 
 def tears(surfels: Surfels, before: FloatArray, after: FloatArray) -> bool:
@@ -116,7 +124,8 @@ def make_consistent(
     Doubtful are besides the points given those where the winding number w is not about 1/2, and what shares a leaf of
     the tree with them. Their dipoles f take steps down :math:`\sum_i (w(x_i) - 1/2)^2`, whose length is the best
     along its slope, and after each the direction of :math:`-∇w`; the dipoles' width shrinks from round to round.
-    Directions follow too, so that a plane through points of two sheets does no harm.
+    Directions follow too, so that a plane through points of two sheets does no harm. (A large flat patch that is turned
+    as a whole makes nothing on itself, and is in doubt at its border only.)
 
     Parameters
     ----------

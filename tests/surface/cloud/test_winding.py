@@ -1,0 +1,165 @@
+import numpy as np
+import pytest
+
+from cloud_shapes import slab, sphere, torus
+from o3dleaf import OrientedCloud, preprocess_point_cloud
+from o3dleaf.surface.cloud import parity_loops
+from o3dleaf.surface.cloud.winding.consistency import make_consistent
+from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
+from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
+from tolerances import ALMOST_ALL, HALF_WINDING, TREE_GRADIENT, TREE_WINDING
+
+
+def right(found, true):
+    return np.mean(np.einsum("ij,ij->i", found, true) > 0)
+
+
+def literal(points, flux, width, at):
+    """The winding number of softened dipoles at places, by the formula."""
+    way = points - at[:, np.newaxis]
+    far = np.sqrt((way**2).sum(axis=2) + width**2)
+    return np.einsum("ija,ja->ij", way, flux / (4 * np.pi)) / far**3
+
+
+@pytest.fixture
+def sources():
+    points, normals = torus(1200)
+    area = np.random.default_rng(1).uniform(0.5, 1.5, 1200) * 0.0115
+    tree = DipoleTree(points)
+    order = tree.order
+    return tree, normals[order] * area[order, np.newaxis], 0.8 * np.sqrt(area[order])
+
+
+def test_the_tree_sums_as_the_formula_does(sources):
+    tree, flux, width = sources
+    found = tree.winding(flux, width, np.ones(1200, bool))
+    assert found[:, 0] == pytest.approx(literal(tree.points, flux, width, tree.points).sum(axis=1), abs=TREE_WINDING)
+
+
+def test_the_gradient_is_the_limit_of_difference_quotients(sources):
+    tree, flux, width = sources
+    found = tree.winding(flux, width, np.ones(1200, bool))[:, 1:]
+    step = 1e-5
+    for axis, shift in enumerate(step * np.eye(3)):
+        ahead, behind = (literal(tree.points, flux, width, tree.points + s).sum(axis=1) for s in (shift, -shift))
+        error = found[:, axis] - (ahead - behind) / (2 * step)
+        assert np.abs(error).max() < TREE_GRADIENT * np.linalg.norm(found, axis=1).mean()
+
+
+def test_what_errors_pull_is_the_transpose_of_the_winding_number(sources):
+    tree, flux, width = sources
+    wanted = np.random.default_rng(2).uniform(size=1200) < 0.5
+    error = np.where(wanted, np.random.default_rng(3).normal(size=1200), 0.0)
+    change = np.where(wanted[:, np.newaxis], flux, 0.0)
+    along = error @ tree.winding(change, width, wanted)[:, 0]
+    scale = np.abs(error) @ np.abs(tree.winding(change, width, wanted)[:, 0])
+    assert np.sum(tree.pull(error, width, wanted) * change) == pytest.approx(along, abs=TREE_WINDING * scale)
+
+
+def test_points_that_are_not_wanted_get_nothing_and_change_nothing(sources):
+    tree, flux, width = sources
+    wanted = np.arange(1200) % 3 == 0
+    some, all_of_them = (tree.winding(flux, width, mask) for mask in (wanted, np.ones(1200, bool)))
+    assert np.array_equal(some[wanted], all_of_them[wanted])
+    assert not some[~wanted].any()
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-3, 1e-9])
+def test_a_point_makes_half_at_most_however_near_it_lies(apart):
+    """A disc that is touched fills half of all directions: its winding number there is 1/2."""
+    way = sphere(500)[0]
+    number, area = np.empty((500, 1)), 0.01
+    flux, soft = np.array([[0.0, 0, area]]), np.array([area / (2 * np.pi)])
+    parity_loops.winding(apart * way, np.zeros((1, 3)), flux, np.zeros(1, np.int64), soft, 0, 500, number)
+    assert np.abs(number).max() <= 0.5
+
+
+def test_pairs_of_nearly_coinciding_points_do_not_decide_on_a_side():
+    """A tenth of the points have a partner at a thousandth of a spacing, to their inside as seen from the other."""
+    points, normals = sphere(4000)
+    spacing = np.sqrt(4 * np.pi / 4000)
+    twice, directions = np.vstack([points, points[:400]]), np.vstack([normals, normals[:400]])
+    twice[4000:] += 1e-3 * spacing * normals[:400]
+    area = np.full(4400, spacing**2)
+    area[:400] /= 2
+    area[4000:] /= 2
+    found = enclosing_signs(twice, -directions, area, np.zeros(4400, np.int64))
+    assert found.sign == [-1]
+    assert found.winding == pytest.approx(0.5, abs=2 * HALF_WINDING)
+
+
+def test_a_body_that_is_turned_is_found_by_the_winding_number_alone():
+    """Neighbors agree all over it, and it is of no doubtful points."""
+    points, normals = sphere(3000)
+    small = sphere(800, seed=2)
+    both = np.vstack([points, 0.5 * small[0] + [1.7, 0, 0]])
+    given = np.vstack([normals, -small[1]])
+    spacing = np.repeat([np.sqrt(4 * np.pi / 3000), np.sqrt(np.pi / 800)], [3000, 800])
+    found = make_consistent(both, given, spacing, 0.0, np.zeros(3800, bool))
+    assert right(found.normals, np.vstack([normals, small[1]])) == 1
+    assert not found.uncertain.any()
+
+
+@pytest.mark.parametrize("gap", [0.5, 1.0, 2.0])
+def test_rings_that_nearly_touch_are_told_apart(gap):
+    points, normals = torus(4000)
+    spacing = np.sqrt(4 * np.pi**2 * 0.35 / 4000)
+    other = torus(4000, seed=5)
+    both = np.vstack([points, other[0] + [0, 0, 0.7 + gap * spacing]]), np.vstack([normals, other[1]])
+    cloud = preprocess_point_cloud(both[0], outliers=None, branchings=None)
+    assert right(cloud.normals, both[1]) >= (ALMOST_ALL if gap >= 1 else 0.985)
+
+
+def test_sides_that_points_do_not_tell_apart_are_counted_with_their_place():
+    """Two balls a quarter of a spacing apart, where they are nearest."""
+    points, normals = sphere(3000)
+    other = sphere(3000, seed=1)
+    spacing = np.sqrt(4 * np.pi / 3000)
+    both = np.vstack([points, other[0] + [2 + 0.05 * spacing, 0, 0]]), np.vstack([normals, other[1]])
+    noisy = both[0] + 0.3 * spacing * np.random.default_rng(4).normal(size=both[0].shape)
+    cloud = preprocess_point_cloud(noisy, outliers=None, branchings=None)
+    note = next(note for note in cloud.notes if "remain uncertain" in note)
+    place = np.array([float(x) for x in note.split("around ")[1].split(";")[0].split()])
+    assert np.linalg.norm(place - [1, 0, 0]) < 5 * spacing
+
+
+def test_a_sheet_that_is_rolled_up_keeps_one_side():
+    rng = np.random.default_rng(0)
+    turn = rng.uniform(0, 4 * np.pi, 5000)
+    radius = 0.2 + 0.06 * turn
+    points = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), rng.uniform(0, 2, 5000)])
+    across = np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]) * radius[:, np.newaxis]
+    across += 0.06 * np.column_stack([np.sin(turn), -np.cos(turn), 0 * turn])
+    cloud = preprocess_point_cloud(points)
+    share = right(cloud.normals, across)
+    assert max(share, 1 - share) == 1
+    assert any("rolled up" in note for note in cloud.notes)
+
+
+def test_two_bodies_that_nearly_touch_are_not_joined_with_contrary_sides():
+    """Eggs one spacing apart, whose neighbors join them by a few edges: one of them came out inside out."""
+    eggs = [sphere(4000, seed) for seed in (0, 9)]
+    points = np.vstack([egg[0] * [1, 1, 3] for egg in eggs])
+    normals = np.vstack([egg[1] / [1, 1, 3] for egg in eggs])
+    points[4000:, 0] += 2 + np.sqrt(4 * np.pi * 2.3 / 4000)
+    cloud = preprocess_point_cloud(points)
+    assert right(cloud.normals, normals) >= ALMOST_ALL - 0.002
+    assert not any("open sheet" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize("thickness", [0.5, 2.0])
+def test_a_noisy_sheet_is_no_thin_body(thickness):
+    """What lies on both sides of it within the noise could be closed by a pancake."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 1, (4000, 3))
+    points[:, 2] = 0.1 * np.sin(4 * points[:, 0]) + thickness / np.sqrt(4000) * rng.normal(size=4000)
+    cloud = preprocess_point_cloud(points, outliers=None)
+    up = np.sign(cloud.normals[:, 2])
+    assert abs(up.mean()) > ALMOST_ALL
+
+
+def test_uneven_areas_do_no_harm():
+    points, normals = slab(6000)
+    kept = np.random.default_rng(2).uniform(size=6000) < np.where(points[:, 0] > 0, 1.0, 0.3)
+    cloud = OrientedCloud.of(points[kept])
+    assert right(preprocess_point_cloud(cloud).normals, normals[kept]) >= ALMOST_ALL
