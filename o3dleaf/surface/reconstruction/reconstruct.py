@@ -17,9 +17,9 @@ from o3dleaf.surface.cloud.downsample import adaptive_down_sample
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
-from o3dleaf.surface.reconstruction.extract import extract_near
+from o3dleaf.surface.reconstruction.closing import Closed, follow_surface, surroundings, verdict
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface
-from o3dleaf.surface.reconstruction.trim import trim_to_data
+from o3dleaf.surface.reconstruction.trim import drop_unsupported, trim_to_data
 from o3dleaf.surface.reconstruction.vertex_support import color_like, vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
@@ -40,6 +40,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     prepare: Callable[[CloudLike], CloudLike] = preprocess_point_cloud,
     merge: Callable[[OrientedCloud], CloudLike] | None = adaptive_down_sample,
     constraints: Constrain = offset_constraints,
+    closed: Closed = "auto",
     trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
     clean: Callable[[Mesh], Mesh] | None = None,
     measure: str | None = "distance",
@@ -72,6 +73,11 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         ``merge(cloud) -> OrientedCloud``: points averaged where noise is thicker than the spacing. None: as they are.
     constraints : callable
         ``constraints(cloud) -> OffsetConstraints``, for "rbf".
+    closed : "auto", True or False
+        What becomes of gaps. "auto" leaves those open that are wider than `trim` closes, but none that is only the
+        field's: where the surface runs on past data that close around it, by their winding number, the field is
+        corrected. True closes all gaps along that number, for local="rbf", and trims nothing. False takes the field as
+        it is, as for a sheet.
     trim : callable or None
         ``trim(mesh, cloud) -> mesh``: what no data support goes. None: the surface ends four spacings past the data.
     clean : callable or None
@@ -125,13 +131,20 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             unit=unit,
         )
     with journal.stage("follow surface"):
-        mesh = extract_near(field, cloud, spacing)
+        around = surroundings(cloud, closed)
+        followed = follow_surface(field, around, cloud, spacing, constraints)
+        field, mesh = followed.field, followed.mesh
     with journal.stage("trim to data"):
         trimming, comparing = progress.split(2, 1)
         with trimming:
+            if closed is True and trim:
+                trim = drop_unsupported
             mesh = trim(mesh, cloud) if trim else mesh
         with comparing:
             inverted = find_inverted_regions(mesh, cloud).mean()
+    if around and trim:
+        decision, surprising = verdict(followed, around, mesh)
+        _tell(decision) if surprising else journal.note(decision)
     if inverted > INVERTED:
         _tell(
             f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
