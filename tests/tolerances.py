@@ -566,6 +566,15 @@ MEANS = 1e-10
 PLANE_FIELD = 1e-7
 """The tail holds a plane; balls beyond the rim reach out for their points and take rounding with them: found 2e-8."""
 
+SOLID_ANGLE = 0.02
+"""Of the whole sphere, for 4,000 even points: far cells count as one dipole, and a rim lies half a spacing off."""
+
+WINDING_CELLS = 0.01
+"""A cell two of its diameters away as one dipole, off by a sixteenth of its own share at most; found 0.004."""
+
+CLOSED_GAP = 1.0
+"""In spacings, of the surface across a gap of five: the level of the winding number is the flat disc, to the noise."""
+
 CLEAN_SURFACE = 0.01
 """In spacings, of 3,000 points of a sphere: vertices are on the field's zero; found 0.001."""
 

@@ -11,6 +11,7 @@ from o3dleaf.core.journal import stage
 if TYPE_CHECKING:
     from o3dleaf.fitting.rbf.smoothing import SmoothingValue
     from o3dleaf.surface.mesh.mesh_report import MeshReport
+    from o3dleaf.surface.reconstruction.closing import Closed
 
 LABELS = {
     "distance": "distance to the data",
@@ -18,6 +19,10 @@ LABELS = {
     "residual": "distance of the data from the surface",
 }
 """Label of the color bar of each measure."""
+
+
+CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
+"""What `create_from_point_cloud_rbfpu` calls them."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,11 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
         unit="the cloud's unit",
         kind=str,
         parse=place_of,
+    )
+    closed: str = option(
+        "auto",
+        "Close all gaps in the data (yes), none (no), or none that is wide but what only the fit left open (auto).",
+        choices=tuple(CLOSED),
     )
     untrimmed: bool = option(False, "Keep the surface up to four spacings beyond the data.", "--untrimmed")
     measure: str = option(
@@ -82,6 +92,7 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
             unit=self.unit,
             viewpoint=self.viewpoint,
             measure=self.measure,
+            closed=CLOSED[self.closed],
             trim=None if self.untrimmed else trim_to_data,
         )
         with stage("write mesh"):

@@ -79,6 +79,7 @@ def test_what_no_data_support_can_be_kept(run, tmp_path):
     [
         (("--local", "voodoo"), "voodoo"),
         (("--measure", "luck"), "luck"),
+        (("--closed", "maybe"), "maybe"),
         (("--rho", "much"), "much"),
         (("--spacing", "-1"), "spacing"),
         (("--unit", "furlong"), "furlong"),

@@ -103,6 +103,26 @@ class Cover:
         """(M,) number of points that each ball is fitted to, the paper's N_i."""
         return np.diff(self.offsets)
 
+    def only(self, balls: IntArray) -> "Cover":
+        """Return some of the balls, by their numbers."""
+        counts = self.counts[balls]
+        members = self.members[ragged_rows(self.offsets[balls], counts)]
+        offsets = np.concatenate([[0], np.cumsum(counts)])
+        return Cover(self.centers[balls], self.radii[balls], self.bounds, offsets, members)
+
+    def with_members(self, balls: IntArray, points: IntArray) -> "Cover":
+        """Return the cover with point ``points[k]``, a row after all that there are, in ball ``balls[k]`` as well."""
+        ball = np.concatenate([np.repeat(np.arange(len(self.radii)), self.counts), balls])
+        members = np.concatenate([self.members, points])[np.lexsort((np.append(self.members, points), ball))]
+        counts = np.bincount(ball, minlength=len(self.radii))
+        return Cover(self.centers, self.radii, self.bounds, np.concatenate([[0], np.cumsum(counts)]), members)
+
+
+def ragged_rows(first: IntArray, counts: IntArray) -> IntArray:
+    """Return first[0], first[0] + 1, ... counts[0] of them, then as many of the next, and so on."""
+    begin = np.cumsum(counts) - counts
+    return np.asarray(np.repeat(first - begin, counts) + np.arange(int(counts.sum())))
+
 
 def as_ball_size(points_per_ball: int | tuple[int, int], overlap: float) -> tuple[int, int]:
     """Return (least, most) points of a ball, an int n standing for (n/2, n), or raise `InputError`."""

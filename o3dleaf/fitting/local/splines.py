@@ -1,6 +1,6 @@
 """Splines of values: one smoothed polyharmonic spline a ball, in unit coordinates."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
-from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.cover import Cover, ragged_rows
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.blend_loops import SplineBalls
@@ -51,10 +51,17 @@ class Splines:
         return SplineModel(kernel, as_degree(self.degree, kernel), as_smoothing(kernel, self.smoothing, self.rho))
 
 
-def fit_splines(cover: Cover, data: ScatteredData, model: SplineModel, terms: IntArray | None = None) -> "LocalSplines":
+def fit_splines(
+    cover: Cover,
+    data: ScatteredData,
+    model: SplineModel,
+    terms: IntArray | None = None,
+    per_ball: FloatArray | None = None,
+) -> "LocalSplines":
     """Fit a spline to the points of every ball.
 
-    Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them.
+    Of the tail's monomials, lowest degree first, ball i has ``terms[i]``, or all of them. Where each ball's own
+    smoothing is known, it is ``per_ball[i]``.
     """
     count, total, dimension = len(cover.radii), int(cover.offsets[-1]), data.points.shape[1]
     exponents, values = model.exponents, data.weighted
@@ -67,10 +74,12 @@ def fit_splines(cover: Cover, data: ScatteredData, model: SplineModel, terms: In
     )
     tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
     # Balls that choose for themselves take about as long for it as for their fit, a sample of them nothing.
-    choosing, solving = progress.split(model.smoothing.value == "gcv-per-ball", 1)
+    known = per_ball is not None
+    choosing, solving = progress.split(model.smoothing.value == "gcv-per-ball" and not known, 1)
     with single_threaded_blas():
         with choosing:
-            smoothing, per_ball = choose_smoothing(cover, data, model, tail.terms)
+            chosen = (model.smoothing, per_ball) if known else choose_smoothing(cover, data, model, tail.terms)
+        smoothing, per_ball = chosen
         diagonals, power = smoothing.diagonals(cover.counts, per_ball), model.kernel.power
 
         def task(start: int, stop: int) -> None:
@@ -147,6 +156,42 @@ class LocalSplines:
         points = self.sites[place : place + dimension * (last - first)].reshape(dimension, last - first)
         weights = np.ones(last - first) if self.point_weights is None else self.point_weights[first:last]
         return points, self.weights[first:last], weights
+
+    def fit_alike(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
+        """Fit the balls of a cover with the smoothing that some of these have, to which they correspond."""
+        degree = int(self.exponents.sum(axis=1).max())
+        own = None if self.smoothing_per_ball is None else self.smoothing_per_ball[balls]
+        return fit_splines(cover, data, SplineModel(self.kernel, degree, self.smoothing), per_ball=own)
+
+    def composed(self, others: "LocalSplines", rows: IntArray) -> "LocalSplines":
+        """Return those of the balls of both, one after the other, that are the rows (n,), in their order.
+
+        Both have the kernel, the tail and the smoothing of the first, and no two balls share points.
+        """
+        counts = np.concatenate([np.diff(self.offsets), np.diff(others.offsets)])
+        first, dimension = np.concatenate([[0], np.cumsum(counts)])[:-1], self.kernel.dimension
+        taken = ragged_rows(first[rows], counts[rows])
+        blocks = ragged_rows(dimension * first[rows], dimension * counts[rows])
+
+        def both(name: str, chosen: IntArray) -> Any:
+            parts = getattr(self, name), getattr(others, name)
+            return None if parts[0] is None else np.concatenate(parts)[chosen]
+
+        offsets = np.concatenate([[0], np.cumsum(counts[rows])])
+        return replace(
+            self,
+            offsets=offsets,
+            places=dimension * offsets[:-1],
+            sites=both("sites", blocks),
+            **{name: both(name, taken) for name in ("weights", "point_weights")},
+            **{name: both(name, rows) for name in ("tails", "ranks", "dropped", "smoothing_per_ball")},
+        )
+
+    def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
+        """Return the splines with some of their balls fitted again, to their points in a cover."""
+        rows = np.arange(len(self.tails))
+        rows[balls] = len(rows) + np.arange(len(balls))
+        return self.composed(self.fit_alike(cover.only(balls), data, balls), rows)
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too.

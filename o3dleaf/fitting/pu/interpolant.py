@@ -1,9 +1,9 @@
 """The partition-of-unity interpolant: F(x) = Σ w_i(x) F_i(x), the paper's section 2.3."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -295,6 +295,25 @@ class PUInterpolant(Blended):
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
         data_hash = _hash(data, lattice.spacing, lattice.start, lattice.turn, lattice.origin)
         return cls(balls, BallIndex.build(centers, radii, box), splines, check_unit(unit), data_hash)
+
+    def with_points(self, data: ScatteredData, count: int) -> "PUInterpolant":
+        """Return the interpolant of more data: those balls are fitted again that contain a new point.
+
+        They keep their smoothing, and those with creases lose them. Only splines of scattered values can do it.
+
+        Parameters
+        ----------
+        data : ScatteredData
+            The data that it was fitted to, and the new ones behind them.
+        count : int
+            How many of them are new.
+        """
+        old = len(data.points) - count
+        offsets, rows = self.index.members(data.points[old:])
+        ball = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+        cover = self.cover.with_members(ball, rows + old)
+        local = cast("LocalSplines", self.local).with_points(cover, data, np.unique(ball))
+        return replace(self, cover=cover, local=local, data_hash=_hash(data.points, data.values, data.weights))
 
     @property
     def bounds(self) -> FloatArray:

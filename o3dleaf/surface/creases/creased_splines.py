@@ -123,6 +123,19 @@ class LocalCreasedSplines:
     def __repr__(self) -> str:
         return f"LocalCreasedSplines({len(self.composition):,} sheets in {len(self.first) - 1:,} balls)"
 
+    def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalCreasedSplines":
+        """Return the splines with some of their balls fitted again, to their points in a cover and without creases."""
+        counts, ball_of = np.diff(self.first), np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+        fresh = self.splines.fit_alike(cover.only(balls), data, self.first[balls])
+        changed = np.full(len(counts), -1)
+        changed[balls] = len(ball_of) + np.arange(len(balls))
+        # Of the sheets of a ball that is fitted again the first stands for it.
+        is_first = np.arange(len(ball_of)) == self.first[ball_of]
+        kept = is_first | (changed[ball_of] < 0)
+        rows = np.where(changed[ball_of] < 0, np.arange(len(ball_of)), changed[ball_of])[kept]
+        first = np.concatenate([[0], np.cumsum(np.bincount(ball_of[kept], minlength=len(counts)))])
+        return LocalCreasedSplines(self.splines.composed(fresh, rows), first, self.composition[kept])
+
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too."""
         splines = self.splines.balls(level, dtype)

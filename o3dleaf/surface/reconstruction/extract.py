@@ -11,7 +11,7 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
-from o3dleaf.surface.reconstruction.proximity import distance_mask
+from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
 MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
@@ -21,7 +21,9 @@ PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
 
 
-def extract_near(field: PUInterpolant, cloud: CloudLike, spacing: float | None = None) -> o3d.geometry.TriangleMesh:
+def extract_near(
+    field: PUInterpolant, cloud: CloudLike, spacing: float | None = None, *, within: Mask | None = None
+) -> o3d.geometry.TriangleMesh:
     """Return the surface of a field as far as four spacings beyond its data, with the field's creases as edges.
 
     Where sheets of the data branch it is cut: they end beside the line along which they meet.
@@ -33,12 +35,15 @@ def extract_near(field: PUInterpolant, cloud: CloudLike, spacing: float | None =
         The data.
     spacing : float, optional
         Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
+    within : callable, optional
+        ``within(places) -> mask``: where the surface is followed, in place of four spacings.
     """
     data = OrientedCloud.of(cloud)
     step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
     creased = isinstance(field.local, LocalCreasedSplines)
     require_positive(step, "spacing")
-    mesh = extract_isosurface(field, step, seeds=data.points, within=distance_mask(data), features=creased)
+    mask = distance_mask(data) if within is None else within
+    mesh = extract_isosurface(field, step, seeds=data.points, within=mask, features=creased)
     if data.branchings is None:
         return mesh
     return build_mesh(*cut_at_branchings(*require_triangles(mesh), data, data.branchings))

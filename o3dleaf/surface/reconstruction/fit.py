@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.core import progress
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.fitting.local.fitter import Fitter
+from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.constraints import OffsetConstraints, offset_constraints
@@ -85,8 +85,7 @@ def fit_surface(
     if clean:
         options.setdefault("points_per_ball", SMALL_BALLS)
     with constraining:
-        off = constraints(data)
-    groups = np.concatenate([np.arange(len(data)), off.base])
+        surface = surface_data(data, constraints)
     gcv: SmoothingValue = "gcv" if clean else "gcv-per-ball"
     rho = None if smoothing is not None and rho == "gcv" else rho
     options["rho"] = gcv if rho == "gcv" else rho
@@ -95,10 +94,23 @@ def fit_surface(
         options["local"] = CreasedSplines(creases, rho=options["rho"], smoothing=options["smoothing"])
     with fitting:
         return PUInterpolant.fit(
-            np.concatenate([data.points, off.sites]),
-            np.concatenate([np.zeros(len(data)), off.values]),
-            groups=groups,
-            weights=data.weights[groups],
-            normals=normals[groups],
+            surface.points,
+            surface.values,
+            groups=surface.groups,
+            weights=surface.weights,
+            normals=surface.normals,
             **options,
         )
+
+
+def surface_data(cloud: OrientedCloud, constraints: Constrain = offset_constraints) -> ScatteredData:
+    """Return what a surface is fitted to: 0 at the points, and the constraints off the surface behind them."""
+    off, normals = constraints(cloud), cloud.require_normals()
+    groups = np.concatenate([np.arange(len(cloud)), off.base])
+    return ScatteredData(
+        np.concatenate([cloud.points, off.sites]),
+        np.concatenate([np.zeros(len(cloud)), off.values]),
+        cloud.weights[groups],
+        groups,
+        normals[groups],
+    )

@@ -21,13 +21,15 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
-from o3dleaf.surface.reconstruction.extract import extract_near
+from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface
-from o3dleaf.surface.reconstruction.trim import trim_to_data
+from o3dleaf.surface.reconstruction.overshoots import Surroundings
+from o3dleaf.surface.reconstruction.trim import drop_unsupported, trim_to_data
 from o3dleaf.surface.reconstruction.vertex_support import vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
+Trim = Callable[[Mesh, OrientedCloud], Mesh]
 Attributes = Callable[[CloudLike, npt.ArrayLike], dict[str, npt.NDArray[Any]]]
 """A cloud and places to what its points carry, there."""
 INVERTED = 1e-3
@@ -48,7 +50,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     prepare: Callable[..., CloudLike] = preprocess_point_cloud,
     merge: Callable[[OrientedCloud], CloudLike] | None = adaptive_down_sample,
     constraints: Constrain = offset_constraints,
-    trim: Callable[[Mesh, OrientedCloud], Mesh] | None = trim_to_data,
+    closed: Closed = "auto",
+    trim: Trim | None = trim_to_data,
     clean: Callable[[Mesh], Mesh] | None = None,
     attributes: Attributes | None = interpolate_attributes,
     measure: str | None = "auto",
@@ -85,6 +88,11 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         ``merge(cloud) -> OrientedCloud``: points averaged where noise is thicker than the spacing. None: as they are.
     constraints : callable
         ``constraints(cloud) -> OffsetConstraints``, for "rbf".
+    closed : "auto", True or False
+        What becomes of gaps. "auto" leaves those open that are wider than `trim` closes, but none that is only the
+        field's: where the surface runs on past data that close around it, by their winding number, the field is
+        corrected. True closes all gaps along that number, for local="rbf", and trims nothing. False takes the field as
+        it is, as for a sheet.
     trim : callable or None
         ``trim(mesh, cloud) -> mesh``: what no data support goes. None: the surface ends four spacings past the data.
     clean : callable or None
@@ -146,18 +154,10 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             unit=unit,
         )
     with journal.stage("follow surface"):
-        mesh = extract_near(field, cloud, spacing)
-    with journal.stage("trim to data"):
-        trimming, comparing = progress.split(2, 1)
-        with trimming:
-            mesh = trim(mesh, cloud) if trim else mesh
-        with comparing:
-            inverted = find_inverted_regions(mesh, cloud).mean()
-    if inverted > INVERTED:
-        _tell(
-            f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
-            "the same way and lie close together, such as two scans of one sheet that do not fit"
-        )
+        around = surroundings(cloud, closed)
+        followed = follow_surface(field, around, cloud, spacing, constraints)
+        field = followed.field
+    mesh = _trimmed(followed, around, cloud, closed, trim)
     with journal.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     vertices, _ = mesh_arrays(mesh)
@@ -169,6 +169,29 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         with journal.stage("measure support"):
             support = vertex_support(mesh, cloud, field)
     return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
+
+
+def _trimmed(
+    followed: Followed, around: Surroundings | None, cloud: OrientedCloud, closed: Closed, trim: Trim | None
+) -> Mesh:
+    """Return the mesh without what no data support; say whether it is closed, and what faces away from the data."""
+    with journal.stage("trim to data"):
+        trimming, comparing = progress.split(2, 1)
+        with trimming:
+            if closed is True and trim:
+                trim = drop_unsupported
+            mesh = trim(followed.mesh, cloud) if trim else followed.mesh
+        with comparing:
+            inverted = find_inverted_regions(mesh, cloud).mean()
+    if around and trim:
+        decision, surprising = verdict(followed, around, mesh)
+        _tell(decision) if surprising else journal.note(decision)
+    if inverted > INVERTED:
+        _tell(
+            f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
+            "the same way and lie close together, such as two scans of one sheet that do not fit"
+        )
+    return mesh
 
 
 def _carry(

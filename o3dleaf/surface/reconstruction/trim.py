@@ -110,6 +110,22 @@ def trim_to_data(
         return build_mesh(*_drop_unsupported(vertices, triangles, data))
 
 
+def drop_unsupported(mesh: MeshLike, cloud: CloudLike) -> o3d.geometry.TriangleMesh:
+    """Return a mesh without its unsupported pieces, as `trim_to_data` does after cutting; all else stays.
+
+    Parameters
+    ----------
+    mesh, cloud
+        As of `trim_to_data`.
+
+    Raises
+    ------
+    InputError, ReconstructionError
+        As `trim_to_data` does.
+    """
+    return build_mesh(*_drop_unsupported(*require_triangles(mesh), OrientedCloud.of(cloud)))
+
+
 def _cut_off(
     vertices: FloatArray, triangles: IntArray, data: OrientedCloud, factor: float, clearance: float, noise: float | None
 ) -> tuple[FloatArray, IntArray]:

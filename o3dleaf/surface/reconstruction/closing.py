@@ -1,0 +1,145 @@
+"""Closed or open by evidence: a field corrected where its surface runs on past data that close around."""
+
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+import open3d as o3d
+
+from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import IntArray, require_triangles
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
+from o3dleaf.surface.mesh.topology import find_holes, label_nodes
+from o3dleaf.surface.reconstruction.extract import extract_near
+from o3dleaf.surface.reconstruction.fit import Constrain, surface_data
+from o3dleaf.surface.reconstruction.overshoots import NO_SITES, FreeSites, Surroundings
+from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
+
+Closed = Literal["auto"] | bool
+CHOICES = ("auto", True, False)
+ROUNDS = 3
+"""Times that a field is corrected: what a correction uncovers is small, or it does not end."""
+
+
+class Followed(NamedTuple):
+    """A field, its surface, at how many places it was corrected, and whether the surface is closed as it is."""
+
+    field: PUInterpolant
+    mesh: o3d.geometry.TriangleMesh
+    places: int = 0
+    closed: bool = False
+
+
+def surroundings(cloud: OrientedCloud, closed: Closed) -> Surroundings | None:
+    """Return what the data say of the space around them, None where they are not to be asked, or raise `InputError`."""
+    if closed not in CHOICES:
+        raise InputError(f"closed: is {closed!r}; give True, False or 'auto'")
+    return None if closed is False else Surroundings(cloud, everywhere=closed is True)
+
+
+def follow_surface(
+    field: PUInterpolant,
+    around: Surroundings | None,
+    cloud: OrientedCloud,
+    spacing: float | None,
+    constraints: Constrain,
+) -> Followed:
+    """Return the surface of a field near its data, and the field, corrected where the surface overshoots them.
+
+    Where it runs on farther than two spacings from the data, although they close around it (`Surroundings`), sites get
+    their distance, with the sign that the data give them, and the balls with such sites are fitted again.
+
+    Parameters
+    ----------
+    field : PUInterpolant
+    around : Surroundings or None
+        What the data say of the space around them; None to follow the field as it is.
+    cloud : OrientedCloud
+    spacing : float or None
+        As in `extract_near`.
+    constraints : callable
+        As in `fit_surface`, which made the field.
+    """
+    mesh = extract_near(field, cloud, spacing)
+    if around is None or not isinstance(field.local, (LocalSplines, LocalCreasedSplines)):
+        return Followed(field, mesh)
+    data, known, places, far, looking = None, NO_SITES, 0, True, around
+    with progress.silent():
+        for _ in range(ROUNDS):
+            rows, far = _overshoots(mesh, looking)
+            if not len(rows):
+                break
+            vertices, triangles = require_triangles(mesh)
+            sites = looking.sites(field, vertices[rows])
+            if not len(sites.sites):
+                break
+            places = max(places, _count_places(triangles, rows, len(vertices)))
+            data = _joined(surface_data(cloud, constraints) if data is None else data, sites)
+            known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
+            field = field.with_points(data, len(sites.sites))
+            mesh = extract_near(field, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
+            looking = replace(looking, everywhere=False)  # gaps are closed once
+    return Followed(field, mesh, places, not far and cloud.branchings is None)
+
+
+def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.TriangleMesh) -> tuple[str, bool]:
+    """Return whether a trimmed surface is closed or open and why, and whether that is worth a warning."""
+    vertices, triangles = require_triangles(mesh)
+    loops = None if followed.closed else find_holes(vertices, triangles)
+    if loops is None or not len(loops.perimeter):
+        why = "no gap in the data is wide enough for a hole"
+        if followed.places:
+            where = f"at {followed.places} place{'s' * (followed.places > 1)}"
+            why = f"{where} it had run on past data that close around them, and was fitted again"
+            if around.everywhere:
+                why = f"{where} gaps were closed, half way between what the data have inside and outside"
+        return f"the surface is closed: {why}", False
+    count, widest = len(loops.perimeter), loops.perimeter.max()
+    opened = f"the surface is open: {count} rim{'s' * (count > 1)}, the longest {widest:.3g} long"
+    if around.everywhere:
+        return f"{opened}; its data do not say how it closes there", True
+    if around.closing:
+        return f"{opened}, around gaps in data that close around else; closed=True closes them", True
+    return f"{opened}; its data are a sheet: winding number {around.level:.2f} on them, ½ on a closed one", False
+
+
+def _overshoots(mesh: o3d.geometry.TriangleMesh, around: Surroundings) -> tuple[IntArray, bool]:
+    """Return the rows of the vertices that overshoot the data, and whether any are far from them."""
+    vertices = require_triangles(mesh)[0]
+    far = around.far(vertices)
+    if not len(far) or not around.closing:
+        return far[:0], len(far) > 0
+    return far[around.overshooting(vertices[far])], True
+
+
+def _count_places(triangles: IntArray, rows: IntArray, count: int) -> int:
+    """Return how many places the vertices `rows` of a mesh make, joined along its triangles."""
+    chosen = np.zeros(count, dtype=bool)
+    chosen[rows] = True
+    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    pairs = pairs[chosen[pairs].all(axis=1)]
+    return len(np.unique(label_nodes(pairs[:, 0], pairs[:, 1], count)[rows]))
+
+
+def _joined(data: ScatteredData, free: FreeSites) -> ScatteredData:
+    """Return data with sites behind them, each a group of its own."""
+    old, count = len(data.points), len(free.sites)
+    assert data.weights is not None  # noqa: S101 - `surface_data` gives all
+    assert data.groups is not None  # noqa: S101
+    return ScatteredData(
+        np.concatenate([data.points, free.sites]),
+        np.concatenate([data.values, free.values]),
+        np.concatenate([data.weights, np.ones(count)]),
+        np.concatenate([data.groups, np.arange(old, old + count)]),
+    )
+
+
+def _mask(cloud: OrientedCloud, free: FreeSites) -> Mask:
+    """Return where a surface is followed near data and sites."""
+    spacing = np.concatenate([cloud.point_spacing, np.full(len(free.sites), float(np.median(cloud.point_spacing)))])
+    return distance_mask(OrientedCloud.of(np.concatenate([cloud.points, free.sites]), spacing=spacing))

@@ -1,0 +1,143 @@
+"""Overshoots: where a field's surface runs on past data that close around, such as the tip of a thin part.
+
+A field knows its data alone. Beyond a tip whose points have normals to both sides only, two sheets go on side by side,
+as they would past the rim of an open sheet, for nothing says that there is no matter. The winding number does: it sees
+where all data lie.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.field import Field
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.reconstruction.proximity import distance_mask, nearest_points
+from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
+
+FAR = 2.0
+"""Spacings from the data beyond which a surface is looked at: of random points a few in a million leave such a gap."""
+
+DECISIVE = 0.7
+"""Share by which data must close around a place, |2 w − 1|, for it to be no gap: seen from a place half way between a
+gap's center and its rim, however far off the surface, the gap fills more than the rest of a half space."""
+
+CLOSING = 0.25
+"""Level of a cloud, half way between a sheet's and a closed surface's, above which its data close around."""
+
+LOCAL = 0.125
+"""The same of the data nearest to a place: a thin part of a closed surface is short of the level, a sheet has none."""
+
+NEAREST, FARTHEST = 1.2, 4.5
+"""Spacings from the data where matter is denied or asserted: nearer the data speak, farther nothing is followed."""
+
+BAND = 2.0
+"""Spacings on both sides of the level along which a gap is closed."""
+
+MAX_SITES = 200_000
+"""Sites at which a gap is not followed any farther."""
+
+STEPS = np.concatenate([np.eye(3, dtype=np.int64), -np.eye(3, dtype=np.int64)])
+
+
+class FreeSites(NamedTuple):
+    """Places (n, 3) about which the winding number is sure, and the signed distances (n,) there, larger inside."""
+
+    sites: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What data say of the space around them.
+
+    Attributes
+    ----------
+    data : OrientedCloud
+    everywhere : bool
+        Whether gaps are closed too, however wide, along the level of the winding number.
+    """
+
+    data: OrientedCloud
+    everywhere: bool = False
+
+    def __repr__(self) -> str:
+        return f"Surroundings({self.data!r})"
+
+    @cached_property
+    def winding(self) -> WindingNumber:
+        """The winding number of the data."""
+        return WindingNumber.of(self.data)
+
+    @cached_property
+    def level(self) -> float:
+        """The winding number on the data: 1/2 where they are closed, −1/2 with normals inward, 0 of a sheet."""
+        return self.winding.level
+
+    @property
+    def closing(self) -> bool:
+        """Whether the data as a whole close around: if not they are a sheet."""
+        return self.everywhere or abs(self.level) > CLOSING
+
+    def depth(self, places: FloatArray) -> FloatArray:
+        """Return how far (n,) the data close around places (n, 3): 1 inside, −1 outside, 0 in the middle of a gap."""
+        share = 2 * self.winding(places) - np.sign(self.level)
+        return np.asarray(np.clip(share, -1.0, 1.0))
+
+    def far(self, vertices: FloatArray) -> IntArray:
+        """Return the rows of the vertices that are far from the data."""
+        return np.flatnonzero(~distance_mask(self.data, factor=FAR)(vertices))
+
+    def overshooting(self, places: FloatArray) -> BoolArray:
+        """Return which places (n,) of a surface, far from the data, are no gap in them; all, where gaps are closed."""
+        if self.everywhere:
+            return np.ones(len(places), dtype=bool)
+        near, place = np.unique(nearest_points(self.data.tree, places)[1], return_inverse=True)
+        closed = self.winding.levels(near) * np.sign(self.level) > LOCAL
+        return np.asarray(closed[place] & (np.abs(self.depth(places)) > DECISIVE))
+
+    def sites(self, field: Field, places: FloatArray) -> FreeSites:
+        """Return where a field is wrong around such places, on lattices as fine as the data there."""
+        spacing = self.data.point_spacing[nearest_points(self.data.tree, places)[1]]
+        octave = np.floor(np.log2(spacing / spacing.min())).astype(np.int64)
+        found = []
+        for each in np.unique(octave):
+            pitch = float(np.median(spacing[octave == each]))
+            found += list(self._flood(field, np.round(places[octave == each] / pitch).astype(np.int64), pitch))
+        return FreeSites(*(np.concatenate(part) for part in zip(*found, strict=True))) if found else NO_SITES
+
+    def _flood(self, field: Field, start: IntArray, pitch: float) -> Iterator[FreeSites]:
+        """Yield the sites of a lattice from cells (n, 3) on, neighbor by neighbor, as far as the field is wrong."""
+        cells, seen, count = np.unique(start, axis=0), np.empty((0, 3), dtype=np.int64), 0
+        while len(cells) and count < MAX_SITES:
+            seen = np.concatenate([seen, cells])
+            wrong, found = self._judge(field, np.asarray(cells * pitch, dtype=np.float64), pitch)
+            yield found
+            count += len(found.sites)
+            around = np.unique((cells[wrong][:, np.newaxis] + STEPS).reshape(-1, 3), axis=0)
+            cells = _without(around, seen)
+
+    def _judge(self, field: Field, places: FloatArray, pitch: float) -> tuple[IntArray, FreeSites]:
+        """Return which places (n, 3) a field is wrong about, and what is right there."""
+        distance, nearest = nearest_points(self.data.tree, places)
+        ratio = distance / self.data.point_spacing[nearest]
+        rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
+        depth = self.depth(places[rows])
+        value = depth * distance[rows]
+        wrong = (np.sign(field(places[rows])) != np.sign(depth)) & (np.abs(depth) > DECISIVE) & (ratio[rows] < FARTHEST)
+        if self.everywhere:
+            wrong |= (np.abs(value) < BAND * pitch) & (np.abs(depth) < DECISIVE)
+        return rows[wrong], FreeSites(places[rows[wrong]], value[wrong])
+
+
+NO_SITES = FreeSites(np.empty((0, 3)), np.empty(0))
+
+
+def _without(cells: IntArray, seen: IntArray) -> IntArray:
+    """Return the cells (n, 3), each once, that are not among those seen."""
+    both, count = np.unique(np.concatenate([cells, seen, seen]), axis=0, return_counts=True)
+    return np.asarray(both[count == 1])

@@ -1,0 +1,126 @@
+"""Closed or open by evidence: no hole where data close around, the true ones kept, and said why."""
+
+import numpy as np
+import pytest
+
+from cloud_shapes import sphere
+from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, mesh_report
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.journal import Journal
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.surface.reconstruction.fit import surface_data
+from tolerances import BOX_INDEPENDENCE, CLOSED_GAP
+
+
+class Notes(Journal):
+    """Keeps what is said."""
+
+    def __init__(self):
+        super().__init__()
+        self.notes = []
+
+    def note(self, text):
+        self.notes.append(text)
+
+
+def reconstructed(points, normals, **options):
+    """Return the mesh and what was said of it."""
+    with Notes() as journal:
+        mesh, _ = create_from_point_cloud_rbfpu(OrientedCloud.of(points, normals), measure=None, **options)
+    return mesh, [note for note in journal.notes if "the surface is" in note]
+
+
+def lens(count, thickness, noise=0.0, seed=0):
+    """Return points of an ellipsoid so many spacings thick, with noise in spacings, and its normals."""
+    half = thickness / 2 * np.sqrt(2 * np.pi * 0.6 / count)
+    rng = np.random.default_rng(seed)
+    flat = rng.normal(size=(count, 3))
+    flat /= np.linalg.norm(flat, axis=1)[:, np.newaxis]
+    # Even in the plane, which a thin lens nearly is.
+    radius, angle = np.sqrt(rng.uniform(size=count)), rng.uniform(0, 2 * np.pi, count)
+    height = np.sqrt(1 - radius**2) * np.where(rng.uniform(size=count) < 0.5, 1, -1)
+    unit = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), height])
+    axes = np.array([1.0, 0.6, half])
+    normals = unit / axes
+    normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
+    return unit * axes + 2 * half / thickness * noise * rng.normal(size=unit.shape), normals
+
+
+def opened(count, degrees, seed=1):
+    """Return points of a sphere without the cap of so many degrees about its pole, and their normals."""
+    points, normals = sphere(count, seed)
+    left = points[:, 2] < np.cos(np.radians(degrees))
+    return points[left], normals[left]
+
+
+def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
+    thickness, noise = 2.0, 0.25
+    mesh, said = reconstructed(*lens(6_000, thickness, noise))
+    found = mesh_report(mesh)
+    assert (found.components, found.boundary_edges) == (1, 0)
+    assert said[0].startswith("the surface is closed")
+    assert "it had run on past data that close around them" in said[0]
+    assert mesh_report(reconstructed(*lens(6_000, thickness, noise), closed=False)[0]).boundary_edges > 0
+
+
+@pytest.mark.parametrize("degrees", [60, 90, 120])
+def test_open_data_are_left_as_they_are(degrees):
+    """A bowl is no gap in a sphere: of no field beyond its rim is it known that it is wrong."""
+    points, normals = opened(3_000, degrees)
+    auto, said = reconstructed(points, normals)
+    assert said[0].startswith("the surface is open: 1 rim,")
+    for one, other in zip(mesh_arrays(auto), mesh_arrays(reconstructed(points, normals, closed=False)[0]), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_gap_stays_open_unless_it_is_to_be_closed():
+    """A hole of five spacings: its rim is where it was, or the level of the winding number closes it."""
+    spacing = np.sqrt(4 * np.pi / 3_000)
+    points, normals = opened(3_000, np.degrees(5 * spacing))
+    mesh, said = reconstructed(points, normals)
+    assert mesh_report(mesh).boundary_loops == 1
+    assert "closed=True closes them" in said[0]
+    mesh, said = reconstructed(points, normals, closed=True)
+    found, radius = mesh_report(mesh), np.linalg.norm(mesh_arrays(mesh)[0], axis=1)
+    assert (found.components, found.boundary_edges, found.genus) == (1, 0, 0)
+    assert said == [
+        "the surface is closed: at 1 place gaps were closed, half way between what the data have inside and outside"
+    ]
+    # Not beyond the sphere, and not below the flat disc in the rim.
+    assert np.cos(5 * spacing) - CLOSED_GAP * spacing < radius.min()
+    assert radius.max() < 1 + CLOSED_GAP * spacing
+
+
+def test_closed_is_one_of_three():
+    with pytest.raises(InputError, match="closed: is 'maybe'"):
+        create_from_point_cloud_rbfpu(sphere(500)[0], closed="maybe")
+
+
+@pytest.mark.parametrize("creases", [False, 30.0])
+def test_more_points_change_the_balls_that_contain_them_alone(creases):
+    rng = np.random.default_rng(8)
+    points = rng.uniform(-1, 1, (2_400, 3))
+    side = np.arange(len(points)) % 3
+    points[np.arange(len(points)), side] = np.sign(points[np.arange(len(points)), side])
+    normals = np.where(np.abs(points) == 1, points, 0.0)
+    cloud = OrientedCloud.of(points, normals)
+    field, known = fit_surface(cloud, rho=None, creases=creases), surface_data(cloud)
+    site, value = np.array([[1.3, 0.1, 0.2]]), np.array([-0.5])
+    more = ScatteredData(
+        np.concatenate([known.points, site]),
+        np.append(known.values, value),
+        np.append(known.weights, 1.0),
+        np.append(known.groups, len(known.groups)),
+    )
+    changed = field.with_points(more, 1)
+    assert changed(site) == pytest.approx(value, abs=BOX_INDEPENDENCE)
+    asked = rng.uniform(-1.2, 1.2, (2_000, 3))
+    near = np.linalg.norm(field.cover.centers - site, axis=1) < field.cover.radii
+    reached = (np.linalg.norm(asked[:, np.newaxis] - field.cover.centers[near], axis=2) < field.cover.radii[near]).any(
+        axis=1
+    )
+    assert 0 < reached.sum() < len(asked)
+    np.testing.assert_array_equal(changed(asked[~reached]), field(asked[~reached]))
+    assert not np.array_equal(changed(asked[reached]), field(asked[reached]))
+    assert changed.cover.members.max() == len(known.points)
