@@ -157,7 +157,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         around = surroundings(cloud, closed)
         followed = follow_surface(field, around, cloud, spacing, constraints)
         field = followed.field
-    mesh = _trimmed(followed, around, cloud, closed, trim)
+    mesh, decisions = _trimmed(followed, around, cloud, closed, trim)
+    for decision in decisions:
+        _tell(decision)
     with journal.stage("clean mesh"):
         mesh = clean(mesh) if clean else mesh
     vertices, _ = mesh_arrays(mesh)
@@ -173,8 +175,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
 
 def _trimmed(
     followed: Followed, around: Surroundings | None, cloud: OrientedCloud, closed: Closed, trim: Trim | None
-) -> Mesh:
-    """Return the mesh without what no data support; say whether it is closed, and what faces away from the data."""
+) -> tuple[Mesh, list[str]]:
+    """Return the mesh without what no data support, and what is to be said of it: as closed as it is, as it faces."""
+    decisions = []
     with journal.stage("trim to data"):
         trimming, comparing = progress.split(2, 1)
         with trimming:
@@ -185,13 +188,13 @@ def _trimmed(
             inverted = find_inverted_regions(mesh, cloud).mean()
     if around and trim:
         decision, surprising = verdict(followed, around, mesh)
-        _tell(decision) if surprising else journal.note(decision)
+        decisions.append(decision) if surprising else journal.note(decision)
     if inverted > INVERTED:
-        _tell(
+        decisions.append(
             f"{100 * inverted:.2g} % of the surface faces away from all data near it: it joins sheets that face "
             "the same way and lie close together, such as two scans of one sheet that do not fit"
         )
-    return mesh
+    return mesh, decisions
 
 
 def _carry(
