@@ -68,10 +68,10 @@ def follow_surface(
     mesh = extract_near(field, cloud, spacing)
     if around is None or not isinstance(field.local, (LocalSplines, LocalCreasedSplines)):
         return Followed(field, mesh)
-    data, known, places, far, looking = None, NO_SITES, 0, True, around
+    data, known, places, wide, looking = None, NO_SITES, 0, True, around
     with progress.silent():
         for _ in range(ROUNDS):
-            rows, far = _overshoots(mesh, looking)
+            rows, wide = _overshoots(mesh, looking)
             if not len(rows):
                 break
             vertices, triangles = require_triangles(mesh)
@@ -84,7 +84,7 @@ def follow_surface(
             field = field.with_points(data, len(sites.sites))
             mesh = extract_near(field, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
             looking = replace(looking, everywhere=False)  # gaps are closed once
-    return Followed(field, mesh, places, not far and cloud.branchings is None)
+    return Followed(field, mesh, places, not wide and cloud.branchings is None)
 
 
 def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.TriangleMesh) -> tuple[str, bool]:
@@ -109,12 +109,12 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
 
 
 def _overshoots(mesh: o3d.geometry.TriangleMesh, around: Surroundings) -> tuple[IntArray, bool]:
-    """Return the rows of the vertices that overshoot the data, and whether any are far from them."""
+    """Return the rows of the vertices that overshoot the data, and whether any is so far that trimming cuts."""
     vertices = require_triangles(mesh)[0]
-    far = around.far(vertices)
+    far, wide = around.far(vertices)
     if not len(far) or not around.closing:
-        return far[:0], len(far) > 0
-    return far[around.overshooting(vertices[far])], True
+        return far[:0], wide
+    return far[around.overshooting(vertices[far])], wide
 
 
 def _count_places(triangles: IntArray, rows: IntArray, count: int) -> int:

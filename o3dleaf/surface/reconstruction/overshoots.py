@@ -19,12 +19,15 @@ from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.proximity import distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 
-FAR = 2.0
-"""Spacings from the data beyond which a surface is looked at: of random points a few in a million leave such a gap."""
+FAR = 1.5
+"""Spacings from the data beyond which a surface is looked at: of random points one in a thousand leaves such a gap."""
 
-DECISIVE = 0.7
-"""Share by which data must close around a place, |2 w − 1|, for it to be no gap: seen from a place half way between a
-gap's center and its rim, however far off the surface, the gap fills more than the rest of a half space."""
+WIDE = 2.0
+"""Spacings from the data within which nothing is trimmed: of random points a few in a million leave such a gap."""
+
+OUTSIDE, INSIDE = -0.7, 0.5
+"""Share by which data must close around a place, 2 w − 1, for it to be no gap. Past the rim of a bowl it is −1/2 where
+that is a hemisphere, and nearer −1 the flatter it is; the middle of a gap is 0. No open sheet has w above 1/2 there."""
 
 CLOSING = 0.25
 """Level of a cloud, half way between a sheet's and a closed surface's, above which its data close around."""
@@ -88,17 +91,27 @@ class Surroundings:
         share = 2 * self.winding(places) - np.sign(self.level)
         return np.asarray(np.clip(share, -1.0, 1.0))
 
-    def far(self, vertices: FloatArray) -> IntArray:
-        """Return the rows of the vertices that are far from the data."""
-        return np.flatnonzero(~distance_mask(self.data, factor=FAR)(vertices))
+    def far(self, vertices: FloatArray) -> tuple[IntArray, bool]:
+        """Return the rows of the vertices that are far from the data, and whether any is so far that trimming cuts."""
+        rows = np.flatnonzero(~distance_mask(self.data, factor=FAR)(vertices))
+        distance, nearest = nearest_points(self.data.tree, vertices[rows])
+        return rows, bool((distance > WIDE * self.data.point_spacing[nearest]).any())
 
     def overshooting(self, places: FloatArray) -> BoolArray:
-        """Return which places (n,) of a surface, far from the data, are no gap in them; all, where gaps are closed."""
+        """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""
         if self.everywhere:
-            return np.ones(len(places), dtype=bool)
-        near, place = np.unique(nearest_points(self.data.tree, places)[1], return_inverse=True)
-        closed = self.winding.levels(near) * np.sign(self.level) > LOCAL
-        return np.asarray(closed[place] & (np.abs(self.depth(places)) > DECISIVE))
+            distance, nearest = nearest_points(self.data.tree, places)
+            return np.asarray(distance > WIDE * self.data.point_spacing[nearest])
+        sure = self.decisive(self.depth(places))
+        near, place = np.unique(nearest_points(self.data.tree, places[sure])[1], return_inverse=True)
+        if len(near):
+            sure[sure] = (self.winding.levels(near) * np.sign(self.level) > LOCAL)[place]
+        return sure
+
+    def decisive(self, depth: FloatArray) -> BoolArray:
+        """Return at which depths (n,) a place is no gap."""
+        share = depth * (1.0 if self.level >= 0 else -1.0)
+        return np.asarray((share < OUTSIDE) | (share > INSIDE))
 
     def sites(self, field: Field, places: FloatArray) -> FreeSites:
         """Return where a field is wrong around such places, on lattices as fine as the data there."""
@@ -128,9 +141,9 @@ class Surroundings:
         rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
         depth = self.depth(places[rows])
         value = depth * distance[rows]
-        wrong = (np.sign(field(places[rows])) != np.sign(depth)) & (np.abs(depth) > DECISIVE) & (ratio[rows] < FARTHEST)
+        wrong = (np.sign(field(places[rows])) != np.sign(depth)) & self.decisive(depth) & (ratio[rows] < FARTHEST)
         if self.everywhere:
-            wrong |= (np.abs(value) < BAND * pitch) & (np.abs(depth) < DECISIVE)
+            wrong |= (np.abs(value) < BAND * pitch) & ~self.decisive(depth)
         return rows[wrong], FreeSites(places[rows[wrong]], value[wrong])
 
 
