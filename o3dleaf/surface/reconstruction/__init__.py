@@ -13,6 +13,5 @@
 `attributes`            the cloud's colors and scalars at the vertices
 `finish`                normals, colors and support put on the mesh
 `reconstruct`           the whole job, one step a line
-`solid_angle_loops`     the compiled loop of the winding number
 `vertex_support_loops`  the compiled loops of proximity and support
 """

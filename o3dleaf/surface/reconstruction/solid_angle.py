@@ -7,16 +7,8 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import run_blocks
-from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.reconstruction.solid_angle_loops import DipoleCells, sum_dipoles
-
-CELL = 6.0
-"""Edge of a cell in spacings: few tens of points, so that a place meets about as many cells as points."""
-
-FAR = 2.0
-"""Distance of a cell's center in its diameters beyond which it counts as one dipole: off by a sixteenth of it."""
+from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
 AROUND = 100
 """Points whose median is the level at one of them: at the tip of a thin part, one that is as thick as it is long."""
@@ -26,8 +18,6 @@ SOFTENING = 0.25
 
 SAMPLE_SIZE = 100
 """Points whose median is the level of the whole cloud."""
-
-BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +33,9 @@ class WindingNumber:
     Attributes
     ----------
     data : OrientedCloud
-    cells : DipoleCells
+    tree : DipoleTree
+    flux : (n, 3) ndarray
+        a_j n_j, in the order of the tree.
 
     References
     ----------
@@ -52,32 +44,22 @@ class WindingNumber:
     """
 
     data: OrientedCloud
-    cells: DipoleCells
+    tree: DipoleTree
+    flux: FloatArray
 
     @classmethod
     def of(cls, cloud: CloudLike) -> "WindingNumber":
         """Return that of a cloud with outward normals, or raise `InputError` where it has none."""
         data = OrientedCloud.of(cloud)
-        area = data.point_spacing**2
-        sorted_cells = Cells.sort(data.points, CELL * float(np.median(data.point_spacing)))
-        order, first, last = sorted_cells.order, sorted_cells.first, sorted_cells.last
-        points, fluxes, area = data.points[order], (data.require_normals() * area[:, np.newaxis])[order], area[order]
-        whole = np.add.reduceat(area, first)[:, np.newaxis]
-        centers = np.add.reduceat(points * area[:, np.newaxis], first) / whole
-        cell = np.repeat(np.arange(len(first)), last - first)
-        radius = np.sqrt(np.maximum.reduceat(((points - centers[cell]) ** 2).sum(axis=1), first))
-        sums = np.add.reduceat(fluxes, first)
-        return cls(data, DipoleCells(points, fluxes, first, last, centers, sums, (2 * FAR * radius) ** 2))
+        tree, flux = DipoleTree(data.points), data.require_normals() * (data.point_spacing**2)[:, np.newaxis]
+        return cls(data, tree, np.ascontiguousarray(flux[tree.order]))
 
     def __repr__(self) -> str:
-        return f"WindingNumber({len(self.data):,} points in {len(self.cells.first):,} cells)"
+        return f"WindingNumber({len(self.data):,} points)"
 
     def __call__(self, places: FloatArray, softening: FloatArray | float = 0.0) -> FloatArray:
         """Return w (n,) at places (n, 3), distances softened by a length: r² + softening² for r²."""
-        number, soft = np.empty(len(places)), np.empty(len(places))
-        targets, soft[:] = np.ascontiguousarray(places), np.square(softening)
-        run_blocks(lambda i, j: sum_dipoles(i, j, targets, self.cells, soft, number), len(places), BLOCK)
-        return number
+        return self.tree.winding_at(self.flux, places, np.broadcast_to(softening, len(places)))
 
     def levels(self, rows: IntArray) -> FloatArray:
         """Return the level of w (n,) on the surface around some of the data.

@@ -6,7 +6,7 @@ import pytest
 from cloud_shapes import sphere
 from o3dleaf import OrientedCloud
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
-from tolerances import SOLID_ANGLE, WINDING_CELLS
+from tolerances import SOLID_ANGLE, WINDING_NODES
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +36,14 @@ def test_a_gap_takes_its_solid_angle(ball):
     np.testing.assert_allclose(number(height[:, np.newaxis] * [0, 0, 1.0]), 1 - gap, rtol=0, atol=SOLID_ANGLE)
 
 
-def test_far_cells_count_as_their_points_do(ball):
+def test_far_points_count_together_as_they_do_alone(ball):
     places, _ = sphere(50, seed=5)
     places *= np.linspace(0.3, 3.0, 50)[:, np.newaxis]
     number = WindingNumber.of(ball)
     arm = ball.points - places[:, np.newaxis]
     flux = ball.normals * (ball.point_spacing**2)[:, np.newaxis]
     literal = (np.einsum("nmj,mj->nm", arm, flux) / np.linalg.norm(arm, axis=2) ** 3).sum(axis=1) / (4 * np.pi)
-    np.testing.assert_allclose(number(places), literal, rtol=0, atol=WINDING_CELLS)
+    np.testing.assert_allclose(number(places), literal, rtol=0, atol=WINDING_NODES)
 
 
 def test_levels_tell_closed_from_open(ball):
