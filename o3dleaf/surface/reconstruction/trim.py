@@ -1,13 +1,15 @@
 """Cutting a surface off where it goes on past its data: no invented surface, and no hole in a random cloud."""
 
+import warnings
+
 import numpy as np
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from o3dleaf.core import progress
+from o3dleaf.core import journal, progress
 from o3dleaf.core.checks import FloatArray, as_number, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import CloudWarning, InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import (
     BoolArray,
     IntArray,
@@ -219,4 +221,23 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
     if not keep.any():
         raise ReconstructionError("trim_to_data: no component of the mesh has enough data; is the spacing too small?")
+    if not keep.all():
+        _tell_of_lost(data, nearest, keep, vertices[keep[of_vertex]])
     return drop_unused_vertices(vertices, triangles[keep[piece]]) if not keep.all() else (vertices, triangles)
+
+
+def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, vertices: FloatArray) -> None:
+    """Say how many data, each with its piece (n,), are left without a surface as pieces go, and where most of them."""
+    lost = np.flatnonzero(~keep[piece])
+    far = cKDTree(vertices).query(data.points[lost], workers=-1)[0] > data.point_spacing[lost]
+    lost = lost[far]
+    if not len(lost):
+        return
+    names, counts = np.unique(piece[lost], return_counts=True)
+    place = data.points[lost[piece[lost] == names[counts.argmax()]]].mean(axis=0)
+    where = " ".join(f"{x:.4g}" for x in place)
+    text = (
+        f"{len(lost):,} points have no surface: {len(names)} piece{'s' * (len(names) > 1)} of too few, the largest of "
+    )
+    text += f"{counts.max()} at {where}"
+    journal.note(text) if journal.open_journal() else warnings.warn(text, CloudWarning, stacklevel=5)

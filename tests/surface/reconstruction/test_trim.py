@@ -1,11 +1,13 @@
 """No invented surface: open where data end, closed where they are closed, never pierced by chance."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from mesh_fields import joined, sphere
 from o3dleaf import OrientedCloud, distance_mask, extract_isosurface, mesh_report, point_spacing, trim_to_data
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import CloudWarning, InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.mesh.topology import EdgeTable
 from o3dleaf.surface.reconstruction.trim import cut_below
@@ -99,6 +101,20 @@ def test_a_bubble_beside_the_data_is_dropped_and_a_small_piece_with_data_stays()
     data = OrientedCloud.of(np.concatenate([cloud, far]), spacing=spacing)
     kept = trim_to_data(joined(plane(spacing), (far, triangles)), data)
     assert mesh_report(kept).components == 2
+
+
+def test_points_that_are_too_few_for_a_piece_do_not_vanish_without_a_word():
+    """Twelve points on a bubble far off are told with their place; a bubble beside the data takes none away."""
+    cloud, spacing = flat(5_000)
+    bubble, triangles = mesh_arrays(extract_isosurface(sphere(), 0.5))
+    far = bubble * spacing + [0.25, 0.5, 1.0]
+    data = OrientedCloud.of(np.concatenate([cloud, far[:12]]), spacing=spacing)
+    with pytest.warns(CloudWarning, match=r"^12 points have no surface: 1 piece of too few, the largest of 12 at 0\.2"):
+        trim_to_data(joined(plane(spacing), (far, triangles)), data)
+    near = bubble * spacing + [0.3, 0.2, 1.5 * spacing]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        trim_to_data(joined(plane(spacing), (near, triangles)), OrientedCloud.of(cloud, spacing=spacing))
 
 
 def test_each_part_of_an_uneven_cloud_ends_by_its_own_spacing():
