@@ -74,9 +74,22 @@ def test_what_no_data_support_can_be_kept(run, tmp_path):
     assert area["whole.ply"] > 1.3
 
 
+def test_normals_face_the_place_that_a_cloud_was_scanned_from(run, tmp_path):
+    """A ball scanned from its center is a room: its mesh faces inward."""
+    points, _ = samples.Sphere().sample(1_500, seed=2)
+    np.savetxt(tmp_path / "room.xyz", points)
+    done = run("reconstruct", tmp_path / "room.xyz", "--viewpoint", "0,-0.1,0", "-o", tmp_path / "room.ply")
+    assert done.returncode == 0, done.stderr
+    mesh = o3d.io.read_triangle_mesh(str(tmp_path / "room.ply"))
+    corners = np.asarray(mesh.vertices)[np.asarray(mesh.triangles)]
+    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() < 0
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [
+        (("--viewpoint", "1,2"), "viewpoint"),
+        (("--viewpoint", "a,b,c"), "viewpoint"),
         (("--local", "voodoo"), "voodoo"),
         (("--measure", "luck"), "luck"),
         (("--closed", "maybe"), "maybe"),

@@ -12,6 +12,8 @@ from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 
 SAMPLE = 4096
 """Points that a cloud is tried with first."""
+ROUNDS = 10
+"""Of making them consistent, where no side is known: after six, bodies a spacing apart are not told apart yet."""
 BALANCED = 0.05
 """Length of the mean of normals by area up to which they may be of a closed surface, where it is zero: noisy figures
 whose sides were found have 0.03, leaves 0.14 and more."""
@@ -63,7 +65,7 @@ def _all_anew(points: FloatArray, normals: FloatArray, spacing: FloatArray) -> C
     """Return the normals of a closed surface, all in doubt at first, or None where they are of none."""
     across = np.sqrt(fit_planes(points, nearest_neighbors(cKDTree(points)).row).variance[:, 0])
     everywhere = np.ones(len(points), bool)
-    found = make_consistent(points, normals, spacing, float(np.quantile(across, QUIET)), everywhere)
+    found = make_consistent(points, normals, spacing, float(np.quantile(across, QUIET)), everywhere, rounds=ROUNDS)
     if imbalance(found.normals, spacing) > BALANCED:
         return None
     tree = DipoleTree(points)
