@@ -880,3 +880,5 @@ UNITS = 1e-7
 """Of a step: a fit in other units differs by rounding times its condition, and so does what it is zero at."""
 CLUSTER_ERROR = 1.2
 """Two draws of the same noise; without points from around the balls beside a cluster it was 50 and more."""
+CAP_DISTANCE = 0.002
+"""Vertices of marching cubes are off by the square of a step of 0.1 times the bend of the sheets over eight."""

@@ -219,9 +219,11 @@ class LocalSplines:
         u is 2⁻²⁴; a term has some roundings of its own, and those of z − z_j, which lie in unit coordinates.
         """
         power, counts = self.kernel.power, np.diff(self.offsets)
-        reach = 1.0 + np.sqrt(self.kernel.dimension) * float(np.abs(self.sites).max(initial=0.0))
+        places, shared = np.unique(self.places, return_inverse=True)
+        farthest = np.maximum.reduceat(np.abs(self.sites), places)[shared]
+        reach = 1.0 + np.sqrt(self.kernel.dimension) * farthest
         # |φ| and |φ′| at that distance; beside log r stands less than 1/p + 1/(p − 1) + ... < 2.
-        factor = 1.0 if power % 2 else abs(np.log(reach)) + 2.0
+        factor = 1.0 if power % 2 else np.log(reach) + 2.0
         size, slope = factor * reach**power, factor * power * reach ** (power - 1)
         sums = np.add.reduceat(np.abs(self.weights), self.offsets[:-1])
         terms = (counts + ROUNDINGS) * size + 4.0 * slope

@@ -12,6 +12,9 @@ from o3dleaf.surface.isosurface.cell_loops import DIRECTIONS
 BATCH_SIZE = 1 << 18
 """Points at which a field is evaluated at once."""
 
+PROBES, MOST = 4096, 0.25
+"""Samples by which it is judged whether rough values pay, and the share of them that may lie too near to the level."""
+
 ROUNDINGS = 16
 """Of what a blend in single precision makes of its balls' values, at most."""
 
@@ -30,9 +33,10 @@ def sample_level(field: Field, lattice: BoxedLattice, level: float, method: int)
     method : int
         Place in `METHODS`: which edges there are.
     """
-    if not (
-        isinstance(field, HasRough) and np.isfinite(error := field.rough_error) and lattice.is_within(field.bounds)
-    ):
+    if not (isinstance(field, HasRough) and lattice.is_within(field.bounds)):
+        return lattice.sample(field)
+    error = field.rough_error
+    if not np.isfinite(error) or _share_near(field, lattice, level, error) > MOST:
         return lattice.sample(field)
     rough = field.rough_on(lattice.lattice)
     samples = lattice.sample(field.rough) if rough is None else rough.astype(np.float64)
@@ -44,6 +48,14 @@ def sample_level(field: Field, lattice: BoxedLattice, level: float, method: int)
     beside = _ends(samples > level, method)
     _ask(field, lattice, beside & ~known, samples)
     return samples
+
+
+def _share_near(field: Field, lattice: BoxedLattice, level: float, error: float) -> float:
+    """Return the share of the samples whose side rough values would leave open, from some of them."""
+    shape = lattice.lattice.shape
+    some = np.arange(0, int(np.prod(shape)), max(1, int(np.prod(shape)) // PROBES))
+    values = np.asarray(field(lattice.points(np.stack(np.unravel_index(some, shape), axis=1))))
+    return float(np.mean(np.abs(values - level) <= error))
 
 
 def _ask(field: Field, lattice: BoxedLattice, which: BoolArray, samples: FloatArray) -> None:

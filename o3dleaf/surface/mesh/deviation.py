@@ -21,6 +21,9 @@ from o3dleaf.surface.mesh.measurements import MeshMeasurements
 SUPPORT = 3.0
 """A vertex is supported if a point of the scan is within this many median spacings of the scan."""
 
+ON_BOUNDS = 1e-6
+"""Share of a mesh's size within which a vertex is on a face of a field's bounds: that of single precision in files."""
+
 BATCH_SIZE = 2**20
 """Vertices whose distances are found together."""
 
@@ -35,7 +38,8 @@ class Deviation:
         Of each vertex to the field's surface. Of a closed mesh, where the field knows its
         ``signed_distance``, |signed_distance|: the rim of a leaf is no level set. Otherwise
         |F − isovalue| / |∇F|, the first step of Newton's method, at most the diagonal of the field's
-        bounds. Vertices that no triangle uses have NaN, here and in `to_scan`.
+        bounds; 0 on a face of the bounds where F is above the isovalue: a solid ends there. Vertices that no triangle
+        uses have NaN, here and in `to_scan`.
     to_scan : (n,) ndarray or None
         Of each vertex to the nearest point of the scan.
     from_scan : (k,) ndarray or None
@@ -104,13 +108,17 @@ def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None
         closed = {"closed": True} if "closed" in inspect.signature(exact).parameters else {}
         return _at_used(measured, lambda some: np.abs(exact(some * scale, **closed)) / scale)
     farthest = float(np.linalg.norm(field.bounds[1] - field.bounds[0]))
+    size = float(np.linalg.norm(measured.bounds[1] - measured.bounds[0])) * scale
 
     def newton(some: FloatArray) -> FloatArray:
-        excess = np.abs(field(some * scale) - isovalue)
+        above = field(some * scale) - isovalue
+        excess = np.abs(above)
         slope = np.linalg.norm(field.gradient(some * scale), axis=1)
         # Where the field is flat, the first step of Newton's method leads nowhere near.
         far = excess >= slope * farthest
-        return np.where(far & (excess > 0), farthest, excess / np.where(slope > 0, slope, 1.0)) / scale
+        distance = np.where(far & (excess > 0), farthest, excess / np.where(slope > 0, slope, 1.0))
+        on_bounds = np.abs(some[:, np.newaxis] * scale - field.bounds).min(axis=(1, 2)) <= ON_BOUNDS * size
+        return np.where((above > 0) & on_bounds, 0.0, distance) / scale
 
     return _at_used(measured, newton)
 

@@ -47,11 +47,14 @@ class ProjectionTarget(Protocol):
 
 
 class FieldTarget:
-    """The surface of a field, where it is zero; charts are places. Creases stay where they are."""
+    """The surface of a field, where it is zero, and caps on the faces of a box; charts are places.
 
-    def __init__(self, jet: Jet, max_step: float) -> None:
-        """Take a field by its values and gradients; no step is longer than `max_step`."""
-        self.jet, self.max_step = jet, max_step
+    Creases stay where they are.
+    """
+
+    def __init__(self, jet: Jet, max_step: float, box: FloatArray | None = None) -> None:
+        """Take a field by its values and gradients, and the box that it ends at; no step is longer than `max_step`."""
+        self.jet, self.max_step, self.box = jet, max_step, box
 
     def project(
         self, charts: FloatArray, shifts: FloatArray, masks: Masks, creased: BoolArray
@@ -60,14 +63,33 @@ class FieldTarget:
         del masks
         places = np.where(creased[:, np.newaxis], charts, charts + shifts)
         reached = ~creased | ~shifts.any(axis=1)
-        places[~creased], reached[~creased] = project_to_level(
-            places[~creased],
+        free = np.flatnonzero(~creased)
+        if self.box is not None:
+            free = free[~self._cap(self.box, places, free)]
+        places[free], reached[free] = project_to_level(
+            places[free],
             self.jet,
             max_step=self.max_step,
             tolerance=TOLERANCE * self.max_step,
             max_iterations=MAX_ITERATIONS,
         )
+        if self.box is not None:
+            np.clip(places, *self.box, out=places)
         return places, places, reached
+
+    def _cap(self, box: FloatArray, places: FloatArray, rows: IntArray) -> BoolArray:
+        """Move those points onto a face of the box that lie in the solid and nearer to it than to zero; say which."""
+        away = np.abs(places[rows, np.newaxis] - box).reshape(len(rows), 6)
+        face = away.argmin(axis=1)
+        capped = away[np.arange(len(rows)), face] < self.max_step
+        if capped.any():
+            near = np.flatnonzero(capped)
+            values, slopes = self.jet(np.clip(places[rows[near]], *box))
+            length = np.linalg.norm(slopes, axis=1)
+            capped[near] = (values > 0) & (values > length * away[near, face[near]])
+            side, axis = np.divmod(face[capped], 3)
+            places[rows[capped], axis] = box[side, axis]
+        return np.asarray(capped)
 
 
 class MeshTarget:

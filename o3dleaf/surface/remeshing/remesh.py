@@ -65,7 +65,7 @@ def remesh(
     target_edge : float
         Edge length to reach, in the mesh's unit; where the surface is finer than that, edges are shorter.
     field : Field, optional
-        In the mesh's unit; the mesh lies near its surface.
+        In the mesh's unit; the mesh lies near its surface. What its bounds cut is flat there, and stays so.
     isovalue : float
         The field is larger than this inside.
     deviation : float, optional
@@ -91,7 +91,7 @@ def remesh(
     target: ProjectionTarget = (
         MeshTarget(vertices, triangles)
         if field is None
-        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2)
+        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2, field.bounds)
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(mesh.labels, len(triangles)))
     remeshed = remesh_charted(charted, target, edge, far)

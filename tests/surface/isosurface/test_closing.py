@@ -7,11 +7,11 @@ import pytest
 from scipy import ndimage
 
 from mesh_fields import CENTRE, Analytic, hashed_noise, sphere, torus, wavy_sheets
-from o3dleaf import PUInterpolant, extract_isosurface, mesh_report
+from o3dleaf import PUInterpolant, extract_isosurface, mesh_report, remesh
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.surface.isosurface.polygonize import METHODS
-from tolerances import CUT_VOLUME, LATTICE_EDGE, UNITS
+from tolerances import CAP_DISTANCE, CUT_VOLUME, LATTICE_EDGE, UNITS
 
 both = pytest.mark.parametrize("method", METHODS)
 
@@ -126,6 +126,18 @@ def test_a_surface_that_is_followed_from_seeds_is_closed_by_the_box_too(step):
     assert is_solid(mesh)
     assert np.abs(mesh_arrays(mesh)[0]).max() == 1.2
     assert mesh_report(mesh).volume == pytest.approx(2.4 * 2.4 * 0.3, rel=step)
+
+
+def test_caps_are_the_field_s_surface_to_a_report_and_stay_flat_when_remeshed():
+    slab = Endless(wavy_sheets())
+    mesh = extract_isosurface(slab, 0.1)
+    assert mesh_report(mesh, field=slab).field_distance_max < CAP_DISTANCE
+    even = remesh(mesh, 0.1, field=slab)
+    assert is_solid(even)
+    assert np.abs(mesh_arrays(even)[0]).max() == 1.2
+    report = mesh_report(even, field=slab)
+    assert report.volume == pytest.approx(2.4 * 2.4 * 0.3, rel=2 * CUT_VOLUME)
+    assert report.self_intersections == 0
 
 
 def test_a_ball_beyond_the_bounds_is_not_there():
