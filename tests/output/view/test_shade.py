@@ -29,7 +29,7 @@ def shot_of(vertices, triangles, size=SIZE, **view):
 @pytest.fixture(scope="module")
 def blade():
     """A wavy strip of two sheets, some twenty pixels a wave."""
-    return mesh_arrays(extract_isosurface(wavy_sheets(), 0.06, [[-1.2, -0.3, -0.6], [1.2, 0.3, 0.6]]))
+    return mesh_arrays(extract_isosurface(wavy_sheets(), 0.06, [[-1.2, -0.3, -0.6], [1.2, 0.3, 0.6]], closed=False))
 
 
 def sky_over(shot, place, normal):
