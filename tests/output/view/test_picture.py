@@ -22,7 +22,7 @@ SIZE = (320, 200)
 @pytest.fixture(scope="module")
 def blade():
     """A long wavy strip of two sheets."""
-    mesh = extract_isosurface(wavy_sheets(), 0.06, [[-1.2, -0.3, -0.6], [1.2, 0.3, 0.6]])
+    mesh = extract_isosurface(wavy_sheets(), 0.06, [[-1.2, -0.3, -0.6], [1.2, 0.3, 0.6]], closed=False)
     return mesh.scale(10.0, (0, 0, 0))
 
 
