@@ -40,6 +40,7 @@ JOBS = {
     "reconstruct a leaf": "reconstruct {folder}/coarse/leaf.ply --measure residual -o {folder}/leaf_surface.ply",
     "reconstruct a noisy ball": "reconstruct {folder}/ball.ply -o {folder}/ball_surface.ply",
     "reconstruct without normals": "reconstruct {folder}/points.ply -o {folder}/points_surface.ply",
+    "reconstruct a thin part": "reconstruct {folder}/lens.ply -o {folder}/lens_surface.ply",
     "reconstruct hermite": "reconstruct {folder}/oriented.ply --local hermite -o {folder}/hermite.ply",
     "qa": "qa {folder}/surface.ply --field {folder}/surface.o3l --cloud {folder}/oriented.ply --html {folder}/qa.html",
     "qa of a leaf": "qa {folder}/leaf_surface.ply --cloud {folder}/coarse/leaf.ply --html {folder}/qa_leaf.html",
@@ -77,18 +78,22 @@ def main():
 
 
 def write_clouds(folder):
-    """Write a noisy torus, with normals and without, and a noisier ball."""
+    """Write a noisy torus, with normals and, colored, without; a thin lens; and a noisier ball."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 2 * np.pi, (2, 4000))
     normals = np.column_stack([np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)])
     points = np.column_stack([2 * np.cos(u), 2 * np.sin(u), 0 * u]) + normals + rng.normal(0, 0.01, (4000, 3))
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.colors = o3d.utility.Vector3dVector((points - points.min(axis=0)) / np.ptp(points, axis=0))
     o3d.io.write_point_cloud(str(folder / "points.ply"), cloud)
+    cloud.colors = o3d.utility.Vector3dVector()
     cloud.normals = o3d.utility.Vector3dVector(normals)
     o3d.io.write_point_cloud(str(folder / "oriented.ply"), cloud)
     ball = rng.normal(size=(3000, 3))
     ball *= (1 + rng.normal(0, 0.02, (3000, 1))) / np.linalg.norm(ball, axis=1, keepdims=True)
     o3d.io.write_point_cloud(str(folder / "ball.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(ball)))
+    lens = ball * [1, 1, 0.1]
+    o3d.io.write_point_cloud(str(folder / "lens.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(lens)))
 
 
 def run_apart(words, folder, *, keep):
