@@ -11,6 +11,7 @@ from o3dleaf.surface.cloud.orientation import OPEN, Orientation, orient_surfels
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import Surfels
 from o3dleaf.surface.cloud.winding.closed import imbalance
+from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
 CONTRADICTED = 0.03
@@ -26,6 +27,8 @@ thirteen of which share their errors, so that of n points it has about 1/sqrt(n)
 INWARD_NOTE = (
     "normals point into what the surface encloses, and were kept: it is open, as a room scanned from inside is"
 )
+ASIDE = 0.5
+"""Spacings in front of a point and behind it where the whole is asked for its side: nearer than another sheet is."""
 SPLIT = 0.5
 """Distance between the points of either side, over their spread, from which on they are two sheets within the noise,
 and their normals no mistake."""
@@ -48,7 +51,7 @@ def check_normals(cloud: OrientedCloud, given: FloatArray, *, orient: bool) -> O
     if not orient:
         return Orientation(unit, notes)
     repaired, conflict = repair_normals(points, unit, rows)
-    repaired = _with_groups(surfels, repaired)
+    repaired = _with_the_whole(points, surfels.spacing, unit, _with_groups(surfels, repaired))
     turned = int(np.sum(np.einsum("ij,ij->i", repaired, unit) < 0))
     if conflict > CONTRADICTED:
         unit, more, _ = _oriented_anew(points, unit, surfels)
@@ -73,6 +76,26 @@ def _with_groups(surfels: Surfels, unit: FloatArray) -> FloatArray:
     agreed = (np.linalg.norm(mean, axis=1) > AGREED)[surfels.group]
     wrong = agreed & (np.einsum("ij,ij->i", unit, mean[surfels.group]) < 0)
     return np.where(wrong, -1.0, 1.0)[:, np.newaxis] * unit
+
+
+def _with_the_whole(points: FloatArray, spacing: FloatArray, unit: FloatArray, repaired: FloatArray) -> FloatArray:
+    """Return repaired normals (n, 3), but as they were given where the rest of the cloud does not contradict them.
+
+    At the rim of a thin part most neighbors lie on its other sides. But matter is behind a point: without those that
+    neighbors contradict, the winding number is greater there than in front.
+    """
+    turned = np.flatnonzero(np.einsum("ij,ij->i", repaired, unit) < 0)
+    if not len(turned):
+        return repaired
+    tree, flux = DipoleTree(points), unit * spacing[:, np.newaxis] ** 2
+    flux[turned] = 0.0
+    width = ASIDE * spacing[turned]
+    step = width[:, np.newaxis] * unit[turned]
+    front, behind = (tree.winding_at(flux[tree.order], points[turned] + way, width) for way in (step, -step))
+    kept = turned[front < behind]
+    result = repaired.copy()
+    result[kept] = unit[kept]
+    return result
 
 
 def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:

@@ -14,6 +14,7 @@ from o3dleaf import (
     set_num_threads,
 )
 from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
+from o3dleaf.samples import fins
 from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, OPPOSED_LEFT
@@ -265,3 +266,22 @@ def test_a_leaflet_with_a_bit_of_another_sheet_is_cut_where_they_meet(real_scan)
     cloud = preprocess_point_cloud(points)
     assert 0 < cloud.removed.cut < CUT_SHARE * len(points)
     assert "were cut out there, around -5" in cloud.notes[-1]
+
+
+@pytest.mark.parametrize("thickness", [2.0, 3.0])
+def test_right_normals_of_thin_fins_are_kept(thickness):
+    """At their rims most neighbors lie on other sides of the plate; matter is behind each point all the same."""
+    solid = fins(0.06)
+    points, normals = solid.sample(int(solid.area * (thickness / 0.06) ** 2))
+    cloud = preprocess_point_cloud(points, normals=normals)
+    truth = solid.closest(cloud.points).normals
+    assert (np.einsum("ij,ij->i", cloud.normals, truth) > 0).all()
+
+
+def test_wrong_normals_on_thin_fins_are_turned():
+    solid = fins(0.06)
+    points, normals = solid.sample(int(solid.area * (3.0 / 0.06) ** 2))
+    wrong = np.random.default_rng(5).random(len(points)) < 0.005
+    cloud = preprocess_point_cloud(points, normals=np.where(wrong[:, np.newaxis], -normals, normals))
+    truth = solid.closest(cloud.points).normals
+    assert (np.einsum("ij,ij->i", cloud.normals, truth) < 0).sum() < 0.1 * wrong.sum()
