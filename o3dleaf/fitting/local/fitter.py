@@ -95,6 +95,15 @@ class LocalFits(Protocol):
 
 
 @runtime_checkable
+class RefittableFits(LocalFits, Protocol):
+    """Local fits of which some balls can be fitted again, to more points."""
+
+    def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> LocalFits:
+        """Return the fits with those of some balls (k,) made again, from their points in a cover."""
+        ...
+
+
+@runtime_checkable
 class Fitter(Protocol):
     """A way to fit the balls of a cover: `Hermite`, `CurlFree`, `MovingLeastSquares`, `CreasedSplines` or your own."""
 

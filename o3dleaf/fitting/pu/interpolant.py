@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
-from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, ScatteredData
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
 from o3dleaf.fitting.local.lattice_fit import VoxelValues, fit_voxels
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
@@ -307,12 +307,19 @@ class PUInterpolant(Blended):
             The data that it was fitted to, and the new ones behind them.
         count : int
             How many of them are new.
+
+        Raises
+        ------
+        InputError
+            If the local fits cannot be made again one by one.
         """
+        if not isinstance(self.local, RefittableFits):
+            raise InputError("local: these fits take no more points; fit splines of values, with local=None")
         old = len(data.points) - count
         offsets, rows = self.index.members(data.points[old:])
         ball = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
         cover = self.cover.with_members(ball, rows + old)
-        local = cast("LocalSplines", self.local).with_points(cover, data, np.unique(ball))
+        local = self.local.with_points(cover, data, np.unique(ball))
         return replace(self, cover=cover, local=local, data_hash=_hash(data.points, data.values, data.weights))
 
     @property

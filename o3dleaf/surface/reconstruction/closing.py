@@ -9,11 +9,9 @@ import open3d as o3d
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, require_triangles
-from o3dleaf.fitting.local.fitter import ScatteredData
-from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.extract import extract_near
 from o3dleaf.surface.reconstruction.fit import Constrain, surface_data
@@ -66,7 +64,7 @@ def follow_surface(
         As in `fit_surface`, which made the field.
     """
     mesh = extract_near(field, cloud, spacing)
-    if around is None or not isinstance(field.local, (LocalSplines, LocalCreasedSplines)):
+    if around is None or not isinstance(field.local, RefittableFits):
         return Followed(field, mesh)
     data, known, places, wide, looking = None, NO_SITES, 0, True, around
     with progress.silent():

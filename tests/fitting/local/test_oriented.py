@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 import o3dleaf as o3l
 from o3dleaf import CurlFree, Hermite, MovingLeastSquares, PUInterpolant, get_num_threads, set_num_threads
 from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.local.fitter import LocalFits
+from o3dleaf.fitting.local.fitter import LocalFits, ScatteredData
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
 from reference import blended_functions, hermite_functions
@@ -223,3 +223,11 @@ def test_any_object_with_a_fit_is_a_local_method():
 def test_what_makes_no_sense_is_said(change, message):
     with pytest.raises(InputError, match=message):
         PUInterpolant.fit_oriented(**({"points": sphere(10), "normals": sphere(10), "local": "hermite"} | change))
+
+
+def test_fits_that_take_no_more_points_say_so():
+    points = np.random.default_rng(3).normal(size=(60, 3))
+    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
+    field = PUInterpolant.fit_oriented(points, points, local="hermite")
+    with pytest.raises(InputError, match="take no more points"):
+        field.with_points(ScatteredData.of(points, np.zeros(60)), 1)
