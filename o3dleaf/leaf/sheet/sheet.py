@@ -40,8 +40,6 @@ FEWEST = 24
 """Points of a sheet at least, as `detect_outliers` has it."""
 ROUNDS = 6
 """Times that a cloud is averaged anew at most, each time where the sheet before it lay double."""
-FULL = 0.6
-"""Flatness above which points fill a volume, as when normals are oriented."""
 THICK = 25.0
 """Spacings up to which the two sides of a closed surface are taken for those of a thin leaf."""
 SAMPLE = 400
@@ -175,7 +173,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
 def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     """Return the sheets of points of a scan, averaged by noise and where layers lie."""
     cloud = OrientedCloud.of(scan[some])
-    if cloud.surfels.flatness > FULL:
+    if cloud.surfels.scale.full:
         raise ReconstructionError(
             f"scan: its {len(cloud):,} points at {place_of(cloud.points)} show no surface: they fill a volume or lie "
             "along lines; give the points of a leaf, with less noise"

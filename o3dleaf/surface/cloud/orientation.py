@@ -27,8 +27,6 @@ COARSER = 3
 """Coarser scales that are tried on an open sheet whose normals contradict one another."""
 CLEAN_EDGES = 8
 """Nearest neighbors that are compared where the cloud is clean; all 15 are under noise."""
-FULL = 0.6
-"""Flatness above which points fill a volume: a ball full of points has 0.73, the noisiest real leaf 0.45."""
 OPEN = 0.25
 """Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
 OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
@@ -153,10 +151,10 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     OrientationError
         If there are no sides to tell apart.
     """
-    if surfels.flatness > FULL:
+    if surfels.scale.full:
         raise OrientationError(
             f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighborhoods "
-            f"are {surfels.flatness:.2f} as thick as wide); give the points of a surface, with less noise"
+            f"are {surfels.scale.flattest:.2f} as thick as wide); give the points of a surface, with less noise"
         )
     first, *more = progress.split(*(COARSER + 1) * [1])
     with first:
@@ -222,7 +220,7 @@ def _find_sides(surfels: Surfels) -> _Sides:
     with smoothing:
         smoothed = _smoothed(surfels)
     with joining:
-        near = rows if surfels.flatness > FLAT else rows[:, : CLEAN_EDGES + 1]
+        near = rows if surfels.scale.flatness > FLAT else rows[:, : CLEAN_EDGES + 1]
         pieces = join_neighbors(points, smoothed, near)
     with turning:
         agreed = pieces.sign[:, np.newaxis] * smoothed
@@ -238,7 +236,7 @@ def _find_sides(surfels: Surfels) -> _Sides:
 def _smoothed(surfels: Surfels) -> FloatArray:
     """Return the normals (m, 3) of the surfels, averaged on their own sheet where they are rough."""
     normals = surfels.planes.normal
-    if surfels.flatness <= ROUGH:
+    if surfels.scale.flatness <= ROUGH:
         return normals
     noise = float(np.median(np.sqrt(surfels.planes.variance[:, 0])))
     for _ in range(ROUNDS):

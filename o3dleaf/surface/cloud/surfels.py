@@ -1,6 +1,7 @@
 """Surfels of a cloud at the scale at which it is a surface: its points, or under noise the means of groups of them."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,12 +18,35 @@ DROWNED = 0.5
 """The same, above which noise hides the surface, and a coarser scale is tried whatever it gives."""
 LINE = 0.25
 """Ratio of the standard deviations along a neighborhood up to which it is a line."""
-FLATTER = 0.8
+FLATTER = 1.25
 """Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
+THICKER = 1.05
+"""Flatness over the least of finer scales above which a cloud is thicker: five standard errors of the median of 500."""
+FULL = 0.69
+"""Flatness at every scale from which on points fill a volume: balls and boxes have 0.70 to 0.75, thin parts under noise
+up to 0.69."""
+FEWEST = 500
+"""Points of a thinned cloud from which on its flatness counts for that: of fewer it shows the shape of the whole."""
 SAMPLE = 4000
 """Points whose neighborhoods show at which scale a cloud is a surface."""
 MIN_POINTS = 8 * NEIGHBORS
 """Fewest points that a thinned cloud may have."""
+
+
+class Scale(NamedTuple):
+    """How many times a cloud is thinned to be a surface, and its flatness there and where it is flattest.
+
+    Flatness is the median ratio of the standard deviations across and along a neighborhood.
+    """
+
+    thinning: int
+    flatness: float
+    flattest: float
+
+    @property
+    def full(self) -> bool:
+        """True if the points show no surface at any scale, as those that fill a volume."""
+        return self.flattest >= FULL
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +65,7 @@ class Surfels:
         The surfel of each point of the cloud.
     spacing : (n,) ndarray
         1/sqrt(points per unit area) around each point of the cloud.
-    flatness : float
-        Median ratio of the standard deviations across and along a neighborhood.
+    scale : Scale
     """
 
     points: FloatArray
@@ -50,23 +73,24 @@ class Surfels:
     planes: Planes
     group: IndexArray
     spacing: FloatArray
-    flatness: float
+    scale: Scale
 
     @classmethod
     def of(cls, points: FloatArray, rows: IndexArray) -> "Surfels":
         """Find the scale at which `points` (n, 3) with neighbors `rows` (n, k) are a surface, and the surfels there."""
         scaling, fitting = progress.split(2, 7)
         with scaling:
-            thinning, flatness = surface_scale(points, rows)
+            scale = surface_scale(points, rows)
         with fitting:
-            if thinning > 1:
-                return cls.grouped(points, thinning, flatness)
+            if scale.thinning > 1:
+                return cls.grouped(points, scale)
             planes = fit_planes(points, rows)
-            return cls(points, rows, planes, np.arange(len(points)), spacings(planes, rows.shape[1]), flatness)
+            return cls(points, rows, planes, np.arange(len(points)), spacings(planes, rows.shape[1]), scale)
 
     @classmethod
-    def grouped(cls, points: FloatArray, thinning: int, flatness: float) -> "Surfels":
-        """Return the means of groups of `thinning` points each, those nearest to one of every so many points."""
+    def grouped(cls, points: FloatArray, scale: Scale) -> "Surfels":
+        """Return the means of groups of so many points each, those nearest to one of every so many points."""
+        thinning = scale.thinning
         finding, grouping, fitting = progress.split(1, 3, 3)
         few = points[thinned(len(points), thinning)]
         with finding:
@@ -80,7 +104,7 @@ class Surfels:
             means = np.column_stack(sums) / count[:, np.newaxis]
             near = nearest_neighbors(cKDTree(means)).row
             planes = _group_planes(points - means[group], group, means, count, near)
-        return cls(means, near, planes, group, spacing[group], flatness)
+        return cls(means, near, planes, group, spacing[group], scale)
 
     def total(self, values: FloatArray) -> FloatArray:
         """Return the sums (m,) over each surfel of `values` (n,) at the cloud's points."""
@@ -91,7 +115,8 @@ class Surfels:
         thinning = 2 * round(len(points) / len(self.points))
         if 2 * len(points) < MIN_POINTS * thinning:
             return None
-        return Surfels.grouped(points, thinning, flatness_of(points[thinned(len(points), thinning)]))
+        flatness = flatness_of(points[thinned(len(points), thinning)])
+        return Surfels.grouped(points, Scale(thinning, flatness, min(flatness, self.scale.flattest)))
 
     def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
@@ -119,23 +144,24 @@ def thinned(count: int, thinning: int) -> IndexArray:
     return np.sort(np.random.default_rng(0).permutation(count)[: count // thinning])
 
 
-def surface_scale(points: FloatArray, rows: IndexArray) -> tuple[int, float]:
-    """Return how many times a cloud (n, 3) is to be thinned for its neighborhoods to be flat, and their flatness.
+def surface_scale(points: FloatArray, rows: IndexArray) -> Scale:
+    """Return the finest scale at which a cloud (n, 3) is nearly as flat as where thinning it ends.
 
     It is thinned twice, four times, ... as long as that makes it flatter; where noise fills the neighborhoods of
-    several such steps, they are passed over. `rows` (n, k) are the neighbors of the points.
+    several such steps, until they become thicker again, as the other sides of thin parts come in. `rows` (n, k) are the
+    neighbors of the points.
     """
-    scale, flat = 1, flatness_of(points, rows)
-    thinning = 2
-    while flat > FLAT and len(points) >= MIN_POINTS * thinning:
+    flat = [flatness_of(points, rows)]
+    while flat[-1] > FLAT and len(points) >= MIN_POINTS * 2 ** len(flat):
+        thinning = 2 ** len(flat)
         coarser = flatness_of(points[thinned(len(points), thinning)])
-        if coarser < FLATTER * flat or flat > DROWNED:
-            scale, flat = thinning, coarser
-        else:
+        if coarser > (THICKER * min(flat) if flat[-1] > DROWNED else flat[-1] / FLATTER):
             break
-        progress.report(thinning - 1, thinning)  # each scale has half as many points as the one before
-        thinning *= 2
-    return scale, flat
+        flat.append(coarser)
+        progress.report(thinning // 2, thinning)  # each scale has half as many points as the one before
+    finest = next(step for step, each in enumerate(flat) if each <= FLATTER * min(flat))
+    flattest = min(each for step, each in enumerate(flat) if step == 0 or len(points) >= FEWEST * 2**step)
+    return Scale(2**finest, flat[finest], flattest)
 
 
 def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:

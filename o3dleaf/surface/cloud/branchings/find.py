@@ -49,7 +49,7 @@ def find_branchings(cloud: CloudLike) -> Branchings | None:
     """
     known = OrientedCloud.of(cloud)
     surfels = known.surfels
-    if surfels.flatness > ROUGH:
+    if surfels.scale.flatness > ROUGH:
         return None
     ratio = _flatness(surfels)
     flat = ratio <= ROUGH
