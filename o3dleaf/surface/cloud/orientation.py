@@ -15,16 +15,14 @@ from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
 from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, Surfels
+from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, ROUGH, Surfels
 from o3dleaf.surface.cloud.winding.closed import close_anew
 from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
-ROUGH = 0.3
-"""Flatness above which normals of neighbors are averaged before they are compared."""
 ROUNDS = 3
-COARSER = 3
-"""Coarser scales that are tried on an open sheet whose normals contradict one another."""
+COARSER = 8
+"""Times that an open sheet whose normals contradict one another is thinned at most, from where it is flattest."""
 CLEAN_EDGES = 8
 """Nearest neighbors that are compared where the cloud is clean; all 15 are under noise."""
 OPEN = 0.25
@@ -154,11 +152,18 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     if surfels.scale.full:
         raise OrientationError(
             f"cloud: its points show no surface at any scale, they fill a volume or lie along lines (neighborhoods "
-            f"are {surfels.scale.flattest:.2f} as thick as wide); give the points of a surface, with less noise"
+            f"are {surfels.scale.flatness:.2f} as thick as wide); give the points of a surface, with less noise"
         )
-    first, *more = progress.split(*(COARSER + 1) * [1])
+    coarser_scales = int(np.log2(COARSER * surfels.scale.flattest / surfels.scale.thinning))
+    first, *more = progress.split(*(coarser_scales + 1) * [1])
     with first:
         sides = _find_sides(surfels)
+    if sides.enclosed < OPEN:
+        blended = _blended(points, surfels, sides.normals)
+        if TWO_CLEAR_SHEETS <= blended.excess < TWO_SHEETS:
+            anew = close_anew(points, surfels, sides.normals, blended.normals, thin=True)
+            if anew is not None:
+                return Orientation(*anew)
     finest = surfels, sides
     for part in more:
         with part:
@@ -169,7 +174,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             sides = _find_sides(surfels)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    found = _split_sheets(points, surfels, sides.normals, _notes(surfels, sides))
+    found = _split_sheets(_blended(points, surfels, sides.normals), _notes(surfels, sides))
     if TWO_SHEETS_NOTE in found.notes:
         return found
     if sides.enclosed < OPEN:
@@ -198,7 +203,7 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orient
             sides = _find_sides(surfels)
         if not sides.contradictory:
             normals = np.zeros_like(points)
-            normals[~cut], notes, _ = _split_sheets(rest, surfels, sides.normals, _notes(surfels, sides))
+            normals[~cut], notes, _ = _split_sheets(_blended(rest, surfels, sides.normals), _notes(surfels, sides))
             normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
             note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), place_of_most(points[cut]))
             return Orientation(normals, (*notes, note), cut)
@@ -267,21 +272,30 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _split_sheets(points: FloatArray, surfels: Surfels, middle: FloatArray, notes: tuple[str, ...]) -> Orientation:
-    """Return the normals (n, 3) blended from the surfels, turned outward from the middle of two sheets if they are two.
+class _Blended(NamedTuple):
+    """Normals (n, 3) of surfels blended at the points, the points' heights (n,) over them, and their excess kurtosis.
 
-    The heights of groups' points over their planes decide: the excess kurtosis of noise is 0, and above where groups
-    differ; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)².
+    The excess kurtosis of noise is 0, and above where groups differ; of two sheets 2a apart with noise σ it is
+    -2 a⁴/(a² + σ²)².
     """
-    outward, height = surfels.blend(points, middle)
-    if len(surfels.points) == len(points):
-        return Orientation(outward, notes)
+
+    normals: FloatArray
+    height: FloatArray
+    excess: float
+
+
+def _blended(points: FloatArray, surfels: Surfels, normals: FloatArray) -> _Blended:
+    outward, height = surfels.blend(points, normals)
     square = float(np.mean(height**2))
-    excess = float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0
-    if excess < TWO_CLEAR_SHEETS:
-        side = np.where(height < 0, -1.0, 1.0)[:, np.newaxis]
+    return _Blended(outward, height, float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0)
+
+
+def _split_sheets(blended: _Blended, notes: tuple[str, ...]) -> Orientation:
+    """Return the normals (n, 3) of one sheet, or of two, turned outward from the middle between them."""
+    if blended.excess < TWO_CLEAR_SHEETS:
+        side = np.where(blended.height < 0, -1.0, 1.0)[:, np.newaxis]
         kept = tuple(note for note in notes if note != OPEN_NOTE)
-        return Orientation(side * outward, (*kept, TWO_SHEETS_NOTE))
-    if excess < TWO_SHEETS:
+        return Orientation(side * blended.normals, (*kept, TWO_SHEETS_NOTE))
+    if blended.excess < TWO_SHEETS:
         notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
-    return Orientation(outward, notes)
+    return Orientation(blended.normals, notes)

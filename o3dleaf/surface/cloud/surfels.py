@@ -14,6 +14,8 @@ from o3dleaf.surface.cloud.neighbors import BLOCK, NEIGHBORS, IndexArray, Planes
 
 FLAT = 0.2
 """Ratio of the standard deviations across and along a neighborhood up to which it is a clean piece of a surface."""
+ROUGH = 0.3
+"""The same, above which normals of neighbors are averaged before they are compared."""
 DROWNED = 0.5
 """The same, above which noise hides the surface, and a coarser scale is tried whatever it gives."""
 LINE = 0.25
@@ -22,11 +24,11 @@ FLATTER = 1.25
 """Factor by which a coarser scale must be flatter to be taken: of a thin sheet it is not, both its sides come in."""
 THICKER = 1.05
 """Flatness over the least of finer scales above which a cloud is thicker: five standard errors of the median of 500."""
-FULL = 0.69
+FULL = 0.7
 """Flatness at every scale from which on points fill a volume: balls and boxes have 0.70 to 0.75, thin parts under noise
 up to 0.69."""
-FEWEST = 500
-"""Points of a thinned cloud from which on its flatness counts for that: of fewer it shows the shape of the whole."""
+FULL_ERROR = 0.8
+"""Of that median, times the square root of the number of neighborhoods: five standard errors."""
 SAMPLE = 4000
 """Points whose neighborhoods show at which scale a cloud is a surface."""
 MIN_POINTS = 8 * NEIGHBORS
@@ -34,19 +36,24 @@ MIN_POINTS = 8 * NEIGHBORS
 
 
 class Scale(NamedTuple):
-    """How many times a cloud is thinned to be a surface, and its flatness there and where it is flattest.
+    """The scale at which a cloud is a surface.
 
-    Flatness is the median ratio of the standard deviations across and along a neighborhood.
+    Attributes
+    ----------
+    thinning : int
+        How many points one stands for.
+    flatness : float
+        Median ratio of the standard deviations across and along a neighborhood.
+    flattest : int
+        How many times the cloud is thinned where that is least.
+    full : bool
+        True where it is that of points that fill a volume, however much they are thinned.
     """
 
     thinning: int
     flatness: float
-    flattest: float
-
-    @property
-    def full(self) -> bool:
-        """True if the points show no surface at any scale, as those that fill a volume."""
-        return self.flattest >= FULL
+    flattest: int
+    full: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +89,13 @@ class Surfels:
         with scaling:
             scale = surface_scale(points, rows)
         with fitting:
-            if scale.thinning > 1:
-                return cls.grouped(points, scale)
-            planes = fit_planes(points, rows)
-            return cls(points, rows, planes, np.arange(len(points)), spacings(planes, rows.shape[1]), scale)
+            return cls.single(points, rows, scale) if scale.thinning == 1 else cls.grouped(points, scale)
+
+    @classmethod
+    def single(cls, points: FloatArray, rows: IndexArray, scale: Scale) -> "Surfels":
+        """Return a surfel for each point, whatever the scale at which they are a surface."""
+        planes = fit_planes(points, rows)
+        return cls(points, rows, planes, np.arange(len(points)), spacings(planes, rows.shape[1]), scale)
 
     @classmethod
     def grouped(cls, points: FloatArray, scale: Scale) -> "Surfels":
@@ -116,7 +126,7 @@ class Surfels:
         if 2 * len(points) < MIN_POINTS * thinning:
             return None
         flatness = flatness_of(points[thinned(len(points), thinning)])
-        return Surfels.grouped(points, Scale(thinning, flatness, min(flatness, self.scale.flattest)))
+        return Surfels.grouped(points, self.scale._replace(thinning=thinning, flatness=flatness))
 
     def blend(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return unit normals at the cloud's `points` (n, 3), and the points' heights (n,), between surfels.
@@ -159,9 +169,10 @@ def surface_scale(points: FloatArray, rows: IndexArray) -> Scale:
             break
         flat.append(coarser)
         progress.report(thinning // 2, thinning)  # each scale has half as many points as the one before
+    counts = (min(len(points) >> step, SAMPLE) for step in range(len(flat)))
+    full = all(each >= FULL - FULL_ERROR / np.sqrt(count) for each, count in zip(flat, counts, strict=True))
     finest = next(step for step, each in enumerate(flat) if each <= FLATTER * min(flat))
-    flattest = min(each for step, each in enumerate(flat) if step == 0 or len(points) >= FEWEST * 2**step)
-    return Scale(2**finest, flat[finest], flattest)
+    return Scale(2**finest, flat[finest], 2 ** int(np.argmin(flat)), full)
 
 
 def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:

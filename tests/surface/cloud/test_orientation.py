@@ -17,7 +17,7 @@ from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
 from o3dleaf.samples import fins
 from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, OPPOSED_LEFT
+from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, MOST_OF_THIN, OPPOSED_LEFT
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
@@ -143,6 +143,22 @@ def test_sides_of_thin_plates_are_found_under_noise(plates, share):
     """Plates two and a half spacings thick that cross one another, to the noise of a quarter of a spacing."""
     points, normals = plates
     assert right(preprocess_point_cloud(noisy(points, share)).normals, normals) >= ALMOST_ALL
+
+
+def test_sides_of_thin_plates_are_found_where_groups_mix_them(plates):
+    """Half a spacing of noise on plates of five: what single points enclose tells, groups make an open sheet of it."""
+    points, normals = plates
+    cloud = preprocess_point_cloud(noisy(points, 0.005))
+    assert right(cloud.normals, normals) >= MOST_OF_THIN
+    assert any("by what the whole encloses" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize("spacings", [1.0, 2.0, 3.0])
+def test_noise_on_a_narrow_strip_is_not_its_other_side(spacings):
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(size=(10_000, 2)) * [5, 0.2], np.zeros(10_000)])
+    points[:, 2] = 0.1 * np.sin(3 * points[:, 0]) + spacings / 100 * rng.normal(size=10_000)
+    assert any("encloses no volume" in note for note in preprocess_point_cloud(points).notes)
 
 
 def test_lines_of_a_scanner_are_a_surface_and_a_curve_is_none():

@@ -25,7 +25,7 @@ CLOSED_NOTE = "neighbors did not agree on sides: they were found by what the who
 
 
 def close_anew(
-    points: FloatArray, surfels: Surfels, sides: FloatArray, normals: FloatArray
+    points: FloatArray, surfels: Surfels, sides: FloatArray, normals: FloatArray, *, thin: bool = False
 ) -> tuple[FloatArray, tuple[str, ...]] | None:
     """Return the normals (n, 3) with which a cloud that seems to enclose nothing is closed, and notes, if there are.
 
@@ -40,8 +40,10 @@ def close_anew(
         Normals of the surfels.
     normals : (n, 3) ndarray
         The same at the points.
+    thin : bool
+        Groups of points show two sheets: they are of both sides, and what is right at the points may tear them.
     """
-    if imbalance(normals, surfels.spacing) > ONE_SIDED:
+    if not thin and imbalance(normals, surfels.spacing) > ONE_SIDED:
         return None
     thinning = max(1, len(points) // SAMPLE)
     some = thinned(len(points), thinning)
@@ -50,7 +52,11 @@ def close_anew(
         if found is not None and thinning > 1:
             nearest = cKDTree(points[some]).query(points, workers=-1)[1]
             found = _all_anew(points, found.normals[nearest], surfels.spacing)
-    if found is None or tears(surfels, sides, found.normals):
+    if found is None:
+        return None
+    if thin:
+        sides, surfels = normals, Surfels.single(points, nearest_neighbors(cKDTree(points)).row, surfels.scale)
+    if tears(surfels, sides, found.normals):
         return None
     return found.normals, (CLOSED_NOTE, *uncertain_notes(points, found))
 
