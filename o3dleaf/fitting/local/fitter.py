@@ -32,7 +32,8 @@ class ScatteredData:
         Points of one group share their error, and are left out together. The number of a group is the row of one of
         its points: the measured one, which the others were made from.
     normals : (n, d) ndarray or None
-        Outward unit normals of a surface on which the value is zero.
+        Outward unit normals of a surface on which the value is zero, and where it is not, of the level set there; 0 at
+        points of which the value alone is known.
     """
 
     points: FloatArray
@@ -76,10 +77,10 @@ class ScatteredData:
 
     @property
     def oriented(self) -> OrientedPoints:
-        """Points and normals, as the compiled loops take them, or `InputError` where there are no normals."""
+        """Points, normals and values, as the compiled loops take them, or `InputError` where there are no normals."""
         if self.normals is None:
             raise InputError("normals: are missing, and this fit needs them; give one for each point")
-        return OrientedPoints(self.points, self.normals)
+        return OrientedPoints(self.points, self.normals, self.values)
 
 
 class LocalFits(Protocol):

@@ -1,6 +1,6 @@
 """Moving least squares: one polynomial a ball, fitted to points and normals of a surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,17 +48,21 @@ class MovingLeastSquares:
         """Fit every ball of the cover. Where points do not determine a term, as on a plane, it is left out."""
         if self.degree not in {1, 2, 3}:
             raise InputError(f"degree: is {self.degree}; give 1, 2 or 3")
-        step, points, balls = require_positive(self.step, "step"), data.oriented, cover.balls
-        exponents = tail_exponents(data.points.shape[1], self.degree)
-        count = len(cover.radii)
-        tails, ranks = np.empty((count, len(exponents))), np.empty(count, dtype=np.int64)
+        step = require_positive(self.step, "step")
+        return _fit_polynomials(cover, data, tail_exponents(data.points.shape[1], self.degree), step)
 
-        def task(start: int, stop: int) -> None:
-            oriented_loops.fit_polynomials(start, stop, points, balls, exponents, step, tails, ranks)
 
-        with single_threaded_blas():
-            run_blocks(task, count, FIT_BLOCK, reports=True)
-        return LocalPolynomials(tails, exponents, ranks)
+def _fit_polynomials(cover: Cover, data: ScatteredData, exponents: IntArray, step: float) -> "LocalPolynomials":
+    """Fit every ball of the cover."""
+    points, balls, count = data.oriented, cover.balls, len(cover.radii)
+    tails, ranks = np.empty((count, len(exponents))), np.empty(count, dtype=np.int64)
+
+    def task(start: int, stop: int) -> None:
+        oriented_loops.fit_polynomials(start, stop, points, balls, exponents, step, tails, ranks)
+
+    with single_threaded_blas():
+        run_blocks(task, count, FIT_BLOCK, reports=True)
+    return LocalPolynomials(tails, exponents, ranks, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +75,27 @@ class LocalPolynomials:
     exponents : (q, d) int64 ndarray
     ranks : (M,) int64 ndarray
         How many terms each ball's points determine.
+    step : float
+        h of their fit, in spacings: balls that get more points are fitted with it again.
     """
 
     tails: FloatArray
     exponents: IntArray
     ranks: IntArray
+    step: float = 1.0
 
     def __repr__(self) -> str:
         return f"LocalPolynomials({len(self.tails):,} balls)"
+
+    def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalPolynomials":
+        """Return the polynomials with some of their balls fitted again, to their points in a cover."""
+        fresh, tails, ranks = (
+            _fit_polynomials(cover.only(balls), data, self.exponents, self.step),
+            self.tails.copy(),
+            self.ranks.copy(),
+        )
+        tails[balls], ranks[balls] = fresh.tails, fresh.ranks
+        return replace(self, tails=tails, ranks=ranks)
 
     def blend(
         self,

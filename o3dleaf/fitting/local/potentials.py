@@ -1,4 +1,4 @@
-r"""Splines of points and normals on a surface, with no others beside it: F = 0 and ∇F = −n there.
+r"""Splines of points and normals on a surface: F = 0 and ∇F = −n there, and values alone where no normal is known.
 
 .. math:: F(x) = \sum_j λ_j φ(x - x_j) - \sum_j c_j \cdot \nabla φ(x - x_j) + p(x)
 
@@ -6,7 +6,7 @@ r"""Splines of points and normals on a surface, with no others beside it: F = 0 
 like splines of values do; see `PUInterpolant.fit_oriented`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray, as_number, require_choice, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
-from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.cover.cover import Cover, ragged_rows
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import oriented_loops
 from o3dleaf.fitting.local.blend_loops import PotentialBalls
@@ -112,8 +112,14 @@ def _fit_potentials(
     if kernel.logarithmic or kernel.power < 3:
         raise InputError(f"kernel: {kernel} is not smooth enough for gradients at its data; use 'cubic' or 'quintic'")
     kind = PotentialKind(tail_exponents(dimension, as_degree(fitter.degree, kernel)), kernel.power, method, step)
-    smoothing = _chosen(fitter.smoothing, cover, points, kind)
-    count, total = len(cover.radii), int(cover.offsets[-1])
+    return _fit_alike(kernel, kind, _chosen(fitter.smoothing, cover, points, kind), cover, points)
+
+
+def _fit_alike(
+    kernel: Polyharmonic, kind: PotentialKind, smoothing: float, cover: Cover, points: OrientedPoints
+) -> "LocalPotentials":
+    """Fit every ball of the cover with a smoothing that is known."""
+    dimension, count, total = kernel.dimension, len(cover.radii), int(cover.offsets[-1])
     fitted = PotentialArrays(
         np.empty(dimension * total),
         np.empty(total),
@@ -128,7 +134,8 @@ def _fit_potentials(
     with single_threaded_blas():
         run_blocks(task, count, FIT_BLOCK, reports=True)
     sites, weights, moments, tails, dropped = fitted
-    return LocalPotentials(kernel, smoothing, cover.offsets, sites, weights, moments, tails, kind.exponents, dropped)
+    fit = sites, weights, moments, tails, kind.exponents, dropped
+    return LocalPotentials(kernel, smoothing, cover.offsets, *fit, kind.method, kind.step)
 
 
 def _chosen(smoothing: SmoothingValue, cover: Cover, points: OrientedPoints, kind: PotentialKind) -> float:
@@ -174,6 +181,8 @@ class LocalPotentials:
     exponents : (q, d) int64 ndarray
     dropped : (M,) int64 ndarray
         Directions of each ball's system that coinciding points left out.
+    method, step : int, float
+        How they were fitted, and h, as in `PotentialKind`: balls that get more points are fitted so again.
     """
 
     kernel: Polyharmonic
@@ -185,9 +194,25 @@ class LocalPotentials:
     tails: FloatArray
     exponents: IntArray
     dropped: IntArray
+    method: int = HERMITE
+    step: float = 1.0
 
     def __repr__(self) -> str:
         return f"LocalPotentials({self.kernel}, {len(self.tails):,} balls)"
+
+    def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalPotentials":
+        """Return the splines with some of their balls fitted again, to their points in a cover."""
+        kind = PotentialKind(self.exponents, self.kernel.power, self.method, self.step)
+        fresh = _fit_alike(self.kernel, kind, self.smoothing, cover.only(balls), data.oriented)
+        rows, dimension = np.arange(len(self.tails)), self.kernel.dimension
+        rows[balls] = len(rows) + np.arange(len(balls))
+        counts = np.concatenate([np.diff(self.offsets), np.diff(fresh.offsets)])
+        first = (np.cumsum(counts) - counts)[rows]
+        counts = counts[rows]
+        taken, blocks = ragged_rows(first, counts), ragged_rows(dimension * first, dimension * counts)
+        chosen = {"weights": taken, "sites": blocks, "moments": blocks, "tails": rows, "dropped": rows}
+        parts = {name: np.concatenate([getattr(self, name), getattr(fresh, name)])[k] for name, k in chosen.items()}
+        return replace(self, offsets=np.concatenate([[0], np.cumsum(counts)]), **parts)
 
     def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, of the blend at (n, d) queries, outside the index's box too.

@@ -299,12 +299,14 @@ class PUInterpolant(Blended):
     def with_points(self, data: ScatteredData, count: int) -> "PUInterpolant":
         """Return the interpolant of more data: those balls are fitted again that contain a new point.
 
-        They keep their smoothing, and those with creases lose them. Only splines of scattered values can do it.
+        They keep their smoothing, and those with creases lose them. Only `RefittableFits` of scattered data can do it:
+        splines of values, `Hermite`, `CurlFree` and `MovingLeastSquares`.
 
         Parameters
         ----------
         data : ScatteredData
-            The data that it was fitted to, and the new ones behind them.
+            The data that it was fitted to, and the new ones behind them; to points and normals, new points without
+            a normal are values, with a normal of 0.
         count : int
             How many of them are new.
 

@@ -82,8 +82,32 @@ def oriented_tail(points, exponents):
 
 
 @njit(nogil=True, cache=True)
-def hermite(points, gradients, exponents, power, ridge):
-    """Fit the values zero and the gradients (d, n) at once, with the two numbers `ridge` on the diagonal of each.
+def known_gradients(gradients):
+    """Return the rows, among the d n of the gradients (d, n), of those that are known: of the others all are 0."""
+    dimension, count = gradients.shape
+    rows, found = np.empty(gradients.size, dtype=np.int64), 0
+    for a in range(dimension):
+        for j in range(count):
+            if np.any(gradients[:, j] != 0.0):
+                rows[found] = a * count + j
+                found += 1
+    return rows[:found].copy()
+
+
+@njit(nogil=True, cache=True)
+def scattered(values, rows, count):
+    """Return values at rows of a vector (count,) of zeros."""
+    out = np.zeros(count)
+    for k in range(rows.size):
+        out[rows[k]] = values[k]
+    return out
+
+
+@njit(nogil=True, cache=True)
+def hermite(points, gradients, values, exponents, power, ridge):
+    """Fit values (n,) and gradients (d, n) at once, with the two numbers `ridge` on the diagonal of each.
+
+    A gradient that is 0 is not known: of its point the value alone is fitted.
 
     Returns
     -------
@@ -93,20 +117,24 @@ def hermite(points, gradients, exponents, power, ridge):
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
     for i in range(len(matrix)):
         matrix[i, i] += ridge[0] if i < count else ridge[1]
-    right = np.zeros(len(matrix))
-    put(gradients.ravel(), right[count:])
+    right = np.concatenate((values, gradients.ravel()))
+    rows = np.concatenate((np.arange(count), count + known_gradients(gradients)))
+    if rows.size < right.size:
+        matrix, tail, right = matrix[rows][:, rows].copy(), tail[rows], right[rows]
     weights, coefficients, _, dropped = solve_system(matrix, tail, natural_monomials(points, exponents), right)
+    weights = scattered(weights, rows, count + gradients.size)
     return weights[:count].copy(), weights[count:].copy().reshape(gradients.shape), coefficients, dropped
 
 
 @njit(nogil=True, cache=True)
-def curl_free(points, gradients, exponents, power, ridge, exact):
+def curl_free(points, gradients, values, exponents, power, ridge, exact):
     """Fit the gradients (d, n) alone, with the number `ridge` on the diagonal, and put the potential's mean onto zero.
 
-    Where `exact`, a spline of values takes off what is left of its heights at the points. It has the least tail that
-    its kernel needs: a quadric that vanishes on the points could take any gradient. Results as of `hermite`.
+    Where `exact`, a spline of values takes off what is left of its heights at the points, above the values (n,) there.
+    It has the least tail that its kernel needs: a quadric that vanishes on the points could take any gradient. Results,
+    and gradients that are not known, as of `hermite`.
     """
-    moments, tail, heights, dropped = potential(points, gradients, exponents, power, ridge)
+    moments, tail, heights, dropped = potential(points, gradients, values, exponents, power, ridge)
     if not exact:
         return np.zeros(len(heights)), moments, tail, dropped
     few = exponents[: np.sum(np.sum(exponents, axis=1) <= power // 2)]
@@ -118,30 +146,39 @@ def curl_free(points, gradients, exponents, power, ridge, exact):
 
 
 @njit(nogil=True, cache=True)
-def potential(points, gradients, exponents, power, ridge):
-    """Return moments (d, n), tail (q,), heights (n,) at the points, of mean 0, and the directions left out."""
+def potential(points, gradients, values, exponents, power, ridge):
+    """Return moments (d, n), tail (q,), heights (n,) above the values at the points, and the directions left out.
+
+    The heights of the points whose gradients are known have the mean 0.
+    """
     count = points.shape[1]
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
-    inner = matrix[count:, count:].copy()
+    inner, slopes, right = matrix[count:, count:].copy(), tail[count:, 1:].copy(), gradients.ravel()
     for i in range(len(inner)):
         inner[i, i] += ridge
-    frame = natural_monomials(points, exponents)[1:, 1:].copy()
-    moments, tail_weights, _, dropped = solve_system(inner, tail[count:, 1:].copy(), frame, gradients.ravel())
+    frame, rows = natural_monomials(points, exponents)[1:, 1:].copy(), known_gradients(gradients)
+    if rows.size < right.size:
+        inner, slopes, right = inner[rows][:, rows].copy(), slopes[rows], right[rows]
+    moments, tail_weights, _, dropped = solve_system(inner, slopes, frame, right)
+    moments = scattered(moments, rows, gradients.size)
     heights, coefficients = np.empty(count), np.zeros(len(exponents))
     put(tail_weights, coefficients[1:])
     for i in range(count):
         heights[i] = dot(matrix[i, count:], moments, moments.size) + dot(tail[i], coefficients, len(coefficients))
-    coefficients[0] = -np.mean(heights)
+        heights[i] -= values[i]
+    dimension = len(gradients)
+    coefficients[0] = -np.mean(heights[rows[: rows.size // dimension]])
     return moments.reshape(gradients.shape), coefficients, heights + coefficients[0], dropped
 
 
 @njit(nogil=True, cache=True)
-def hermite_spectrum(points, gradients, exponents, power, step):
+def hermite_spectrum(points, gradients, values, exponents, power, step):
     """Return the spectrum of the joint system with h = `step`: the values count once, the gradients h² times."""
     count = points.shape[1]
     matrix, tail = oriented_matrix(points, power), oriented_tail(points, exponents)
     roots, right = np.full(len(matrix), step), np.zeros((1, len(matrix)))
     roots[:count] = 1.0
+    put(values, right[0, :count])
     put(gradients.ravel(), right[0, count:])
     return coefficients_of(right, roots, decompose_system(matrix, tail, natural_monomials(points, exponents), roots))
 
@@ -235,11 +272,11 @@ def potential_jets(z, count, points, weights, moments, coefficients, lowered, po
 
 
 @njit(nogil=True, cache=True)
-def moving_polynomial(points, gradients, weights, step, exponents):
-    """Fit a polynomial with value 0 and gradients (d, n) at the points (d, n) by weighted least squares.
+def moving_polynomial(points, gradients, values, weights, step, exponents):
+    """Fit a polynomial with values (n,) and gradients (d, n) at the points (d, n) by weighted least squares.
 
-    It minimizes Σ w_j (p(z_j)² + h² |∇p(z_j) − g_j|²). Where the points do not determine it, it is the least such in
-    the norm of `natural_monomials`.
+    It minimizes Σ w_j ((p(z_j) − v_j)² + h² |∇p(z_j) − g_j|²), the second term only where g_j is not 0. Where the
+    points do not determine it, it is the least such in the norm of `natural_monomials`.
 
     Returns
     -------
@@ -251,9 +288,11 @@ def moving_polynomial(points, gradients, weights, step, exponents):
         root = math.sqrt(weights[j])
         row = rows[j]
         row *= root
+        right[j] = root * values[j]
+        slope = root * step if np.any(gradients[:, j] != 0.0) else 0.0
         for a in range(dimension):
             k = (1 + a) * count + j
             row = rows[k]
-            row *= root * step
-            right[k] = root * step * gradients[a, j]
+            row *= slope
+            right[k] = slope * gradients[a, j]
     return least_squares(rows, natural_monomials(points, exponents), right)

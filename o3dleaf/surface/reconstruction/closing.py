@@ -1,5 +1,6 @@
 """Closed or open by evidence: a field corrected where its surface runs on past data that close around."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -14,7 +15,6 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.extract import extract_near
-from o3dleaf.surface.reconstruction.fit import Constrain, surface_data
 from o3dleaf.surface.reconstruction.overshoots import NO_SITES, FreeSites, Surroundings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -45,7 +45,7 @@ def follow_surface(
     around: Surroundings | None,
     cloud: OrientedCloud,
     spacing: float | None,
-    constraints: Constrain,
+    fitted_to: Callable[[], ScatteredData],
 ) -> Followed:
     """Return the surface of a field near its data, and the field, corrected where the surface overshoots them.
 
@@ -60,8 +60,8 @@ def follow_surface(
     cloud : OrientedCloud
     spacing : float or None
         As in `extract_near`.
-    constraints : callable
-        As in `fit_surface`, which made the field.
+    fitted_to : callable
+        ``fitted_to() -> ScatteredData``: what the field was fitted to, see `surface_data`.
     """
     mesh = extract_near(field, cloud, spacing)
     if around is None or not isinstance(field.local, RefittableFits):
@@ -77,7 +77,7 @@ def follow_surface(
             if not len(sites.sites):
                 break
             places = max(places, _count_places(triangles, rows, len(vertices)))
-            data = _joined(surface_data(cloud, constraints) if data is None else data, sites)
+            data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
             field = field.with_points(data, len(sites.sites))
             mesh = extract_near(field, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
@@ -125,15 +125,14 @@ def _count_places(triangles: IntArray, rows: IntArray, count: int) -> int:
 
 
 def _joined(data: ScatteredData, free: FreeSites) -> ScatteredData:
-    """Return data with sites behind them, each a group of its own."""
+    """Return data with sites behind them, each a group of its own, of weight 1 and without a normal."""
     old, count = len(data.points), len(free.sites)
-    assert data.weights is not None  # noqa: S101 - `surface_data` gives all
-    assert data.groups is not None  # noqa: S101
+    own = {"weights": np.ones(count), "groups": np.arange(old, old + count), "normals": np.zeros((count, 3))}
+    known = {name: getattr(data, name) for name in own}
     return ScatteredData(
         np.concatenate([data.points, free.sites]),
         np.concatenate([data.values, free.values]),
-        np.concatenate([data.weights, np.ones(count)]),
-        np.concatenate([data.groups, np.arange(old, old + count)]),
+        **{name: None if part is None else np.concatenate([part, own[name]]) for name, part in known.items()},
     )
 
 

@@ -68,7 +68,7 @@ def fit_surface(
         If the cloud has no normals, or an option makes no sense.
     """
     data = OrientedCloud.of(cloud)
-    normals = data.require_normals()
+    data.require_normals()
     margin = MARGIN * float(data.point_spacing.max()) if margin is None else margin
     reach = max(margin, data.spacing) * np.array([[-1.0], [1.0]])
     options: dict[str, Any] = {
@@ -78,7 +78,7 @@ def fit_surface(
     if points_per_ball is not None:
         options["points_per_ball"] = points_per_ball
     if local != "rbf":
-        return PUInterpolant.fit_oriented(data.points, normals, local=local, **options)
+        return PUInterpolant.fit_oriented(data.points, data.require_normals(), local=local, **options)
     measuring, constraining, fitting = progress.split(1, 1, 40)
     with measuring:
         clean = data.noise <= CLEAN * data.spacing
@@ -103,9 +103,17 @@ def fit_surface(
         )
 
 
-def surface_data(cloud: OrientedCloud, constraints: Constrain = offset_constraints) -> ScatteredData:
-    """Return what a surface is fitted to: 0 at the points, and the constraints off the surface behind them."""
-    off, normals = constraints(cloud), cloud.require_normals()
+def surface_data(
+    cloud: OrientedCloud, constraints: Constrain = offset_constraints, *, local: str | Fitter = "rbf"
+) -> ScatteredData:
+    """Return what `fit_surface` fits a surface to: 0 at the points, and behind them the constraints off the surface.
+
+    Local fits other than "rbf" take points and normals, and no constraints.
+    """
+    normals = cloud.require_normals()
+    if local != "rbf":
+        return ScatteredData.on_surface(cloud.points, normals)
+    off = constraints(cloud)
     groups = np.concatenate([np.arange(len(cloud)), off.base])
     return ScatteredData(
         np.concatenate([cloud.points, off.sites]),

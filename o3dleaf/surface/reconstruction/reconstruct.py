@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal
 
 import numpy.typing as npt
@@ -23,7 +24,7 @@ from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
-from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface
+from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
 from o3dleaf.surface.reconstruction.trim import drop_unsupported, trim_to_data
 from o3dleaf.surface.reconstruction.vertex_support import vertex_support
@@ -155,7 +156,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         )
     with journal.stage("follow surface"):
         around = surroundings(cloud, closed)
-        followed = follow_surface(field, around, cloud, spacing, constraints)
+        data = partial(surface_data, cloud, constraints, local=local)
+        followed = follow_surface(field, around, cloud, spacing, data)
         field = followed.field
     mesh, decisions = _trimmed(followed, around, cloud, closed, trim)
     for decision in decisions:

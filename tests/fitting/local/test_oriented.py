@@ -225,9 +225,45 @@ def test_what_makes_no_sense_is_said(change, message):
         PUInterpolant.fit_oriented(**({"points": sphere(10), "normals": sphere(10), "local": "hermite"} | change))
 
 
+def with_values(points, normals, sites, values):
+    """Points and normals, and behind them sites of which the value alone is known."""
+    known = ScatteredData.on_surface(points, normals)
+    return ScatteredData(
+        np.concatenate([known.points, sites]),
+        np.concatenate([known.values, values]),
+        normals=np.concatenate([known.normals, np.zeros(sites.shape)]),
+    )
+
+
+@pytest.mark.parametrize("local", [*FITTERS, Hermite(smoothing=1e-4)], ids=str)
+def test_balls_that_get_more_points_are_fitted_as_if_they_had_them_from_the_start(local):
+    """To values beside the surface, without a normal; no other ball changes."""
+    points, normals = torus(600)
+    field, site, value = fit(points, normals, local), np.array([[0.1, 0.05, 0.2]]), np.array([-0.3])
+    data = with_values(points, normals, site, value)
+    changed = field.with_points(data, 1)
+    near = np.linalg.norm(field.cover.centers - site, axis=1) < field.cover.radii
+    asked = np.random.default_rng(1).uniform(-1.2, 1.2, (400, 3))
+    apart = np.linalg.norm(asked[:, np.newaxis] - field.cover.centers[near], axis=2) >= field.cover.radii[near]
+    kept = apart.all(axis=1)
+    assert 0 < near.sum() < len(near)
+    assert 0 < kept.sum() < len(asked)
+    np.testing.assert_array_equal(changed(asked[kept]), field(asked[kept]))
+    whole = local.fit(changed.cover, data).blend(changed.index, asked, level=0, dtype=np.dtype(float))[0]
+    np.testing.assert_array_equal(changed(asked), whole)
+
+
+@pytest.mark.parametrize("local", [Hermite(), CurlFree()], ids=str)
+def test_values_without_a_normal_are_met(local):
+    points, normals = torus(600)
+    sites, values = np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.3]]), np.array([-0.6, -0.4])
+    data = with_values(points, normals, sites, values)
+    field = fit(points, normals, local).with_points(data, 2)
+    assert np.abs(field(data.points) - data.values).max() < ORIENTED_DATA
+
+
 def test_fits_that_take_no_more_points_say_so():
-    points = np.random.default_rng(3).normal(size=(60, 3))
-    points /= np.linalg.norm(points, axis=1)[:, np.newaxis]
-    field = PUInterpolant.fit_oriented(points, points, local="hermite")
+    points = sphere(60, 3)
+    field = PUInterpolant.fit(points, np.zeros(60), local=o3l.RBFInterpolant.fit, points_per_ball=60)
     with pytest.raises(InputError, match="take no more points"):
         field.with_points(ScatteredData.of(points, np.zeros(60)), 1)

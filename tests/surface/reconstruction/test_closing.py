@@ -64,6 +64,16 @@ def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
     assert mesh_report(reconstructed(*lens(6_000, thickness, noise), closed=False)[0]).boundary_edges > 0
 
 
+@pytest.mark.parametrize("local", ["hermite", "mls"])
+def test_so_it_is_of_whatever_is_fitted_in_the_balls(local):
+    points, normals = lens(2_000, 1.5, 0.15)
+    mesh, said = reconstructed(points, normals, local=local)
+    found = mesh_report(mesh)
+    assert (found.components, found.boundary_edges) == (1, 0)
+    assert "it had run on past data that close around them" in said[0]
+    assert mesh_report(reconstructed(points, normals, local=local, closed=False)[0]).boundary_edges > 0
+
+
 @pytest.mark.parametrize("degrees", [60, 90, 120])
 def test_open_data_are_left_as_they_are(degrees):
     """A bowl is no gap in a sphere: of no field beyond its rim is it known that it is wrong."""
