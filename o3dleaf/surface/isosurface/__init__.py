@@ -7,9 +7,11 @@
 `crease_edges`       sharp edges between tangent planes
 `band`               cells that grow across the faces a surface crosses
 `continuation`       a surface followed from seeds
+`remembered`         a field that is asked once at each place
 `isosurface`         `extract_isosurface`: any field, over a box or from seeds
 `cell_loops`         one cell: marching cubes and tetrahedra
 `polygonize_loops`   a lattice, plane by plane
 `band_loops`         cells in a hash table
+`remembered_loops`   places in a hash table
 `crease_edge_loops`  fans about new vertices on sharp edges
 """

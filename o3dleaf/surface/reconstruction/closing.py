@@ -2,17 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 import open3d as o3d
 
 from o3dleaf.core import progress
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray, require_triangles
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, require_triangles
+from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
+from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.extract import extract_near
 from o3dleaf.surface.reconstruction.overshoots import NO_SITES, FreeSites, Surroundings
@@ -25,9 +29,13 @@ ROUNDS = 3
 
 
 class Followed(NamedTuple):
-    """A field, its surface, at how many places it was corrected, and whether the surface is closed as it is."""
+    """A field, its surface, at how many places it was corrected, and whether the surface is closed as it is.
+
+    `asked` is the field with the memory of what it said where the surface was followed.
+    """
 
     field: PUInterpolant
+    asked: RememberedField
     mesh: o3d.geometry.TriangleMesh
     places: int = 0
     closed: bool = False
@@ -63,9 +71,10 @@ def follow_surface(
     fitted_to : callable
         ``fitted_to() -> ScatteredData``: what the field was fitted to, see `surface_data`.
     """
-    mesh = extract_near(field, cloud, spacing)
+    asked = RememberedField(field)
+    mesh = extract_near(asked, cloud, spacing)
     if around is None or not isinstance(field.local, RefittableFits):
-        return Followed(field, mesh)
+        return Followed(field, asked, mesh)
     data, known, places, wide, looking = None, NO_SITES, 0, True, around
     with progress.silent():
         for _ in range(ROUNDS):
@@ -73,16 +82,22 @@ def follow_surface(
             if not len(rows):
                 break
             vertices, triangles = require_triangles(mesh)
-            sites = looking.sites(field, vertices[rows])
+            sites = looking.sites(asked, vertices[rows])
             if not len(sites.sites):
                 break
             places = max(places, _count_places(triangles, rows, len(vertices)))
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
-            field = field.with_points(data, len(sites.sites))
-            mesh = extract_near(field, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
+            before, field = field, field.with_points(data, len(sites.sites))
+            asked = asked.changed(field, partial(_is_apart, before.index, sites.sites))
+            mesh = extract_near(asked, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
             looking = replace(looking, everywhere=False)  # gaps are closed once
-    return Followed(field, mesh, places, not wide and cloud.branchings is None)
+    return Followed(field, asked, mesh, places, not wide and cloud.branchings is None)
+
+
+def _is_apart(index: BallIndex, sites: FloatArray, places: FloatArray) -> BoolArray:
+    """Return which places (n, 3) lie in no ball that contains one of the sites."""
+    return ~index.share_ball(sites, places)
 
 
 def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.TriangleMesh) -> tuple[str, bool]:

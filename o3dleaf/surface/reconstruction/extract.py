@@ -10,6 +10,7 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
@@ -22,7 +23,11 @@ PER_POINT = 3.0
 
 
 def extract_near(
-    field: PUInterpolant, cloud: CloudLike, spacing: float | None = None, *, within: Mask | None = None
+    field: PUInterpolant | RememberedField,
+    cloud: CloudLike,
+    spacing: float | None = None,
+    *,
+    within: Mask | None = None,
 ) -> o3d.geometry.TriangleMesh:
     """Return the surface of a field as far as four spacings beyond its data, with the field's creases as edges.
 
@@ -30,7 +35,7 @@ def extract_near(
 
     Parameters
     ----------
-    field : PUInterpolant
+    field : PUInterpolant, or its memory
     cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
         The data.
     spacing : float, optional
@@ -40,7 +45,8 @@ def extract_near(
     """
     data = OrientedCloud.of(cloud)
     step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
-    creased = isinstance(field.local, LocalCreasedSplines)
+    fitted = field.field if isinstance(field, RememberedField) else field
+    creased = isinstance(fitted, PUInterpolant) and isinstance(fitted.local, LocalCreasedSplines)
     require_positive(step, "spacing")
     mask = distance_mask(data) if within is None else within
     mesh = extract_isosurface(field, step, seeds=data.points, within=mask, features=creased)

@@ -12,6 +12,7 @@ from o3dleaf.core import journal, progress
 from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning
+from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
@@ -166,7 +167,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         mesh = clean(mesh) if clean else mesh
     vertices, _ = mesh_arrays(mesh)
     with journal.stage("carry attributes"):
-        normals, carried = _carry(pcd, field, vertices, attributes)
+        normals, carried = _carry(pcd, followed.asked, vertices, attributes)
     tensor = hasattr(pcd, "point")
     support = None
     if measure is not None and (tensor or measure != AUTO or "colors" not in carried):
@@ -200,7 +201,7 @@ def _trimmed(
 
 
 def _carry(
-    pcd: CloudLike, field: PUInterpolant, vertices: FloatArray, attributes: Attributes | None
+    pcd: CloudLike, field: Field, vertices: FloatArray, attributes: Attributes | None
 ) -> tuple[FloatArray, dict[str, npt.NDArray[Any]]]:
     """Return the normals at the vertices, and what a step says of the cloud's attributes there."""
     sloping, carrying = progress.split(1, 5)

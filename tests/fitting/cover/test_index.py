@@ -121,3 +121,15 @@ def test_points_are_folded_by_whole_periods_or_else_to_the_nearest_point(period)
 def test_grouping_is_a_stable_sort(leaves):
     leaves = np.array(leaves, dtype=np.int64)
     np.testing.assert_array_equal(ball_loops.order_by_leaf(leaves, 10), np.argsort(leaves, kind="stable"))
+
+
+def test_points_share_a_ball_as_their_distances_say():
+    rng = np.random.default_rng(3)
+    centers, radii = rng.uniform(size=(40, 3)), rng.uniform(0.1, 0.3, size=40)
+    some, points = rng.uniform(size=(3, 3)), rng.uniform(-0.2, 1.2, size=(2_000, 3))
+    index = BallIndex.build(centers, radii, np.array([[0.0] * 3, [1.0] * 3]))
+    inside = np.linalg.norm(np.clip(points, 0, 1)[:, np.newaxis] - centers, axis=2) <= radii
+    chosen = (np.linalg.norm(some[:, np.newaxis] - centers, axis=2) <= radii).any(axis=0)
+    expected = inside[:, chosen].any(axis=1)
+    assert np.array_equal(index.share_ball(some, points), expected)
+    assert 0 < expected.sum() < len(points)
