@@ -20,6 +20,7 @@ from o3dleaf.core.job import (
     output,
     words_of,
 )
+from o3dleaf.core.parallel import run_together
 from o3dleaf.core.units import measure_in_words, unit_scale
 from o3dleaf.leaf.options import BladeOptions
 
@@ -154,8 +155,8 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.fit_quality import FitQuality
         from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
-        from o3dleaf.output.report.summary import summarize, warnings_of
-        from o3dleaf.output.view.leaf_picture import refusals_shown, render_leaf
+        from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
+        from o3dleaf.output.view.leaf_picture import refusals_shown
 
         with journal.stage("read"):
             scan = read_point_cloud(self.scan, columns=self.columns)
@@ -180,22 +181,37 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
                 write_model(leaf or blade, self.model)
         with journal.stage("measure fit"):
             fit = FitQuality.of(blade, scan)
-        if self.picture:
-            with journal.stage("draw picture"):
-                render_leaf(leaf or blade, mesh, self.beside(".png"), self.region_of(blade), fit.warnings)
-        self.draw_maps(blade, scan, fit)
-        with journal.stage("check mesh"):
-            summary = summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan, fit=fit)
+
+        def check() -> dict[str, Any]:
+            with journal.stage("check mesh"):
+                return summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan, fit=fit)
+
+        # Each is serial in part.
+        summary: dict[str, Any]
+        summary, _ = run_together(check, lambda: self.draw(leaf or blade, mesh, scan, fit))
+        summary["seconds"] = seconds_of_stages()
         summary["mesh_step"] = {"length": step.length, "reason": step.reason}
         write_json(summary, self.beside(".json"))
         for line in (*fit.lines(), *(f"warning: {warning}" for warning in warnings_of(summary))):
             journal.note(line)
         return summary
 
-    def draw_maps(self, blade: "Blade", scan: "o3d.geometry.PointCloud", fit: "FitQuality") -> None:
-        """Draw the maps that are wanted."""
+    def draw(
+        self,
+        leaf: "MultiscaleLeaf | Blade",
+        mesh: "o3d.geometry.TriangleMesh",
+        scan: "o3d.geometry.PointCloud",
+        fit: "FitQuality",
+    ) -> None:
+        """Draw the picture and the maps that are wanted."""
+        from o3dleaf.leaf.multiscale import MultiscaleLeaf
+        from o3dleaf.output.view.leaf_picture import render_leaf
         from o3dleaf.output.view.maps import render_distortion, render_residuals
 
+        blade = leaf.blade if isinstance(leaf, MultiscaleLeaf) else leaf
+        if self.picture:
+            with journal.stage("draw picture"):
+                render_leaf(leaf, mesh, self.beside(".png"), self.region_of(blade), fit.warnings)
         if self.distortion is not None:
             with journal.stage("draw distortion"):
                 render_distortion(blade, self.beside(".distortion.png"), measure=self.distortion)
@@ -252,11 +268,12 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             with journal.stage("write mesh"):
                 write_mesh(remeshed, self.output)
             return remeshed.mesh, surface
+        if surface.triangles <= MAX_CHECKED:
+            with journal.stage("extract mesh"):
+                return surface.write_and_extract(self.output).mesh, surface
         with journal.stage("write mesh"):
             surface.write(self.output)
         with journal.stage("extract mesh"):
-            if surface.triangles <= MAX_CHECKED:
-                return surface.extract().mesh, surface
             coarse = max(spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
             return leaf.plan_mesh(coarse, **parts).extract().mesh, surface
 

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
 from typing import Any
 
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
@@ -60,6 +61,14 @@ class _Pool:
 _pool = _Pool()
 
 
+class _Stopped(BaseException):
+    """Raised in the tasks of `run_together` that another one's error ends."""
+
+
+_stop: ContextVar[threading.Event | None] = ContextVar("o3dleaf.stop", default=None)
+"""Set when one of the tasks that run together has failed."""
+
+
 def get_num_threads() -> int:
     """Return the number of threads that compiled loops run on."""
     return _pool.threads
@@ -101,6 +110,7 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, report
     reports : bool
         Whether finished blocks are reported as progress of the part that is running, see `o3dleaf.core.progress`.
     """
+    _look_for_stop()
     reports = reports and is_heard()
     todo = list(blocks(count, size))
     if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
@@ -138,12 +148,55 @@ def _watch(jobs: list[Future[None]], finished: list[int], count: int, *, reports
     pending = True
     while pending:
         pending = bool(wait(jobs, PERIOD).not_done)
+        _look_for_stop()
         while reports and reported < len(finished):
             done += finished[reported]
             reported += 1
             report(done, count)
     for job in jobs:
         job.result()
+
+
+def run_together(*tasks: Callable[[], Any]) -> list[Any]:
+    """Call tasks side by side, each in a thread of its own, and return their results in the same order.
+
+    For steps that do not depend on one another and are serial in part: their blocks (`run_blocks`) share the threads
+    of the pool, and the serial part of one leaves them to the others. Each has a copy of the caller's context, so that
+    journal and progress are the caller's. On one thread, or inside a block, they are called one after another.
+
+    Ctrl-C, or an error in one, ends the others at their next blocks, and is raised here when all have ended.
+    """
+    if _pool.threads == 1 or _here.is_worker:
+        return [task() for task in tasks]
+    stop = threading.Event()
+
+    def guarded(task: Callable[[], Any]) -> Any:
+        _stop.set(stop)
+        try:
+            return task()
+        except BaseException:
+            stop.set()
+            raise
+
+    with ThreadPoolExecutor(len(tasks), "o3dleaf-task") as threads:
+        jobs = [threads.submit(copy_context().run, guarded, task) for task in tasks]
+        try:
+            while wait(jobs, PERIOD).not_done:
+                pass
+        except BaseException:
+            stop.set()
+            raise
+    # Those that were stopped come last: what stopped them is what went wrong.
+    for job in sorted(jobs, key=lambda job: isinstance(job.exception(), _Stopped)):
+        job.result()
+    return [job.result() for job in jobs]
+
+
+def _look_for_stop() -> None:
+    """End what another task's error has made useless."""
+    stop = _stop.get()
+    if stop is not None and stop.is_set():
+        raise _Stopped
 
 
 class _BlasLimit:

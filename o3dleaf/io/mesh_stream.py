@@ -64,6 +64,23 @@ class Arrays:
         self.labels[start : start + len(triangles)] = labels
 
 
+class Copies:
+    """A sink that hands on what it takes to two others."""
+
+    def __init__(self, first: "Arrays | PlyFile", second: "Arrays | PlyFile") -> None:
+        self.sinks = first, second
+
+    def put_vertices(self, start: int, vertices: FloatArray) -> None:
+        """Hand on the vertices number start, ..."""
+        for sink in self.sinks:
+            sink.put_vertices(start, vertices)
+
+    def put_triangles(self, start: int, triangles: IndexArray, labels: LabelArray) -> None:
+        """Hand on the triangles number start, ..."""
+        for sink in self.sinks:
+            sink.put_triangles(start, triangles, labels)
+
+
 @contextmanager
 def mesh_file(
     path: str | PathLike[str], size: MeshSize, comments: tuple[str, ...] = (), names: tuple[str, ...] = LABELS

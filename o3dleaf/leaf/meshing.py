@@ -16,7 +16,7 @@ from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import unit_comment
-from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
+from o3dleaf.io.mesh_stream import Arrays, Copies, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
@@ -160,7 +160,7 @@ class MeshPlan:
         arrays, blade = Arrays(self.assembly), self.leaf.blade
         if remesh is None:
             self.assembly.emit(arrays, blade.lift)
-            return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=blade.unit)
+            return self._labelled(arrays)
         edge = require_positive(remesh, "remesh")
         emitting, remeshing = progress.split(1, 20)
         with emitting:
@@ -182,6 +182,16 @@ class MeshPlan:
         """
         with mesh_file(path, self.assembly, self._comments) as sink:
             self.assembly.emit(sink, self.leaf.blade.lift)
+
+    def write_and_extract(self, path: str | PathLike[str]) -> LabelledMesh:
+        """Do both, `write` and `extract`, with every vertex taken to the world once."""
+        arrays = Arrays(self.assembly)
+        with mesh_file(path, self.assembly, self._comments) as sink:
+            self.assembly.emit(Copies(arrays, sink), self.leaf.blade.lift)
+        return self._labelled(arrays)
+
+    def _labelled(self, arrays: Arrays) -> LabelledMesh:
+        return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=self.leaf.unit)
 
 
 def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:

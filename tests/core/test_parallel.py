@@ -17,10 +17,12 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.journal import Journal
 from o3dleaf.core.parallel import (
     blocks,
     get_num_threads,
     run_blocks,
+    run_together,
     set_num_threads,
     single_threaded_blas,
 )
@@ -175,6 +177,70 @@ def test_the_pool_works_on_after_an_error():
     done = np.zeros(10)
     run_blocks(lambda start, stop: done.__setitem__(slice(start, stop), 1), 10, 1)
     assert done.all()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_tasks_that_run_together_give_their_results_in_order(threads):
+    set_num_threads(threads)
+    sums = np.zeros((3, 50))
+
+    def caller(row):
+        run_blocks(lambda start, stop: sums.__setitem__((row, start), start + row), 50, 1)
+        return row
+
+    assert run_together(*(lambda row=row: caller(row) for row in range(3))) == [0, 1, 2]
+    np.testing.assert_array_equal(sums, np.arange(50.0) + np.arange(3.0)[:, np.newaxis])
+
+
+def test_tasks_run_side_by_side_in_the_context_of_the_caller():
+    meeting, heard = threading.Barrier(2, timeout=10), []
+
+    def task():
+        meeting.wait()
+        with np.errstate(invalid="ignore"), Journal() as journal, journal.stage("inner"):
+            pass
+        assert np.geterr()["invalid"] == "raise"
+        progress.report(1, 2)
+
+    with progress.listening(lambda done, total: heard.append(done / total)), np.errstate(invalid="raise"):
+        run_together(task, task)
+        assert heard == [0.5]
+
+
+@pytest.mark.parametrize("cause", [ValueError("first"), KeyboardInterrupt()])
+def test_what_ends_one_task_ends_the_others_at_their_next_block_and_comes_out(cause):
+    started = []
+
+    def work():
+        for _ in range(500):
+            run_blocks(lambda start, stop: started.append(time.sleep(0.002)), 4, 1)
+
+    def fail():
+        while not started:
+            time.sleep(0.001)
+        raise cause
+
+    with pytest.raises(type(cause)):
+        run_together(work, fail)
+    count = len(started)
+    assert count < 500
+    time.sleep(0.02)
+    assert len(started) == count
+
+
+@pytest.mark.usefixtures("_no_garbage")
+def test_ctrl_c_stops_tasks_that_run_together():
+    started = []
+
+    def work():
+        for number in range(500):
+            run_blocks(lambda start, stop: started.append(time.sleep(0.002)), 4, 1)
+            if number == 5:
+                signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        run_together(work)
+    assert len(started) < 500
 
 
 @forks

@@ -53,8 +53,6 @@ def summarize(
     fit : FitQuality, optional
         The read-out of fit, where that was made before.
     """
-    journal = open_journal()
-    seconds = {} if journal is None else journal.seconds
     summary: dict[str, Any] = {
         "settings": settings,
         "unit": blade.unit,
@@ -62,7 +60,7 @@ def summarize(
         **_height_summary(blade),
         "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
         "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
-        "seconds": {name: round(each, 3) for name, each in seconds.items()},
+        "seconds": seconds_of_stages(),
         "threads": get_num_threads(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
     }
@@ -84,6 +82,12 @@ def summarize(
         elif surface.triangles != summary["mesh"]["triangles"]:
             summary["mesh"]["note"] = "of a coarser mesh; the one that was written is too large to hold"
     return summary
+
+
+def seconds_of_stages() -> dict[str, float]:
+    """Return the times of the stages of the open journal that have ended; none without a journal."""
+    journal = open_journal()
+    return {} if journal is None else {name: round(each, 3) for name, each in journal.seconds.items()}
 
 
 def warnings_of(summary: dict[str, Any]) -> list[str]:
