@@ -2,7 +2,7 @@
 
 `neighbors`       nearest neighbors, planes through them, and spacings by their distances
 `cells`           points sorted into cubic cells
-`noise`           standard deviation of the noise
+`noise`           noise and spacing at some places, on their own side
 `surfels`         points or groups of them with their planes
 `branchings`      lines along which three or more sheets meet
 `oriented_cloud`  the one class for a cloud, with its tree, neighbors, spacing and noise

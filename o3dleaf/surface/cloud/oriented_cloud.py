@@ -13,8 +13,11 @@ from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
-from o3dleaf.surface.cloud.noise import noise_across
+from o3dleaf.surface.cloud.noise import PATCHES, Places, measure_places
 from o3dleaf.surface.cloud.surfels import Surfels
+
+SIDED = ("spacing", "noise", "measured")
+"""What is known of a cloud by the side of its points, and so anew where their normals are others."""
 
 
 class Removed(NamedTuple):
@@ -141,7 +144,8 @@ class OrientedCloud:
         measured, of which the surface shows; two sheets within the noise then count as one. Points at random come out
         4 % too close, a square lattice 6 % too wide.
         """
-        spacing = float(np.median(self.surfels.spacing))
+        sided = self.normals is not None and len(self) >= PATCHES[0] and self.measured.known
+        spacing = float(np.nanmedian(self.measured.spacing if sided else self.surfels.spacing))
         if not spacing > 0:
             raise InputError("cloud: most points lie on a line or in one place; give the points of a surface")
         return spacing
@@ -154,7 +158,16 @@ class OrientedCloud:
     @cached_property
     def noise(self) -> float:
         """Standard deviation of the points across their surface, see `estimate_noise`."""
-        return noise_across(self.points, self.tree)
+        if not self.measured.known:
+            raise InputError("cloud: most neighborhoods are no piece of a surface, however large; is this a volume?")
+        return float(np.nanmedian(self.measured.noise))
+
+    @cached_property
+    def measured(self) -> Places:
+        """Noise and spacing at some hundred of the points, of outward normals on their own side, see `measure_places`."""
+        if len(self) < PATCHES[0]:
+            raise InputError(f"cloud: has {len(self)} points; at least {PATCHES[0]} are needed for its noise")
+        return measure_places(self.points, self.tree, self.normals)
 
     def require_normals(self) -> FloatArray:
         """Return the normals (n, 3), or raise `InputError` where there are none."""
@@ -177,14 +190,18 @@ class OrientedCloud:
             vars(cloud)["neighbors"] = reordered(self.neighbors, order)
         if "point_spacing" in known:
             vars(cloud)["point_spacing"] = self.point_spacing[order]
-        if "spacing" in known:
-            vars(cloud)["spacing"] = self.spacing
         return cloud
 
-    def with_normals(self, normals: FloatArray, notes: tuple[str, ...] = ()) -> "OrientedCloud":
-        """Return the same points, with all that is known of them, other unit normals (n, 3) and more notes."""
+    def with_normals(
+        self, normals: FloatArray, notes: tuple[str, ...] = (), keep: tuple[str, ...] = ()
+    ) -> "OrientedCloud":
+        """Return the same points with other unit normals (n, 3), more notes, and all that is known of them.
+
+        Of what is known by side (`SIDED`) only what is to be kept, as where normals turn on their own sides.
+        """
         cloud = replace(self, normals=normals, notes=self.notes + notes)
-        vars(cloud).update({name: value for name, value in vars(self).items() if name not in vars(cloud)})
+        anew = {*vars(cloud), *SIDED} - {*keep}
+        vars(cloud).update({name: value for name, value in vars(self).items() if name not in anew})
         return cloud
 
     def compact(self) -> None:

@@ -1,4 +1,4 @@
-"""The compiled loops of joining points with a sign, and of the winding number."""
+"""The compiled loops of joining points with a sign, of normals that neighbors agree on, and of the winding number."""
 
 import numpy as np
 
@@ -18,6 +18,46 @@ def mirrored_agreements(points, normals, rows, edges, start, stop, agreement, su
             agreement[i, m] = mirrored(points, normals, i, j)
             straight = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
             sure[i, m] = min(abs(straight), abs(agreement[i, m])) if straight * agreement[i, m] > 0 else 0.0
+
+
+@njit(nogil=True, cache=True)
+def plane_normals(points, normals, rows, noise, least, start, stop, found):
+    """Write the unit normals (n, 3) that fit points `rows` (n, k) around each, and their normals, of its own side.
+
+    With the weights w_j = max(n_i . n_j, 0), C the covariance of the points and m the mean of the normals:
+    n = (C + s^2)^-1 m, up to its length, s the `noise`, which has the least n.C n + s^2 |n - m|^2. Where fewer than
+    `least` points have a weight it is n_i.
+    """
+    matrix, mean, toward = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for i in range(start, stop):
+        matrix[:], mean[:], toward[:], total, counted = 0.0, 0.0, 0.0, 0.0, 0
+        for m in range(rows.shape[1]):
+            j = rows[i, m]
+            weight = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
+            if weight <= 0.0:
+                continue
+            total += weight
+            counted += 1
+            for a in range(3):
+                mean[a] += weight * (points[j, a] - points[i, a])
+                toward[a] += weight * normals[j, a]
+                for b in range(3):
+                    matrix[a, b] += weight * (points[j, a] - points[i, a]) * (points[j, b] - points[i, b])
+        for a in range(3):
+            for b in range(3):
+                matrix[a, b] = matrix[a, b] / total - mean[a] * mean[b] / total**2
+            matrix[a, a] += noise * noise
+        length = 0.0
+        for a in range(3):  # the adjugate has the inverse's directions
+            b, c, value = (a + 1) % 3, (a + 2) % 3, 0.0
+            for d in range(3):
+                e, f = (d + 1) % 3, (d + 2) % 3
+                value += (matrix[b, e] * matrix[c, f] - matrix[b, f] * matrix[c, e]) * toward[d]
+            found[i, a] = value
+            length += value * value
+        length = np.sqrt(length)
+        for a in range(3):
+            found[i, a] = found[i, a] / length if counted >= least and length > 0 else normals[i, a]
 
 
 @njit(nogil=True, cache=True)

@@ -17,8 +17,10 @@ from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
+from o3dleaf.surface.cloud.noise import CLEAN, PATCHES
+from o3dleaf.surface.cloud.normals import plane_normals
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
-from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
+from o3dleaf.surface.cloud.oriented_cloud import SIDED, OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.viewpoint import face_given, face_viewpoint
 
@@ -110,7 +112,7 @@ def preprocess_point_cloud(
         if orientation.cut is not None:
             usable, oriented = usable.parted(orientation.cut), _cut_out(oriented, orientation.cut)
         if voxel_size is None:
-            return usable.restored(oriented)
+            return _by_side(usable.restored(oriented))
         averaged = voxel_down_sample(oriented.take(np.argsort(usable.rows)), voxel_size)
         _require_enough(len(averaged), len(oriented))
         return averaged
@@ -210,6 +212,16 @@ class _Usable(NamedTuple):
 def _cut_out(cloud: OrientedCloud, cut: npt.NDArray[np.bool_]) -> OrientedCloud:
     """Return a cloud without the points of a mask (n,), which are counted."""
     return replace(cloud.take(~cut), removed=cloud.removed._replace(cut=cloud.removed.cut + int(cut.sum())))
+
+
+def _by_side(cloud: OrientedCloud) -> OrientedCloud:
+    """Return a cloud with what is known of it by its sides: its spacing and, where there is noise, its normals."""
+    _ = cloud.spacing
+    known = len(cloud) >= PATCHES[0] and cloud.measured.known
+    if not known or not CLEAN * cloud.spacing < cloud.noise <= cloud.spacing:
+        return cloud  # of more noise, sixteen points have no plane: normals will be averaged with the points
+    normals = plane_normals(cloud.points, cloud.require_normals(), cloud.neighbors.row, cloud.noise)
+    return cloud.with_normals(normals, keep=SIDED)
 
 
 def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:

@@ -11,14 +11,12 @@ from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.constraints import OffsetConstraints, offset_constraints
+from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import CreasedSplines
 
 MARGIN = 4.0
 """Spacings that the field reaches beyond its data, one more than the widest gap that is closed."""
-CLEAN = 0.1
-"""Noise in spacings up to which a cloud is clean. Of others creases are not sought: of normals that turn, some only
-seem to."""
 SMALL_BALLS = (100, 200)
 """Constraints of a ball of a clean cloud, for which larger ones only cost more; under noise larger ones do better."""
 

@@ -6,7 +6,8 @@ import pytest
 from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
-from tolerances import MEANS, NOISE_SHARE
+from o3dleaf.surface.cloud.normals import plane_normals
+from tolerances import MEANS, NOISE_SHARE, SPACING
 
 
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 1.0, 2.0])
@@ -38,6 +39,61 @@ def test_noise_scales_with_the_cloud():
     rng = np.random.default_rng(4)
     points = np.column_stack([rng.uniform(size=(3_000, 2)), rng.normal(size=3_000) * 0.01])
     assert estimate_noise(1024.0 * points) == pytest.approx(1024.0 * estimate_noise(points), rel=1e-12)
+
+
+def two_sheets(apart, sigma, tilt=0.0):
+    """Return points and outward normals of two noisy squares that face away from one another, and of one alone.
+
+    The normals are tilted at random, each within its own half of space, as those of neighbors on both sheets are.
+    """
+    rng = np.random.default_rng(12)
+    side = np.repeat([-1.0, 1.0], 5_000)
+    points = np.column_stack([rng.uniform(size=(10_000, 2)), side * apart / 2]) + sigma * rng.normal(size=(10_000, 3))
+    normals = np.column_stack([tilt * rng.normal(size=(10_000, 2)), side])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return OrientedCloud.of(points, normals), OrientedCloud.of(points[side > 0], normals[side > 0])
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1.0])
+@pytest.mark.parametrize("apart", [0.005, 0.03, 0.2])
+def test_another_sheet_says_nothing_of_this_one(apart, tilt):
+    """However near the other side of a thin part is, noise and spacing are those of one side alone."""
+    both, alone = two_sheets(apart, 0.006, tilt)
+    assert both.noise == pytest.approx(alone.noise, rel=NOISE_SHARE)
+    assert both.spacing == pytest.approx(alone.spacing, rel=SPACING)
+    assert both.noise == pytest.approx(0.006, rel=NOISE_SHARE)
+    assert both.spacing == pytest.approx(1 / np.sqrt(5_000), rel=SPACING)
+
+
+def test_what_is_known_by_side_is_known_anew_of_other_normals():
+    """Without normals two near sheets are one thick one; with them noise and spacing are those of either."""
+    both, _ = two_sheets(0.03, 0.006)
+    without = OrientedCloud.of(both.points)
+    thick, close = without.noise, without.spacing
+    turned = without.with_normals(both.normals)
+    assert turned.noise < 0.8 * thick
+    assert turned.spacing > 1.2 * close
+    shuffled = turned.reordered(np.arange(len(both))[::-1])
+    assert (shuffled.noise, shuffled.spacing) == (turned.noise, turned.spacing)
+
+
+def test_normals_across_both_sides_are_found_by_side():
+    """Normals tilted anywhere in their half of space come nearer to those of their sheet, all of them on its side."""
+    both, _ = two_sheets(0.03, 0.006, tilt=1.0)
+    truth = np.sign(both.normals[:, 2])
+    found = plane_normals(both.points, both.normals, both.neighbors.row, both.noise)
+    given, now = truth * both.normals[:, 2], truth * found[:, 2]
+    assert (1 - now).mean() < (1 - given).mean() / 2
+    assert (now < 0).mean() < 0.01
+
+
+def test_right_normals_are_kept_under_noise():
+    """Of a sphere, whose normals agree all over, none is another after the planes were asked."""
+    points, normals = samples.Sphere().sample(3_000, seed=13)
+    cloud = OrientedCloud.of(points + 0.02 * np.random.default_rng(13).normal(size=points.shape), normals)
+    np.testing.assert_array_equal(
+        plane_normals(cloud.points, cloud.normals, cloud.neighbors.row, cloud.noise), cloud.normals
+    )
 
 
 def test_a_volume_is_no_surface():

@@ -83,6 +83,6 @@ def test_a_cloud_that_was_preprocessed_stays_as_it_is():
 
 def test_a_cloud_says_what_it_is_in_a_line():
     cloud = preprocess_point_cloud(torus(3000)[0])
-    assert re.fullmatch(r"OrientedCloud\(3,000 points with normals, spacing 0\.0\d+\)", repr(cloud))
+    assert re.fullmatch(r"OrientedCloud\(3,000 points with normals, spacing 0\.0\d+, noise \d\S+\)", repr(cloud))
     assert repr(OrientedCloud.of(torus(50)[0])) == "OrientedCloud(50 points)"
     assert repr(orient_normals(cloud)) == "Orientation(3,000 normals, notes ())"

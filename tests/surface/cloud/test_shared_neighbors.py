@@ -38,7 +38,7 @@ def test_what_a_cloud_keeps_is_that_of_its_points():
     cloud = preprocess_point_cloud(bad, normals=np.concatenate([normals[:50], [[0, 0, 1]], normals, [[0, 0, 1]]]))
     averaged = preprocess_point_cloud(bad, normals=np.ones((len(bad), 3)), voxel_size=0.1, orient=None)
     for some in (cloud, averaged):
-        alone = OrientedCloud.of(some.points)
+        alone = OrientedCloud.of(some.points, some.normals)
         assert np.array_equal(some.neighbors.row, alone.neighbors.row)
         assert np.array_equal(some.neighbors.distance, alone.neighbors.distance)
         assert np.array_equal(some.point_spacing, alone.point_spacing)
