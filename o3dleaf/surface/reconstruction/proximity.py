@@ -29,7 +29,7 @@ Mask = Callable[[FloatArray], BoolArray]
 
 
 def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
-    """Return the function that tests which places (n, 3) lie within `factor` spacings of a cloud's points, of their own.
+    """Return the function that tests which places (n, 3) lie within `factor` spacings of a point, of its own.
 
     What `extract_isosurface` takes as `within` so that the surface reaches as far as `trim_to_data` needs, and no
     farther, where points lie dense and where they lie thin.

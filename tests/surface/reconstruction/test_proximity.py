@@ -72,7 +72,9 @@ def test_a_gap_is_no_wider_for_what_is_dense_on_its_other_side():
 def test_where_density_steps_down_the_surface_goes_on(solid, step):
     rng = np.random.default_rng(2)
     if solid == "sphere":
-        points = normals = (lambda x: x / np.linalg.norm(x, axis=1)[:, np.newaxis])(rng.normal(size=(6_000, 3)))
+        normals = rng.normal(size=(6_000, 3))
+        normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
+        points = normals
     else:
         u, v = rng.uniform(0, 2 * np.pi, (2, 9_000))
         normals = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
