@@ -555,6 +555,9 @@ BENCH_SPACING = 0.03
 ONE_PASS = 1e-11
 """Values and gradients found together or apart: the rounding of sums of some hundred terms."""
 
+CLASS_WIDTH = 2**0.25 * (1 + 1e-12)
+"""Greatest spacing of a class over its least: of its points the nearest is taken for the nearest by spacings."""
+
 # --- reconstruction ---
 
 NOISE_SHARE = 0.15

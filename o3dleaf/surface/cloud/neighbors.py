@@ -21,6 +21,12 @@ SPACED = 12
 BLOCK = 4096
 BATCH_SIZE = 1 << 18
 """Points whose neighbors are searched at once."""
+STEP = 2.0
+"""Spacing of a point over that of its neighbors above which density steps there, by 4: seven deviations at random."""
+FEWEST = 4
+"""Points that count another among their neighbors, for these to be no strays."""
+CLASSES = 4
+"""Classes of spacing to an octave: within one spacings differ by a fifth at most."""
 
 
 class Neighborhoods(NamedTuple):
@@ -28,6 +34,15 @@ class Neighborhoods(NamedTuple):
 
     distance: FloatArray
     row: IndexArray
+
+
+class SpacingClass(NamedTuple):
+    """Points of about one spacing: their rows, rising, their tree, and the least and the greatest of their spacings."""
+
+    rows: IndexArray
+    tree: cKDTree
+    least: float
+    greatest: float
 
 
 class Planes(NamedTuple):
@@ -89,4 +104,34 @@ def smooth_spacings(near: Neighborhoods) -> FloatArray:
     run_blocks(mean, len(first), BLOCK)
     if not spacing.min() > 0:
         raise InputError(f"cloud: {SPACED + 1} points lie in one place; remove duplicates")
+    _raise_beside_dense_data(spacing, first, near.row[:, 1 : SPACED + 1])
     return spacing
+
+
+def _raise_beside_dense_data(spacing: FloatArray, first: FloatArray, row: IndexArray) -> None:
+    """Give points of a sparse region beside a dense one the spacing of that region, in place.
+
+    Most of their neighbors are dense, and so the medians are. Points that count one among their neighbors are of its
+    own region, for dense ones have nearer neighbors; of a stray there are none.
+    """
+    raised = first > STEP * spacing
+    if not raised.any():
+        return
+    by, column = np.nonzero(raised[row])
+    of = row[by, column]
+    order = np.lexsort((first[by], of))
+    by, of = by[order], of[order]
+    point, start, count = np.unique(of, return_index=True, return_counts=True)
+    known = count >= FEWEST
+    point, middle = point[known], (start + count // 2)[known]
+    spacing[point] = np.maximum(spacing[point], first[by[middle]])
+
+
+def spacing_classes(points: FloatArray, spacing: FloatArray) -> tuple[SpacingClass, ...]:
+    """Return points (n, 3) by classes of their spacings (n,), the sparsest first."""
+    number = np.floor(CLASSES * np.log2(spacing / spacing.min())).astype(np.int64)
+    found = []
+    for each in np.unique(number)[::-1]:
+        rows = np.flatnonzero(number == each)
+        found.append(SpacingClass(rows, cKDTree(points[rows]), spacing[rows].min(), spacing[rows].max()))
+    return tuple(found)

@@ -12,7 +12,15 @@ from o3dleaf.core.checks import FloatArray, as_normals, as_weights
 from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
-from o3dleaf.surface.cloud.neighbors import IndexArray, Neighborhoods, nearest_neighbors, reordered, smooth_spacings
+from o3dleaf.surface.cloud.neighbors import (
+    IndexArray,
+    Neighborhoods,
+    SpacingClass,
+    nearest_neighbors,
+    reordered,
+    smooth_spacings,
+    spacing_classes,
+)
 from o3dleaf.surface.cloud.noise import PATCHES, Places, measure_places
 from o3dleaf.surface.cloud.surfels import Surfels
 
@@ -154,6 +162,11 @@ class OrientedCloud:
     def point_spacing(self) -> FloatArray:
         """Spacing (n,) around each point, see `point_spacing`."""
         return smooth_spacings(self.neighbors)
+
+    @cached_property
+    def spacing_classes(self) -> tuple[SpacingClass, ...]:
+        """The points by classes of their spacings, the sparsest first."""
+        return spacing_classes(self.points, self.point_spacing)
 
     @cached_property
     def noise(self) -> float:

@@ -11,7 +11,7 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.adjacency_loops import list_ends
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.reconstruction.proximity import nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, nearest_points
 from o3dleaf.surface.reconstruction.vertex_support_loops import PointsWithNormals, find_closest, propagate_lines
 
 NEAREST = 16
@@ -108,7 +108,7 @@ def closest_points(
 
 
 class MeshNearData(NamedTuple):
-    """A mesh, its vertices' normals (n, 3), and their nearest data: distances and rows (n,)."""
+    """A mesh, its vertices' normals (n, 3), and the data around them (`data_around`): distances and rows (n,)."""
 
     vertices: FloatArray
     triangles: IntArray
@@ -119,7 +119,7 @@ class MeshNearData(NamedTuple):
     @classmethod
     def of(cls, vertices: FloatArray, triangles: IntArray, data: OrientedCloud) -> "MeshNearData":
         """Find normals and nearest data."""
-        return cls(vertices, triangles, vertex_normals(vertices, triangles), *nearest_points(data.tree, vertices))
+        return cls(vertices, triangles, vertex_normals(vertices, triangles), *data_around(data, vertices))
 
     @property
     def edge_length(self) -> float:

@@ -16,7 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.reconstruction.proximity import distance_mask, nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 
 FAR = 1.5
@@ -94,13 +94,13 @@ class Surroundings:
     def far(self, vertices: FloatArray) -> tuple[IntArray, bool]:
         """Return the rows of the vertices that are far from the data, and whether any is so far that trimming cuts."""
         rows = np.flatnonzero(~distance_mask(self.data, factor=FAR)(vertices))
-        distance, nearest = nearest_points(self.data.tree, vertices[rows])
+        distance, nearest = data_around(self.data, vertices[rows])
         return rows, bool((distance > WIDE * self.data.point_spacing[nearest]).any())
 
     def overshooting(self, places: FloatArray) -> BoolArray:
         """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""
         if self.everywhere:
-            distance, nearest = nearest_points(self.data.tree, places)
+            distance, nearest = data_around(self.data, places)
             return np.asarray(distance > WIDE * self.data.point_spacing[nearest])
         sure = self.decisive(self.depth(places))
         near, place = np.unique(nearest_points(self.data.tree, places[sure])[1], return_inverse=True)
@@ -115,7 +115,7 @@ class Surroundings:
 
     def sites(self, field: Field, places: FloatArray) -> FreeSites:
         """Return where a field is wrong around such places, on lattices as fine as the data there."""
-        spacing = self.data.point_spacing[nearest_points(self.data.tree, places)[1]]
+        spacing = self.data.point_spacing[data_around(self.data, places)[1]]
         octave = np.floor(np.log2(spacing / spacing.min())).astype(np.int64)
         found = []
         for each in np.unique(octave):
@@ -136,8 +136,8 @@ class Surroundings:
 
     def _judge(self, field: Field, places: FloatArray, pitch: float) -> tuple[IntArray, FreeSites]:
         """Return which places (n, 3) a field is wrong about, and what is right there."""
-        distance, nearest = nearest_points(self.data.tree, places)
-        ratio = distance / self.data.point_spacing[nearest]
+        around, nearest = data_around(self.data, places)
+        ratio, distance = around / self.data.point_spacing[nearest], nearest_points(self.data.tree, places)[0]
         rows = np.flatnonzero((ratio > NEAREST) & (self.everywhere | (ratio < FARTHEST)))
         depth = self.depth(places[rows])
         value = depth * distance[rows]

@@ -16,6 +16,9 @@ from o3dleaf.surface.reconstruction.vertex_support_loops import VoxelGrid, find_
 REACH = 4.0
 """Spacings from the data that a surface is followed, one more than the radius of the ball of `trim_to_data`."""
 
+OWN = 1.0
+"""Spacings from its nearest point within which a place is that point's, whatever lies around."""
+
 BLOCK = 1 << 14
 
 BATCH_SIZE = 1 << 18
@@ -26,7 +29,7 @@ Mask = Callable[[FloatArray], BoolArray]
 
 
 def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
-    """Return the function that tests which places (n, 3) lie within `factor` spacings of a cloud.
+    """Return the function that tests which places (n, 3) lie within `factor` spacings of a point, of its own.
 
     What `extract_isosurface` takes as `within` so that the surface reaches as far as `trim_to_data` needs, and no
     farther, where points lie dense and where they lie thin.
@@ -51,7 +54,7 @@ def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
         inside = conservative(places)
         rest = np.flatnonzero(~inside)
         with progress.silent():  # who follows a surface reports how far it is
-            distance, nearest = nearest_points(data.tree, places[rest])
+            distance, nearest = data_around(data, places[rest])
         inside[rest] = distance <= factor * spacing[nearest]
         return inside
 
@@ -91,3 +94,29 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
         distance[i:j], nearest[i:j] = tree.query(places[i:j], workers=-1)
         progress.report(j, len(places))
     return distance, nearest
+
+
+def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
+    r"""Return which point of the data each place (n, 3) is nearest to in that point's spacings, and how far (n,).
+
+    .. math:: \arg\min_j |x - x_j| / s_j
+
+    Where data are about as dense all around, or one lies within its spacing, that is the nearest one. Beside dense data
+    that end where sparse ones go on, it is one of those: a gap is no wider for what is dense on its other side. Found
+    to the width of a class of spacings, a fifth.
+    """
+    distance, row = nearest_points(data.tree, places)
+    spacing, own = data.point_spacing, data.point_spacing[row]
+    ratio = distance / own
+    for some in data.spacing_classes if (ratio > OWN).any() else ():
+        asked = np.flatnonzero((ratio > OWN) & (own < some.least))
+        if not len(asked):
+            continue
+        reach = some.greatest * float(ratio[asked].max())
+        far, near = some.tree.query(places[asked], distance_upper_bound=reach, workers=-1)
+        found = np.flatnonzero(np.isfinite(far))
+        far, near, asked = far[found], some.rows[near[found]], asked[found]
+        less = far / spacing[near] < ratio[asked]
+        distance[asked[less]], row[asked[less]] = far[less], near[less]
+        ratio[asked[less]] = far[less] / spacing[near[less]]
+    return distance, row

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from matplotlib import colormaps
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from mesh_fields import CENTRE, joined, sphere
 from o3dleaf import (
     OrientedCloud,
     PUInterpolant,
+    create_from_point_cloud_rbfpu,
     distance_mask,
     extract_isosurface,
+    mesh_report,
     point_spacing,
     trim_to_data,
     vertex_support,
@@ -18,9 +21,9 @@ from o3dleaf import (
 from o3dleaf.core import progress
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
-from o3dleaf.surface.reconstruction.proximity import conservative_mask
+from o3dleaf.surface.reconstruction.proximity import conservative_mask, data_around
 from o3dleaf.surface.reconstruction.vertex_support import VertexSupport, support_colors
-from tolerances import ONE_PASS
+from tolerances import CLASS_WIDTH, ONE_PASS
 
 
 def uneven(count=3000, seed=4):
@@ -37,14 +40,49 @@ def places_around(cloud, count=20_000):
     return np.concatenate([on, rng.uniform(2 * low - high, 2 * high - low, size=(count, 3)), cloud])
 
 
+def least_ratios(cloud, steps, places):
+    """Return of each place how far it is from the points, each in its own spacings, by all pairs."""
+    return np.concatenate([(cdist(part, cloud) / steps).min(axis=1) for part in np.array_split(places, 20)])
+
+
 @pytest.mark.parametrize("factor", [1.0, 4.0])
-def test_the_distance_mask_is_what_the_nearest_point_says(factor):
-    cloud = uneven()
-    places, steps = places_around(cloud), point_spacing(cloud)
-    far, nearest = cKDTree(cloud).query(places)
+def test_the_distance_mask_is_what_some_point_says(factor):
+    cloud = uneven(1000)
+    places, steps = places_around(cloud, 2_000), point_spacing(cloud)
+    least, (far, nearest) = least_ratios(cloud, steps, places), cKDTree(cloud).query(places)
     found = distance_mask(cloud, factor=factor)(places)
-    assert np.array_equal(found, far <= factor * steps[nearest])
+    assert not np.any(found & (least > factor))
+    assert not np.any((far <= factor * steps[nearest]) & ~found)
+    assert not np.any((np.maximum(least, 1) * CLASS_WIDTH <= factor) & ~found)
     assert 0 < found.sum() < len(found)
+
+
+def test_a_gap_is_no_wider_for_what_is_dense_on_its_other_side():
+    cloud = uneven(1000)
+    places, data = places_around(cloud, 2_000), OrientedCloud.of(cloud)
+    distance, row = data_around(data, places)
+    np.testing.assert_allclose(distance, np.linalg.norm(places - cloud[row], axis=1), rtol=1e-12)
+    ratio, least = distance / data.point_spacing[row], least_ratios(cloud, data.point_spacing, places)
+    assert np.all(ratio <= np.maximum(1, CLASS_WIDTH * least))
+    assert np.any(row != cKDTree(cloud).query(places)[1])
+
+
+@pytest.mark.parametrize("step", [10, 30])
+@pytest.mark.parametrize("solid", ["sphere", "torus"])
+def test_where_density_steps_down_the_surface_goes_on(solid, step):
+    rng = np.random.default_rng(2)
+    if solid == "sphere":
+        normals = rng.normal(size=(6_000, 3))
+        normals /= np.linalg.norm(normals, axis=1)[:, np.newaxis]
+        points = normals
+    else:
+        u, v = rng.uniform(0, 2 * np.pi, (2, 9_000))
+        normals = np.column_stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
+        points = np.column_stack([np.cos(u), np.sin(u), 0 * u]) + 0.4 * normals
+    kept = (points[:, 0] > 0) | (rng.uniform(size=len(points)) < 1 / step)
+    mesh, _ = create_from_point_cloud_rbfpu(OrientedCloud.of(points[kept], normals[kept]), closed=False, measure=None)
+    report = mesh_report(mesh)
+    assert (report.components, report.boundary_edges, report.genus) == (1, 0, int(solid == "torus"))
 
 
 @pytest.mark.parametrize("reach", [1e-7, 0.03, 0.5, 20.0])
