@@ -91,3 +91,13 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
         distance[i:j], nearest[i:j] = tree.query(places[i:j], workers=-1)
         progress.report(j, len(places))
     return distance, nearest
+
+
+def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices."""
+    known = vars(data).get("_nearest")
+    if known is None or not np.array_equal(known[0], places):
+        known = np.array(places), *nearest_points(data.tree, places)
+        vars(data)["_nearest"] = known
+    progress.report(len(places), len(places))
+    return known[1], known[2]
