@@ -8,12 +8,12 @@ normals (30 neighbours) turned to the truth's side. Scans keep their own normals
 With --normals none ours gets no normals, and the peers Open3D's, made consistent over 30 neighbours. A shape is a solid
 of o3dleaf.samples, horse or lucy, a scan, or a file of any closed mesh, which then is the truth.
 The peers' lattices, octrees and first balls have the spacing of the cloud, sqrt(area / points), octrees the next finer
-power of two; ours is called with nothing but the cloud and takes 0.6 to 1 of it. Each call has a process of its
-own; seconds and peak_mb (resident memory beyond what was there before) are those of the call alone, after a warm-up on
-small balls, so that imports and compilation are not counted. Accuracy: mean distance to the truth, closest points by
-formula or Newton's method, of 200,000 points of the mesh, and completeness: of as many points of the truth to the mesh;
-both uniform by area. hausdorff95 and hausdorff are the larger of the two ways. fscore counts what is nearer than the
-noise, or than a tenth of the spacing where there is less. Normal consistency is the mean cosine, -1 for a surface
+power of two; ours is called with nothing but the cloud and takes 0.6 to 1 of it. Each call has a process of its own;
+seconds and peak_mb (resident memory beyond what was there before) are those of the call alone, after a warm-up on small
+balls and a block, so that imports and compilation are not counted. Accuracy: mean distance to the truth, closest points
+by formula or Newton's method, of 200,000 points of the mesh, and completeness: of as many points of the truth to the
+mesh; both uniform by area. hausdorff95 and hausdorff are the larger of the two ways. fscore counts what is nearer than
+the noise, or than a tenth of the spacing where there is less. Normal consistency is the mean cosine, -1 for a surface
 turned inside out. Real scans have no truth: nine tenths are reconstructed from, completeness is the distance of the
 others to the mesh, accuracy that of the mesh to the nearest point of the whole scan (never below a part of its
 spacing), and fscore counts within one spacing.

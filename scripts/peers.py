@@ -188,7 +188,7 @@ def reconstruct(points, normals, method, spacing, is_open, seconds, *, oriented=
 
 
 def serve(points, normals, method, spacing, is_open, oriented):
-    """Call a method, in the child: warmed up on a ball, so that neither imports nor compilation are counted.
+    """Call a method, in the child: warmed up on balls and a block, so that neither imports nor compilation are counted.
 
     A cloud that is not oriented has normals for the peers; ours is not given them.
     """
@@ -199,6 +199,8 @@ def serve(points, normals, method, spacing, is_open, oriented):
     ball /= np.linalg.norm(ball, axis=1)[:, np.newaxis]
     for noise in (0.0, 0.02):  # what is done for a noisy cloud is more
         call(ball + rng.normal(scale=noise, size=ball.shape), ball, math.sqrt(4 * math.pi / WARM_UP), False)
+    block = o3l.samples.Block()
+    call(*block.sample(WARM_UP), math.sqrt(block.area / WARM_UP), False)  # and for one with creases
     before = forget_peak()
     start, processor = time.perf_counter(), time.process_time()
     vertices, triangles = call(points, normals, spacing, is_open)

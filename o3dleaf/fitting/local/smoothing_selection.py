@@ -21,9 +21,10 @@ T = TypeVar("T")
 GCV_BALLS = 32
 """Balls whose pooled score chooses the smoothing; an eigen-decomposition costs ten factorizations."""
 
-SHARED_BALLS = 16
-"""The same where groups of points are left out together, some hundred in a ball. Over 18 clouds of surfaces the value
-is a factor of 1.4 from that of 256 balls (median), as of 32 balls; once, on a flat curve, 66. A decade matters."""
+SHARED_POINTS, LEAST_BALLS = 2400, 8
+"""Where groups of points are left out together the sample has as many balls as contain so many points, and 8 at least:
+an eigen-decomposition takes the cube of a ball's points. Over 18 clouds of surfaces the value is a factor of 1.4 from
+that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
 
 GROUP = 3
 """Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
@@ -72,7 +73,7 @@ def choose_smoothing(
         return Spectrum(eigenvalues, coefficients, count)
 
     every = np.arange(len(cover.radii))
-    size = GCV_BALLS if data.groups is None else SHARED_BALLS
+    size = GCV_BALLS if data.groups is None else max(LEAST_BALLS, round(SHARED_POINTS / float(np.median(cover.counts))))
     sample = np.unique(np.linspace(0, len(every) - 1, size).round().astype(np.int64))
     if data.groups is not None:
         trials = trial_values(Spectrum.pooled(each_ball(spectrum, sample[:: max(1, len(sample) // 4)])))

@@ -3,10 +3,14 @@
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
 from o3dleaf.surface.cloud.cloud_loops import mirrored
 
 LEVELS = 64
 """Grades of confidence in which edges are joined."""
+
+TINY = 1e-200
+"""Added to squared distances: a place divides by no zero where it is a source's own, and its cube is no zero either."""
 
 
 @njit(nogil=True, cache=True)
@@ -126,19 +130,29 @@ def flatten(parent, sign):
         parent[i], sign[i] = root, s
 
 
-@njit(nogil=True, cache=True)
-def winding(targets, sources, flux, piece, soft, start, stop, number):
-    """Write the winding number (m, pieces) that the sources of each piece make at each target.
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE, error_model="numpy")
+def winding_of(x, y, z, sources, flux, soft, start, stop):
+    """Return Σ f_j · e / (|e| (|e|² + s_j)), e = x_j − x, over sources start:stop of (3, n); what coincides adds 0."""
+    total = 0.0
+    for j in range(start, stop):
+        ex, ey, ez = sources[0, j] - x, sources[1, j] - y, sources[2, j] - z
+        square = ex * ex + ey * ey + ez * ez + TINY
+        along = flux[0, j] * ex + flux[1, j] * ey + flux[2, j] * ez
+        total += along / ((square + soft[j]) * np.sqrt(square))
+    return total
 
+
+@njit(nogil=True, cache=True)
+def winding(targets, sources, flux, first, soft, start, stop, number):
+    """Write the winding number (m, pieces) that the sources (3, n) of each piece make at each target (m, 3).
+
+    Piece k has the sources first[k]:first[k + 1].
     w(x) = sum over j of f_j . e / (4 pi |e| (|e|^2 + s_j)), e = x_j - x, f_j the normal of x_j times its area a_j: 1
     inside, 0 outside a closed surface, 1/2 on it. With s_j = a_j / (2 pi) a point makes 1/2 at most, as a disc of its
     area does where it is touched, however near to another one it lies.
     """
     for i in range(start, stop):
-        number[i] = 0.0
-        for j in range(len(sources)):
-            ex, ey, ez = sources[j, 0] - targets[i, 0], sources[j, 1] - targets[i, 1], sources[j, 2] - targets[i, 2]
-            square = ex * ex + ey * ey + ez * ez
-            if square > 0:
-                along = flux[j, 0] * ex + flux[j, 1] * ey + flux[j, 2] * ez
-                number[i, piece[j]] += along / (4 * np.pi * (square + soft[j]) * np.sqrt(square))
+        x, y, z = targets[i, 0], targets[i, 1], targets[i, 2]
+        for k in range(number.shape[1]):
+            total = winding_of(x, y, z, sources, flux, soft, first[k], first[k + 1])
+            number[i, k] = total / (4 * np.pi)

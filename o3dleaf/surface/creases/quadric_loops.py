@@ -104,36 +104,62 @@ def in_frame(center, frame, scale, point):
     )
 
 
-@njit(nogil=True, cache=True)
-def distance(quadric, point, outward):
-    """Return the distance of a point from a quadric to first order, above 0 outside; write the normal there."""
+@njit(nogil=True, cache=True, error_model="numpy")
+def write_distances(quadric, points, distances):
+    """Write the distances of points from a quadric to first order, above 0 outside: numbers alone, many at once."""
     center, frame, q, scale = quadric
-    u, v, z = in_frame(center, frame, scale, point)
-    along, across = -q[1] - 2 * q[3] * u - q[4] * v, -q[2] - q[4] * u - 2 * q[5] * v
-    length = math.sqrt(along * along + across * across + 1.0)
-    for axis in range(3):
-        outward[axis] = (frame[0, axis] * along + frame[1, axis] * across + frame[2, axis]) / length
-    height = z - (q[0] + q[1] * u + q[2] * v + q[3] * u * u + q[4] * u * v + q[5] * v * v)
-    return scale * height / length
+    c0, c1, c2 = center[0], center[1], center[2]
+    a0, a1, a2, b0, b1, b2 = frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2]
+    n0, n1, n2 = frame[2, 0], frame[2, 1], frame[2, 2]
+    q0, q1, q2, q3, q4, q5 = q[0], q[1], q[2], q[3], q[4], q[5]
+    for i in range(len(points)):
+        x, y, z = (points[i, 0] - c0) / scale, (points[i, 1] - c1) / scale, (points[i, 2] - c2) / scale
+        u, v, w = a0 * x + a1 * y + a2 * z, b0 * x + b1 * y + b2 * z, n0 * x + n1 * y + n2 * z
+        along, across = -q1 - 2 * q3 * u - q4 * v, -q2 - q4 * u - 2 * q5 * v
+        height = w - (q0 + q1 * u + q2 * v + q3 * u * u + q4 * u * v + q5 * v * v)
+        distances[i] = scale * height / math.sqrt(along * along + across * across + 1.0)
+
+
+@njit(nogil=True, cache=True)
+def write_normals(quadric, points, outward):
+    """Write the normals (n, 3) of a quadric beside points."""
+    center, frame, q, scale = quadric
+    for i in range(len(points)):
+        u, v, _ = in_frame(center, frame, scale, points[i])
+        along, across = -q[1] - 2 * q[3] * u - q[4] * v, -q[2] - q[4] * u - 2 * q[5] * v
+        length = math.sqrt(along * along + across * across + 1.0)
+        for axis in range(3):
+            outward[i, axis] = (frame[0, axis] * along + frame[1, axis] * across + frame[2, axis]) / length
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def misfit(points, normals, chosen):
     """Return the root mean square distance of the chosen points from their quadric, and its scale."""
     quadric = fit_quadric(points, normals, chosen)
-    total, outward = 0.0, np.empty(3)
-    for i in range(len(points)):
+    distances = np.empty(len(points))
+    write_distances(quadric, points, distances)
+    return spread_of(distances, chosen), quadric[3]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def spread_of(distances, chosen):
+    """Return the root of the mean square of the chosen distances."""
+    total, count = 0.0, 0
+    for i in range(len(distances)):
         if chosen[i]:
-            total += distance(quadric, points[i], outward) ** 2
-    return math.sqrt(total / np.sum(chosen)), quadric[3]
+            total += distances[i] ** 2
+            count += 1
+    return math.sqrt(total / count)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def measure(points, normals, chosen, distances, outward):
-    """Write distances of all points from the quadric of the chosen ones, and its normals there; return its reach."""
+    """Write distances of all points from the quadric of the chosen ones, and normals where `outward` has rows.
+
+    Return the reach of the quadric.
+    """
     quadric = fit_quadric(points, normals, chosen)
-    total = 0.0
-    for i in range(len(points)):
-        distances[i] = distance(quadric, points[i], outward[i])
-        total += distances[i] ** 2 if chosen[i] else 0.0
-    return OUTLIER * math.sqrt(total / np.sum(chosen)) + SLACK * quadric[3]
+    write_distances(quadric, points, distances)
+    if len(outward):
+        write_normals(quadric, points, outward)
+    return OUTLIER * spread_of(distances, chosen) + SLACK * quadric[3]

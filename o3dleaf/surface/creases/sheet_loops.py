@@ -174,9 +174,10 @@ def place_doubtful(points, normals, labels, lying, distances, outward, count):
     """Give the points that lie on no sheet yet to the nearest one or, once, to one more; return how many there are."""
     doubtful = ~lying
     within, more = np.zeros(count + 1), count + 1
-    for _ in range(ROUNDS):
+    for round_ in range(ROUNDS):
         for sheet in range(count):
-            within_reach = measure(points, normals, lying & (labels == sheet), distances[sheet], outward[sheet])
+            facing = outward[sheet] if round_ == ROUNDS - 1 else outward[sheet, :0]
+            within_reach = measure(points, normals, lying & (labels == sheet), distances[sheet], facing)
             within[sheet] = within_reach if within[sheet] == 0.0 else within[sheet]
         for i in range(labels.size):
             if doubtful[i]:

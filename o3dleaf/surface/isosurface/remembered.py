@@ -11,6 +11,9 @@ from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.isosurface import remembered_loops as loops
 
+MAX_PLACES = 1 << 20
+"""Places that are kept of values, and of gradients: a hundred megabytes in all. What comes after is asked again."""
+
 MAX_STARTS = 64
 """Latest batches of places that another may repeat."""
 
@@ -118,11 +121,12 @@ class _Memory:
         self._index()
 
     def _add(self, places: IntArray, answers: FloatArray) -> None:
-        first, last = self.count, self.count + len(places)
+        first, last = self.count, min(self.count + len(places), MAX_PLACES)
+        places, answers = places[: last - first], answers[: last - first]
         if last > len(self.places):
             for name in ("places", "answers", "stale"):
                 old = getattr(self, name)
-                new = np.empty((max(2 * len(old), last), *old.shape[1:]), dtype=old.dtype)
+                new = np.empty((max(min(2 * len(old), MAX_PLACES), last), *old.shape[1:]), dtype=old.dtype)
                 new[:first] = old[:first]
                 setattr(self, name, new)
         self.places[first:last], self.answers[first:last], self.stale[first:last] = places, answers, False

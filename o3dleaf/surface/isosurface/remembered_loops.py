@@ -32,19 +32,21 @@ def find_rows(places, table, known, count, starts, rows):
     """Write the rows of places (n, 3), as bits, among `count` that are known; −1 for none.
 
     Places come again in their order, for the most part: the row after the last one is tried first, then the table or,
-    where there is none, the `starts` of what was added together.
+    where there is none, at the begin and where the order breaks off, the `starts` of what was added together.
     """
-    row = -1
+    row, lost = -1, False
     for i in range(len(places)):
-        row += 1
-        if row == 0 or not is_at(known, row, count, places[i]):
-            row = -1
-            if len(table) > 0:
-                row = table[slot_of(table, known, places[i])]
-            else:
-                for start in starts:
-                    if is_at(known, start, count, places[i]):
-                        row = start
+        following = row + 1
+        row = -1
+        if not lost and i > 0 and is_at(known, following, count, places[i]):
+            row = following
+        elif len(table) > 0:
+            row = table[slot_of(table, known, places[i])]
+        elif not lost:
+            for start in starts:
+                if is_at(known, start, count, places[i]):
+                    row = start
+        lost = row < 0
         rows[i] = row
 
 

@@ -11,7 +11,7 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.adjacency_loops import list_ends
 from o3dleaf.surface.mesh.topology import EdgeTable
-from o3dleaf.surface.reconstruction.proximity import data_around, nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, nearest_data
 from o3dleaf.surface.reconstruction.vertex_support_loops import PointsWithNormals, find_closest, propagate_lines
 
 NEAREST = 16
@@ -67,7 +67,7 @@ def find_inverted_regions(mesh: MeshLike, cloud: CloudLike) -> BoolArray:
     data = OrientedCloud.of(cloud)
     data.require_normals()
     normals = vertex_normals(vertices, triangles)
-    inverted = face_away(normals, data, nearest_points(data.tree, vertices)[1])
+    inverted = face_away(normals, data, nearest_data(data, vertices)[1])
     inverted[inverted] = np.isinf(closest_points(vertices[inverted], normals[inverted], data, 0.0)[0])
     return inverted
 

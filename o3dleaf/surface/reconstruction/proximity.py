@@ -96,6 +96,16 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
     return distance, nearest
 
 
+def nearest_data(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return what `nearest_points` does of a cloud, which remembers it: several steps ask it for the same vertices."""
+    known = vars(data).get("_nearest")
+    if known is None or not np.array_equal(known[0], places):
+        known = np.array(places), *nearest_points(data.tree, places)
+        vars(data)["_nearest"] = known
+    progress.report(len(places), len(places))
+    return known[1], known[2]
+
+
 def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, IntArray]:
     r"""Return which point of the data each place (n, 3) is nearest to in that point's spacings, and how far (n,).
 
@@ -105,7 +115,7 @@ def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, In
     that end where sparse ones go on, it is one of those: a gap is no wider for what is dense on its other side. Found
     to the width of a class of spacings, a fifth.
     """
-    distance, row = nearest_points(data.tree, places)
+    distance, row = (each.copy() for each in nearest_data(data, places))
     spacing, own = data.point_spacing, data.point_spacing[row]
     ratio = distance / own
     for some in data.spacing_classes if (ratio > OWN).any() else ():

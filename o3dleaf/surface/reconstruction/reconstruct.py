@@ -28,7 +28,7 @@ from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, fi
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
 from o3dleaf.surface.reconstruction.trim import drop_unsupported, trim_to_data
-from o3dleaf.surface.reconstruction.vertex_support import vertex_support
+from o3dleaf.surface.reconstruction.vertex_support import MEASURES, vertex_support
 
 Mesh = o3d.geometry.TriangleMesh
 Trim = Callable[[Mesh, OrientedCloud], Mesh]
@@ -172,7 +172,9 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     support = None
     if measure is not None and (tensor or measure != AUTO or "colors" not in carried):
         with journal.stage("measure support"):
-            support = vertex_support(mesh, cloud, field)
+            # A legacy mesh has room for the colors of one measure alone.
+            shown = MEASURES if tensor else (MEASURES[0] if measure == AUTO else measure,)
+            support = vertex_support(mesh, cloud, field, measures=shown)
     return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
 
 

@@ -8,6 +8,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import values_and_gradients
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.samples import Sphere
+from o3dleaf.surface.isosurface import remembered
 from o3dleaf.surface.isosurface.remembered import RememberedField
 
 
@@ -77,3 +78,12 @@ def test_places_are_known_in_any_order(order):
 def test_second_derivatives_are_not_kept():
     with pytest.raises(InputError, match="level: is 2"):
         RememberedField(Sphere()).jets(np.zeros((1, 3)), 2)
+
+
+def test_a_full_memory_asks_for_the_rest_again(monkeypatch):
+    monkeypatch.setattr(remembered, "MAX_PLACES", 1000)
+    places, counted = np.random.default_rng(0).normal(size=(1500, 3)), Counted()
+    memory = RememberedField(counted)
+    values = memory(places)
+    assert np.array_equal(memory(places), values)
+    assert counted.asked == 1500 + 500

@@ -79,12 +79,13 @@ def _winding_between(points: FloatArray, normals: FloatArray, area: FloatArray, 
     sources, targets = order[:SAMPLE], order[-SAMPLE:]
     whole, sampled = (np.bincount(piece[rows], area[rows], count) for rows in (order, sources))
     share = whole / np.where(sampled > 0, sampled, 1.0)
+    sources = sources[np.argsort(piece[sources], kind="stable")]
     source_piece = piece[sources]
     flux = normals[sources] * (area[sources] * share[source_piece])[:, np.newaxis]
     number = np.empty((len(targets), count))
-    x, y = points[targets], points[sources]
-    soft = np.linalg.norm(flux, axis=1) / (2 * np.pi)
-    run_blocks(lambda i, j: parity_loops.winding(x, y, flux, source_piece, soft, i, j, number), len(targets), BLOCK)
+    soft, first = np.linalg.norm(flux, axis=1) / (2 * np.pi), np.searchsorted(source_piece, np.arange(count + 1))
+    x, y, f = points[targets], np.ascontiguousarray(points[sources].T), np.ascontiguousarray(flux.T)
+    run_blocks(lambda i, j: parity_loops.winding(x, y, f, first, soft, i, j, number), len(targets), BLOCK)
     total = np.zeros((count, count))
     np.add.at(total, piece[targets], number)
     return total / np.maximum(np.bincount(piece[targets], minlength=count), 1)[:, np.newaxis]
