@@ -26,10 +26,11 @@ one ball, since a spline errs at the edges of its data."""
 
 
 def texture(function, half=0.5, tile=2.0, n=13):
-    """A tile whose values are `function` of (x, y, z) about its middle."""
+    """A tile whose values are `function` of (x, y, z) about its middle; in small balls, whose values cost less."""
     x, y, z = np.meshgrid(*[np.linspace(-tile / 2, tile / 2, n)] * 2, np.linspace(-half, half, n), indexing="ij")
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    return TiledField(PUInterpolant.fit(points, function(*points.T), smoothing=0.0, unit="mm"))
+    fit = PUInterpolant.fit(points, function(*points.T), smoothing=0.0, points_per_ball=80, unit="mm")
+    return TiledField(fit)
 
 
 def leaf_of(field, bend=None, length=20.0, height=0.0, frame="surface"):

@@ -132,6 +132,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     def check(self) -> None:
         """Refuse what does not go together."""
         from o3dleaf.core.checks import require_positive
+        from o3dleaf.leaf.meshing import require_reduction
 
         super().check()
         self.check_frame()
@@ -145,9 +146,12 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             raise InputError(
                 "fine: windows are set into the mesh of the whole leaf; leave out region, around, simplify and remesh"
             )
-        for name in ("spacing", "window", "grid_step"):
+        for name in ("spacing", "window", "remesh", "remesh_tile", "grid_step"):
             if (length := getattr(self, name)) is not None:
                 require_positive(length, name.replace("_", "-"))
+        if self.ct is not None:
+            self.check_texture()
+            require_reduction(self.simplify, self.remesh_tile)
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""

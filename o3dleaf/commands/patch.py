@@ -25,6 +25,21 @@ class CtOptions(TextureOptions):
     ct_unit: str | None = option(None, "Unit of the volume's coordinates; lengths stated in its file are converted.")
     voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit")
 
+    def check_texture(self) -> None:
+        """Refuse what the texture of no volume can have."""
+        from o3dleaf.core.checks import as_number, require_choice
+        from o3dleaf.fitting.rbf.kernels import polyharmonic
+        from o3dleaf.fitting.rbf.smoothing import as_smoothing
+        from o3dleaf.leaf.ct.threshold import METHODS
+        from o3dleaf.leaf.texture.tiling import require_tiling
+
+        if isinstance(self.level, str):
+            require_choice(self.level, METHODS, "level")
+        else:
+            as_number(self.level, "level")
+        as_smoothing(polyharmonic(2, 3), None, self.rho)
+        require_tiling(self.period, self.flip, self.shift)
+
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file."""
         from o3dleaf.leaf.ct.formats import read_volume
@@ -58,8 +73,9 @@ class PatchJob(CtOptions, BlockOption, LongJob):
     spacing: float | None = option(None, "Mesh spacing of the block of --tile-solid", unit="ct-unit")
 
     def check(self) -> None:
-        """Refuse a block without a step."""
+        """Refuse a block without a step, and a texture that cannot be."""
         super().check()
+        self.check_texture()
         if (self.tile_solid is None) != (self.spacing is None):
             raise InputError("tile-solid, spacing: the block is meshed at that spacing; give both or neither")
 

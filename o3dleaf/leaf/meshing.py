@@ -194,19 +194,26 @@ class MeshPlan:
         return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=self.leaf.unit)
 
 
-def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
-    """Return the function that simplifies a tile to a share of its triangles, or remeshes it to an edge length."""
+def require_reduction(simplify: float | None, remesh_tile: float | None) -> None:
+    """Raise `InputError` for a share of triangles, or an edge length, that no tile can be reduced to."""
     if simplify is not None and remesh_tile is not None:
         raise InputError("simplify, remesh_tile: both would reshape the tile; give one of them")
     if simplify is not None and not 0 < simplify < 1:
         raise InputError(f"simplify: is {simplify:g}; give the share of triangles to keep, between 0 and 1")
+    if remesh_tile is not None:
+        require_positive(remesh_tile, "remesh_tile")
+
+
+def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
+    """Return the function that simplifies a tile to a share of its triangles, or remeshes it to an edge length."""
+    require_reduction(simplify, remesh_tile)
 
     def simplified(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
         target = round((simplify or 1.0) * len(triangles))
         return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=target))
 
     def remeshed(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-        mesh = remesh_flat(leaf, vertices, triangles, require_positive(remesh_tile or 0, "remesh_tile"))
+        mesh = remesh_flat(leaf, vertices, triangles, remesh_tile or 0)
         return mesh.places, mesh.triangles
 
     if remesh_tile is not None:

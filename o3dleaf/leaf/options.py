@@ -94,7 +94,11 @@ class BladeOptions:
     alpha: float | None = option(
         None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"
     )
-    offset: str = option("up", "With frame 'paper': direction of heights, 'up', as published, or the blade's 'normal'.")
+    offset: str = option(
+        "up",
+        "With frame 'paper': direction of heights, 'up', as published, or the blade's 'normal'.",
+        choices="o3dleaf.leaf.macro.offset:OFFSETS",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

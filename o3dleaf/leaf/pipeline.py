@@ -130,8 +130,9 @@ def create_multiscale_leaf(
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.
     """
-    macro = create_blade(scan, midrib, unit=unit, options=blade)
+    # The quick step first: what it refuses is refused before the long one.
     micro = create_texture(volume, options=texture) if isinstance(volume, Volume) else volume
+    macro = create_blade(scan, midrib, unit=unit, options=blade)
     return MultiscaleLeaf(micro, blade=macro)
 
 

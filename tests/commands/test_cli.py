@@ -146,6 +146,32 @@ def test_bad_input_gets_one_line_and_leaves_nothing(run, case, files, bad, tmp_p
     assert list(out.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "cause"),
+    [
+        (("--period", "worst"), "period"),
+        (("--period", "100"), "period"),
+        (("--period", "100 0"), "period"),
+        (("--level", "best"), "level"),
+        (("--level", "nan"), "level"),
+        (("--rho", "-1"), "smoothing"),
+        (("--rho", "most"), "smoothing"),
+        (("--flip", "up"), "flip"),
+        (("--shift", "0.123"), "shift"),
+        (("--simplify", "3"), "simplify"),
+        (("--simplify", "0.5", "--remesh-tile", "1"), "simplify, remesh_tile"),
+        (("--remesh-tile", "0"), "remesh-tile"),
+        (("--remesh", "-1"), "remesh"),
+        (("--frame", "paper", "--offset", "down"), "offset"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_is_read(run, tmp_path, words, cause):
+    result = run("leaf", tmp_path / "no_scan.ply", "--ct", tmp_path / "no_ct.tif", *words, "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 2
+    assert result.stderr.strip().startswith(f"o3dleaf: error: {cause}: ")
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("output", ["leaf.xyz", "nowhere/leaf.ply"])
 def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files, tmp_path, output):
     result = run("leaf", files / "scan.ply", "-o", tmp_path / output)

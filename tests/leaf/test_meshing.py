@@ -67,14 +67,17 @@ def rows(points):
 
 @pytest.fixture(scope="module")
 def whole(leaf):
-    """Return a function that gives the vertices of the whole leaf's mesh, and where they lie flat."""
+    """Return a function that gives the whole leaf's mesh at a step of 0.1, its report, and where it lies flat."""
 
     @cache
-    def vertices_of(closed, method):
-        vertices = arrays(leaf.plan_mesh(0.1, closed=closed, method=method).extract())[0]
-        return vertices, leaf.blade.flatten(vertices)[:, :2]
+    def made(closed, method="cubes"):
+        mesh = leaf.plan_mesh(0.1, closed=closed, method=method).extract().mesh
+        vertices = arrays(mesh)[0]
+        return SimpleNamespace(
+            vertices=vertices, flat=leaf.blade.flatten(vertices)[:, :2], report=cache(lambda: mesh_report(mesh))
+        )
 
-    return vertices_of
+    return made
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -91,7 +94,8 @@ def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, whole, closed
 
     common = rows(within(window, leaf.blade.flatten(window)[:, :2]))
     assert len(common) > (4 if region[1, 0] - region[0, 0] < 1 else 400)
-    assert common == rows(within(*whole(closed, method)))
+    of_all = whole(closed, method)
+    assert common == rows(within(of_all.vertices, of_all.flat))
 
 
 def test_a_window_has_its_place_and_no_more(leaf):
@@ -190,23 +194,23 @@ def test_other_offsets_are_manifold_too(normal_leaf, closed):
     assert is_one_leaf(normal_leaf.plan_mesh(0.15, closed=closed).extract(), closed=closed)
 
 
-def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, blend_leaf):
+def test_a_blend_is_each_of_its_patches_away_from_the_break(leaf, whole, blend_leaf):
     """Tiles are not alike there: one row of tiles is made for all of the blade."""
-    whole, blend = (arrays(each.extract_mesh(0.1))[0] for each in (leaf, blend_leaf))
+    blend = arrays(blend_leaf.extract_mesh(0.1))[0]
     along = blend_leaf.blade.flatten(blend)[:, 0]
     assert np.abs(leaf(blend[along < 9.7])).max() < 0.1**2
-    assert (along < 9.7).sum() == pytest.approx((leaf.blade.flatten(whole)[:, 0] < 9.7).sum(), rel=0.02)
+    assert (along < 9.7).sum() == pytest.approx((whole(False).flat[:, 0] < 9.7).sum(), rel=0.02)
     assert np.abs(blend_leaf(blend)).max() < 0.1**2
     assert np.abs(leaf(blend[along > 11])).max() > 0.05
 
 
 @pytest.mark.parametrize("closed", [False, True])
 @pytest.mark.parametrize("how", [{"simplify": 0.5}, {"simplify": 0.8}, {"remesh_tile": 0.2}])
-def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, closed, how):
-    full, reduced = (leaf.plan_mesh(0.1, closed=closed, **each) for each in ({}, how))
+def test_a_reduced_leaf_keeps_its_shape_with_fewer_triangles(leaf, whole, closed, how):
+    reduced = leaf.plan_mesh(0.1, closed=closed, **how)
     made = reduced.extract()
     assert (len(made.mesh.vertices), len(made.mesh.triangles)) == (reduced.vertices, reduced.triangles)
-    report, plain = (mesh_report(each.mesh) for each in (made, full.extract()))
+    report, plain = mesh_report(made.mesh), whole(closed).report()
     assert report.manifold
     assert report.oriented
     assert (report.components, report.boundary_loops, report.genus) == (
@@ -326,9 +330,9 @@ def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
     # Where cells are cut along the outline, vertices are those of the whole leaf but for rounding.
     assert found.shape == expected.shape
     assert cKDTree(found).query(expected)[0].max() <= CUT_VERTEX
-    whole = [vertices[inner_cells(flat[:, :2])], coarse[inner_cells(plane)]]
-    assert rows(whole[0]) == rows(whole[1])
-    assert len(whole[0]) > 1000
+    inner = [vertices[inner_cells(flat[:, :2])], coarse[inner_cells(plane)]]
+    assert rows(inner[0]) == rows(inner[1])
+    assert len(inner[0]) > 1000
 
 
 def inner_cells(plane):

@@ -118,7 +118,7 @@ class TiledField(LayerField):
         require_one_column(field, "TiledField")
         crop, cropped = _as_crop(field, period, offset, fade, _Placing(_as_flip(flip), as_number(shift, "shift")))
         repeat = np.zeros(field.bounds.shape[1])
-        repeat[:2] = size = crop.tile * _tiles_in_period(crop)
+        repeat[:2] = size = crop.tile * _tiles_in_period(crop.flip, crop.shift)
         cell = field.bounds.copy()
         cell[:, :2] = crop.offset, crop.offset + size
         local: LocalFits = field.local
@@ -262,10 +262,16 @@ def _require_room(crop: Crop, field: PUInterpolant) -> Crop:
     return crop
 
 
+def require_tiling(period: Period | None, flip: str | None, shift: float) -> None:
+    """Raise `InputError` for a period, flips or a shift that tiles of no patch can have."""
+    _as_period(period, np.full(2, np.inf))
+    _tiles_in_period(_as_flip(flip), as_number(shift, "shift"))
+
+
 def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None, float | None]:
     """Return the period along each axis, None where the best is wanted, or raise `InputError`."""
     if period is None:
-        period = extent
+        return float(extent[0]), float(extent[1])
     wished = [period, period] if isinstance(period, str) else list(np.atleast_1d(np.array(period, dtype=object)))
     text = [wish for wish in wished if isinstance(wish, str)]
     if len(wished) != 2 or any(wish != "best" for wish in text):
@@ -286,11 +292,11 @@ def _as_pair(value: npt.ArrayLike, name: str, *, least: float = 0.0) -> FloatArr
     return np.broadcast_to(pair, 2).copy()
 
 
-def _tiles_in_period(crop: Crop) -> npt.NDArray[np.int64]:
+def _tiles_in_period(flip: npt.NDArray[np.bool_], shift: float) -> npt.NDArray[np.int64]:
     """Return how many tiles a period holds along and across, or raise `InputError`."""
-    columns = 2 if crop.flip[0] else 1
+    columns = 2 if flip[0] else 1
     # Rows come back into step after whole periods along.
-    turns = Fraction(crop.shift / columns).limit_denominator(MAX_ROWS * columns)
-    if abs(float(turns) * columns - crop.shift) > TOLERANCE or turns.denominator > MAX_ROWS:
-        raise InputError(f"shift: is {crop.shift}; give a fraction such as 1/2 or 1/3, of up to {MAX_ROWS} rows")
-    return np.array([columns, lcm(turns.denominator, 2 if crop.flip[1] else 1)])
+    turns = Fraction(shift / columns).limit_denominator(MAX_ROWS * columns)
+    if abs(float(turns) * columns - shift) > TOLERANCE or turns.denominator > MAX_ROWS:
+        raise InputError(f"shift: is {shift}; give a fraction such as 1/2 or 1/3, of up to {MAX_ROWS} rows")
+    return np.array([columns, lcm(turns.denominator, 2 if flip[1] else 1)])

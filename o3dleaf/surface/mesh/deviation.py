@@ -1,6 +1,7 @@
 """Distances between a mesh and what it shows: to the surface of a field, and to and from the points of a scan."""
 
 import inspect
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -129,21 +130,26 @@ def distance_to_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArr
         return np.full(len(points), np.inf)
     scene, middle = _scene(vertices, triangles, points)
     query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
-    return np.asarray(scene.compute_distance(query, get_num_threads()).numpy(), dtype=np.float64)
+    return np.asarray(scene.compute_distance(query, _ray_threads()).numpy(), dtype=np.float64)
 
 
 def nearest_on_mesh(vertices: FloatArray, triangles: IntArray, points: FloatArray) -> FloatArray:
     """Return the (k, 3) points on a mesh nearest to (k, 3) points, in single precision about their middle."""
     scene, middle = _scene(vertices, triangles, points)
     query = o3d.core.Tensor.from_numpy((points - middle).astype(np.float32))
-    return np.asarray(scene.compute_closest_points(query, get_num_threads())["points"].numpy() + middle)
+    return np.asarray(scene.compute_closest_points(query, _ray_threads())["points"].numpy() + middle)
+
+
+def _ray_threads() -> int:
+    """Return the threads that Open3D's ray casting is given: it has no more than cores, and warns if asked for more."""
+    return min(get_num_threads(), os.cpu_count() or 1)
 
 
 def _scene(
     vertices: FloatArray, triangles: IntArray, points: FloatArray
 ) -> tuple[o3d.t.geometry.RaycastingScene, FloatArray]:
     """Return a mesh in Open3D's scene, about the middle of some points, and that middle."""
-    scene = o3d.t.geometry.RaycastingScene(nthreads=get_num_threads())
+    scene = o3d.t.geometry.RaycastingScene(nthreads=_ray_threads())
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     scene.add_triangles(
         o3d.core.Tensor.from_numpy((vertices - middle).astype(np.float32)),
