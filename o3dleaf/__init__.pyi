@@ -33,7 +33,7 @@ from .leaf.macro.blade import HeightMapBlade as HeightMapBlade
 from .leaf.texture.tiling import TiledField as TiledField
 from .leaf.texture.patches import PatchBlend as PatchBlend
 from .leaf.multiscale import MultiscaleLeaf as MultiscaleLeaf
-from .leaf.models import load as load
+from .leaf.saved.models import load as load
 from .leaf.options import BladeOptions as BladeOptions
 from .leaf.options import TextureOptions as TextureOptions
 from .leaf.pipeline import create_blade as create_blade

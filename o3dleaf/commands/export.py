@@ -142,7 +142,7 @@ class ExportJob(UnitOption, LongJob):
     def mesh(self) -> "tuple[LabelledMesh, Any]":
         """Return the mesh of the source, and the model where there is one."""
         from o3dleaf.io.triangle_mesh import read_mesh
-        from o3dleaf.leaf.models import load
+        from o3dleaf.leaf.saved.models import load
 
         if not self.is_model:
             given = read_mesh(self.source)

@@ -54,7 +54,7 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
         from o3dleaf.core.atomic_files import make_folder
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.ct.volume import Volume
-        from o3dleaf.leaf.models import load_leaf
+        from o3dleaf.leaf.saved.models import load_leaf
         from o3dleaf.output.figures.draw import draw_figures
 
         make_folder(self.output)

@@ -48,7 +48,7 @@ class CtOptions(TextureOptions):
 
     def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
         """Return the volume of a file, or the texture of a model file."""
-        from o3dleaf.leaf.models import load_texture
+        from o3dleaf.leaf.saved.models import load_texture
 
         return load_texture(path) if path.suffix.lower() in table(MODEL) else self.read_volume(path)
 

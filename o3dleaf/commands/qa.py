@@ -39,7 +39,7 @@ class QaJob(UnitOption, LongJob):
         """Examine the mesh, and write what was found as a page and as JSON."""
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.io.triangle_mesh import read_triangle_mesh
-        from o3dleaf.leaf.models import load
+        from o3dleaf.leaf.saved.models import load
         from o3dleaf.output.report.examine import Examination, require_field
 
         with stage("read"):

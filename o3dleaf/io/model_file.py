@@ -1,12 +1,13 @@
 """Models on disk: one file with a header and plain arrays, which is mapped into memory when read.
 
 Layout: 8 bytes of magic, 8 of the header's length, 4 of its CRC-32, a JSON header, and the arrays, each
-aligned to 64 bytes. The header is a tree of plain values; an array in it is a place in the file, an
-object is the name of its class and its state. Nothing is executed in reading: no pickle, and only
-classes that the reader names can come out.
+aligned to 64 bytes. The header is a tree of plain values; an array in it is a place in the file with its
+own CRC-32, an object is the name of its class and its state. Nothing is executed in reading: no pickle,
+and only classes that the reader names can come out.
 """
 
 import json
+import math
 import struct
 import zlib
 from collections.abc import Callable, Mapping
@@ -24,12 +25,17 @@ from o3dleaf.core.errors import InputError
 
 SUFFIX = ".o3l"
 MAGIC = b"o3dleaf\n"
-FORMAT = 3
+FORMAT = 4
 """Raised when an older reader could not make sense of a newer file, or a newer one of an older file."""
 OLDEST = 2
 """The oldest format that can still be read."""
+UNSUMMED = 3
+"""The last format without sums of its arrays."""
 PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
+KINDS = "biuf"
+"""Kinds of numbers that arrays may hold: no objects."""
+MOST_AXES = 8
 
 
 def write_model(model: object, path: str | PathLike[str]) -> None:
@@ -44,7 +50,8 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
     blocks, offset = [], 0
     for array in arrays:
-        blocks.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
+        checksum = zlib.crc32(array.data) if array.nbytes else 0
+        blocks.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset, "crc": checksum})
         offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
     header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
@@ -57,14 +64,18 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
             stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
 
 
-def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., Any]]) -> Any:
-    """Return the object of a model file; its arrays stay on disk until they are used.
+def read_model(
+    path: str | PathLike[str], classes: Mapping[str, Callable[..., Any]], check: Callable[[object], None]
+) -> Any:
+    """Return the object of a model file; its arrays are looked over once and stay on disk until they are used.
 
     Parameters
     ----------
     path : path-like
     classes : mapping of str to callable
         What makes the objects that may come out of their state: their classes, by the names that files have for them.
+    check : callable
+        Called with every object that was made, its parts first; raises `InputError` unless its arrays fit one another.
 
     Raises
     ------
@@ -77,17 +88,28 @@ def read_model(path: str | PathLike[str], classes: Mapping[str, Callable[..., An
         raise InputError(
             f"{file}: is {file.stat().st_size} bytes long, not {start + header['bytes']}; it was cut off, copy it again"
         )
-    if not header["bytes"]:
-        return _unpack(header["model"], [], classes, file)
     # Copy on write: nothing reaches the disk, and Numba takes the arrays for ordinary ones.
-    data = np.memmap(file, dtype=np.uint8, mode="c", offset=start)
-    arrays = []
-    for block in header["arrays"]:
-        dtype, shape = np.dtype(block["dtype"]), tuple(block["shape"])
-        size = dtype.itemsize * int(np.prod(shape))
-        flat = np.asarray(data[block["offset"] : block["offset"] + size])
-        arrays.append(flat.view(dtype).reshape(shape))
-    return _unpack(header["model"], arrays, classes, file)
+    data = np.memmap(file, dtype=np.uint8, mode="c", offset=start) if header["bytes"] else np.empty(0, np.uint8)
+    try:
+        arrays = [_array(data, block, header["format"]) for block in header["arrays"]]
+        return _unpack(header["model"], arrays, classes, check)
+    except Exception as cause:  # whatever it is, the file made it
+        raise InputError(f"{file}: is damaged, or no whole model ({cause}); save the model again") from cause
+
+
+def _array(data: np.ndarray[Any, Any], block: Mapping[str, Any], version_of_file: int) -> np.ndarray[Any, Any]:
+    """Return an array of a file, or raise `ValueError` where it is not what its place says."""
+    dtype, shape, offset = np.dtype(block["dtype"]), tuple(block["shape"]), block["offset"]
+    if dtype.kind not in KINDS or len(shape) > MOST_AXES or any(not isinstance(n, int) or n < 0 for n in shape):
+        raise ValueError(f"an array of {dtype} {shape}")
+    size = dtype.itemsize * math.prod(shape)
+    if not 0 <= offset <= offset + size <= len(data):
+        raise ValueError("an array lies outside the file")
+    flat = np.asarray(data[offset : offset + size])
+    if version_of_file > UNSUMMED and zlib.crc32(flat.data) != block["crc"]:
+        raise ValueError("the sum of an array is not that in the header")
+    array: np.ndarray[Any, Any] = flat.view(dtype).reshape(shape)
+    return array
 
 
 def _read_header(file: Path) -> tuple[dict[str, Any], int]:
@@ -102,7 +124,14 @@ def _read_header(file: Path) -> tuple[dict[str, Any], int]:
         text = stream.read(length)
     if zlib.crc32(text) != checksum:
         raise InputError(f"{file}: its header is damaged; save the model again")
-    header: dict[str, Any] = json.loads(text)
+    try:
+        header: dict[str, Any] = json.loads(text)
+        whole = isinstance(header["format"], int) and isinstance(header["bytes"], int) and header["bytes"] >= 0
+        whole = whole and isinstance(header["arrays"], list) and {"model", "o3dleaf"} <= header.keys()
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        whole = False
+    if not whole:
+        raise InputError(f"{file}: its header is none of a model; save the model again")
     if header["format"] > FORMAT:
         raise InputError(
             f"{file}: was written by o3dleaf {header['o3dleaf']} in format {header['format']}, "
@@ -139,21 +168,26 @@ def _pack(value: Any, arrays: list[np.ndarray[Any, Any]]) -> Any:
 
 
 def _unpack(
-    tree: Any, arrays: list[np.ndarray[Any, Any]], classes: Mapping[str, Callable[..., Any]], file: Path
+    tree: Any,
+    arrays: list[np.ndarray[Any, Any]],
+    classes: Mapping[str, Callable[..., Any]],
+    check: Callable[[object], None],
 ) -> Any:
     """Return what `_pack` was given; lists come back as tuples."""
     if isinstance(tree, list):
-        return tuple(_unpack(item, arrays, classes, file) for item in tree)
+        return tuple(_unpack(item, arrays, classes, check) for item in tree)
     if not isinstance(tree, dict):
         return tree
     if "array" in tree:
         return arrays[tree["array"]]
     if tree["class"] not in classes:
-        raise InputError(f"{file}: contains a {tree['class']}, which this version does not know; update o3dleaf")
+        raise InputError(f"contains a {tree['class']}, which this version does not know; update o3dleaf")
     kind = classes[tree["class"]]
     names = _stored_names(kind) if is_dataclass(kind) and not hasattr(kind, "state") else {}
-    state = {names.get(name, name): _unpack(part, arrays, classes, file) for name, part in tree["state"].items()}
-    return kind(**state)
+    state = {names.get(name, name): _unpack(part, arrays, classes, check) for name, part in tree["state"].items()}
+    made = kind(**state)
+    check(made)
+    return made
 
 
 def stored_class(kind: type[Any]) -> str:

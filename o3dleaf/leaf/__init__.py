@@ -28,5 +28,5 @@ Composed, they are one implicit function of the whole leaf.
 `mesh_step`       the step of a mesh where none was asked for
 `paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf
-`models`          saved models read again
+`saved`           models that were saved, read again
 """

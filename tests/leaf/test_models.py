@@ -13,7 +13,7 @@ import o3dleaf as o3l
 from leaf_fields import FRAMES
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.model_file import FORMAT, MAGIC, OLDEST, PREFIX, _read_header, write_model
-from o3dleaf.leaf.models import CLASSES, load
+from o3dleaf.leaf.saved.models import CLASSES, load
 from o3dleaf.samples.scan import wheat_scan
 
 
@@ -188,6 +188,19 @@ def test_a_file_from_before_balls_chose_for_themselves_is_read(interpolant, file
     found = load(file)
     assert np.array_equal(found(QUERIES), interpolant(QUERIES))
     assert np.array_equal(found.diagnostics([0]).score, interpolant.diagnostics([0]).score)
+
+
+def test_a_file_without_sums_of_its_arrays_is_read(interpolant, file):
+    """As those of format 3, which brought the tree of their index along."""
+
+    def older(header):
+        header.update(format=3)
+        header["model"]["state"]["index"]["state"]["tree"] = []
+        for block in header["arrays"]:
+            del block["crc"]
+
+    rewrite_header(file, older)
+    assert np.array_equal(load(file)(QUERIES), interpolant(QUERIES))
 
 
 def test_only_known_classes_come_out(file):

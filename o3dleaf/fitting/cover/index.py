@@ -1,6 +1,7 @@
 """Index of the balls that contain a point: a tree of boxes, each with the list of the balls that reach into it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -47,15 +48,23 @@ class BallIndex:
     period: FloatArray
     balls: IntArray
     shifts: FloatArray
-    centers: FloatArray = field(metadata={"stored": "centres"})
+    centers: FloatArray
     radii: FloatArray
     tree: BoxTree
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "tree", BoxTree(*self.tree))  # a plain tuple in a file
-
     def __repr__(self) -> str:
         return f"BallIndex({len(self.balls):,} images of balls in {self.bounds.shape[1]}-D)"
+
+    def state(self) -> dict[str, Any]:
+        """Return what the index is made of, for `o3dleaf.io.model_file`: all but the tree, which follows from it."""
+        return {
+            "bounds": self.bounds,
+            "period": self.period,
+            "balls": self.balls,
+            "shifts": self.shifts,
+            "centres": self.centers,
+            "radii": self.radii,
+        }
 
     @classmethod
     def build(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":

@@ -177,7 +177,7 @@ class OrientedCloud:
 
     @cached_property
     def measured(self) -> Places:
-        """Noise and spacing at some hundred of the points, of outward normals on their own side, see `measure_places`."""
+        """Noise and spacing at some hundred of the points, of outward normals by their side, see `measure_places`."""
         if len(self) < PATCHES[0]:
             raise InputError(f"cloud: has {len(self)} points; at least {PATCHES[0]} are needed for its noise")
         return measure_places(self.points, self.tree, self.normals)

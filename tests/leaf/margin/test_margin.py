@@ -6,6 +6,7 @@ import planar_leaves as leaves
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.model_file import read_model, write_model
 from o3dleaf.leaf.margin.margin import Hole, Margin
+from o3dleaf.leaf.saved.model_arrays import check_model
 from tolerances import (
     MARGIN_AREA,
     MARGIN_AREA_RANDOM,
@@ -108,7 +109,7 @@ def test_order_and_repeated_points_do_not_matter():
 def test_a_margin_comes_back_from_a_file_the_same(tmp_path):
     margin = Margin.fit(leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(6)), unit="mm")
     write_model(margin, tmp_path / "margin.o3l")
-    again = read_model(tmp_path / "margin.o3l", {"Margin": Margin, "Hole": Hole})
+    again = read_model(tmp_path / "margin.o3l", {"Margin": Margin, "Hole": Hole}, check_model)
     assert again.polygon.equals_exact(margin.polygon)
     assert (again.unit, again.notes, again.spacing) == (margin.unit, margin.notes, margin.spacing)
     assert str(again.holes[0]) == str(margin.holes[0])

@@ -1,11 +1,11 @@
 """Models that were saved, read again: interpolants, tiled fields and whole leaves."""
 
+from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
-from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
@@ -27,15 +27,15 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.saved.model_arrays import check_model, stored_index
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
-CLASSES: dict[str, type[Any]] = {
+CLASSES: dict[str, Callable[..., Any]] = {
     stored_class(each): each
     for each in (
         AlphaShape,
-        BallIndex,
         ChartSurface,
         Cover,
         HeightMap,
@@ -60,14 +60,14 @@ CLASSES: dict[str, type[Any]] = {
         TiledField,
         VectorSplines,
     )
-} | {"CreasedSplines": LocalCreasedSplines}
-"""Of files, by name; the last name is that of version 0.1."""
+} | {"BallIndex": stored_index, "CreasedSplines": LocalCreasedSplines}
+"""What makes the objects of files, by their names there; the last name is that of version 0.1."""
 
 
 def load(path: str | PathLike[str]) -> Any:
     """Return the interpolant, tiled field or leaf of a model file that ``save`` wrote.
 
-    The arrays stay on disk until they are used.
+    The arrays are checked against the sums in the file and against one another, and stay on disk until they are used.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def load(path: str | PathLike[str]) -> Any:
     InputError
         If the file is no model, was damaged or cut off, or was written by a later version.
     """
-    return read_model(path, CLASSES)
+    return read_model(path, CLASSES, check_model)
 
 
 def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
