@@ -115,7 +115,8 @@ def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, In
     that end where sparse ones go on, it is one of those: a gap is no wider for what is dense on its other side. Found
     to the width of a class of spacings, a fifth.
     """
-    distance, row = (each.copy() for each in nearest_data(data, places))
+    nearest = nearest_data(data, places)
+    distance, row = nearest[0].copy(), nearest[1].copy()
     spacing, own = data.point_spacing, data.point_spacing[row]
     ratio = distance / own
     for some in data.spacing_classes if (ratio > OWN).any() else ():
