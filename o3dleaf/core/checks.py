@@ -13,6 +13,9 @@ from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
 
+LARGEST, SMALLEST = 1e100, 1e-100
+"""Size of coordinates, and of the box around them, beyond which squares and products of lengths leave float64."""
+
 
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
     """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
@@ -33,7 +36,8 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     Raises
     ------
     InputError
-        If the array has another shape, too few rows, or a value that is not finite.
+        If the array has another shape, too few rows, or a value that is not finite, or coordinates and distances are
+        beyond 1e±100.
     """
     array = _as_floats(points, name)
     if array.ndim == 1 and dim is not None and array.shape == (dim,):
@@ -44,7 +48,18 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
         raise InputError(f"{name}: has shape {array.shape}; give one point per row, shape {wanted}")
     if len(array) < least:
         raise InputError(f"{name}: has {len(array)} points; at least {least} are needed")
-    return require_finite(array, name)
+    return require_size(require_finite(array, name), name)
+
+
+def require_size(array: FloatArray, name: str) -> FloatArray:
+    """Return finite points (n, d) if their coordinates, and the sides of their box, have squares in float64."""
+    if len(array):
+        low, high = array.min(axis=0), array.max(axis=0)
+        largest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
+        if largest > LARGEST or 0 < side < SMALLEST:
+            what = f"reach {largest:.3g}" if largest > LARGEST else f"lie within {2 * side:.3g} of one another"
+            raise InputError(f"{name}: {what}; give lengths in a unit in which they are between 1e-100 and 1e100")
+    return array
 
 
 def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:

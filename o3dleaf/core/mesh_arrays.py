@@ -32,7 +32,8 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
     Raises
     ------
     InputError
-        If it is no mesh, a coordinate is not finite, or a triangle names a vertex that is not there.
+        If it is no mesh of triangles in space, a coordinate is not finite, or a triangle names a vertex that is not
+        there.
     """
     if isinstance(mesh, o3d.geometry.TriangleMesh):
         parts: tuple[npt.ArrayLike, npt.ArrayLike] = (np.asarray(mesh.vertices), np.asarray(mesh.triangles))
@@ -40,13 +41,32 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
         parts = _tensor_parts(mesh)
     else:
         parts = _require_pair(mesh)
-    vertices = as_points(np.array(parts[0], dtype=np.float64).reshape(-1, 3), "mesh vertices", dim=3)
-    triangles = np.array(parts[1], dtype=np.int64).reshape(-1, 3)
+    vertices = np.empty((0, 3)) if np.size(parts[0]) == 0 else as_points(parts[0], "mesh vertices", dim=3).copy()
+    triangles = _as_corners(parts[1])
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
         raise InputError(
             f"mesh: a triangle refers to a vertex outside 0 to {len(vertices) - 1}; the file may be damaged"
         )
     return vertices, triangles
+
+
+def _as_corners(triangles: npt.ArrayLike) -> IntArray:
+    """Return a copy of triangles (m, 3), vertex numbers, or raise `InputError`."""
+    try:
+        given = np.asarray(triangles)
+    except ValueError as cause:
+        raise InputError(f"mesh triangles: are no array ({cause}); give three vertex numbers a row") from cause
+    if given.size == 0:
+        return np.empty((0, 3), dtype=np.int64)
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise InputError(
+            f"mesh triangles: have shape {given.shape}; give three vertex numbers a row, (m, 3); cut polygons "
+            "into triangles"
+        )
+    whole = given.dtype.kind in "iu" or (given.dtype.kind == "f" and bool(np.all(given == np.floor(given))))
+    if not whole:
+        raise InputError(f"mesh triangles: are {given.dtype} and no whole numbers; give vertex numbers")
+    return given.astype(np.int64)
 
 
 def require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:

@@ -6,7 +6,6 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray
@@ -47,7 +46,7 @@ def detect_outliers(
     Raises
     ------
     InputError
-        If a coordinate is not finite, or so large that there are no distances.
+        If a coordinate is not finite, or beyond 1e±100.
 
     References
     ----------
@@ -56,8 +55,6 @@ def detect_outliers(
     searching, linking = progress.split(3, 1)
     with searching:
         near = OrientedCloud.of(cloud).neighbors
-    if not np.isfinite(near.distance).all():
-        raise InputError("cloud: its coordinates are too large to compute distances; is it damaged?")
     with linking:
         distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])

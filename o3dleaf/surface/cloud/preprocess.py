@@ -9,7 +9,15 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_mask, as_points, as_viewpoint, require_breadth, require_positive
+from o3dleaf.core.checks import (
+    FloatArray,
+    as_mask,
+    as_points,
+    as_viewpoint,
+    require_breadth,
+    require_positive,
+    require_size,
+)
 from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
@@ -165,7 +173,7 @@ class _Usable(NamedTuple):
     def of(cls, points: FloatArray, weights: FloatArray) -> "_Usable":
         """Leave out what is not finite, and repeated."""
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-        distinct = finite[_first_of_each(points[finite])]
+        distinct = finite[_first_of_each(require_size(points[finite], "cloud"))]
         _require_enough(len(distinct), len(points))
         require_breadth(points[distinct], "cloud")
         tree = cKDTree(points[distinct])
