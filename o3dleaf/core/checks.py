@@ -13,8 +13,8 @@ from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
 
-LARGEST, SMALLEST = 1e100, 1e-100
-"""Size of coordinates, and of the box around them, beyond which squares and products of lengths leave float64."""
+LARGEST, SMALLEST = 1e50, 1e-50
+"""Size of coordinates, and of the box around them, beyond which sixth powers of lengths leave float64."""
 
 
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
@@ -37,7 +37,7 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     ------
     InputError
         If the array has another shape, too few rows, or a value that is not finite, or coordinates and distances are
-        beyond 1e±100.
+        beyond 1e±50.
     """
     array = _as_floats(points, name)
     if array.ndim == 1 and dim is not None and array.shape == (dim,):
@@ -58,7 +58,7 @@ def require_size(array: FloatArray, name: str) -> FloatArray:
         largest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
         if largest > LARGEST or 0 < side < SMALLEST:
             what = f"reach {largest:.3g}" if largest > LARGEST else f"lie within {2 * side:.3g} of one another"
-            raise InputError(f"{name}: {what}; give lengths in a unit in which they are between 1e-100 and 1e100")
+            raise InputError(f"{name}: {what}; give lengths in a unit in which they are between 1e-50 and 1e50")
     return array
 
 

@@ -112,9 +112,9 @@ class Cover:
 
     def with_members(self, balls: IntArray, points: IntArray) -> "Cover":
         """Return the cover with point ``points[k]``, a row after all that there are, in ball ``balls[k]`` as well."""
-        ball = np.concatenate([np.repeat(np.arange(len(self.radii)), self.counts), balls])
-        members = np.concatenate([self.members, points])[np.lexsort((np.append(self.members, points), ball))]
-        counts = np.bincount(ball, minlength=len(self.radii))
+        order = np.lexsort((points, balls))
+        members = np.insert(self.members, self.offsets[balls[order] + 1], points[order])
+        counts = self.counts + np.bincount(balls, minlength=len(self.radii))
         return Cover(self.centers, self.radii, self.bounds, np.concatenate([[0], np.cumsum(counts)]), members)
 
 

@@ -1,5 +1,6 @@
 """Splines of values: one smoothed polyharmonic spline a ball, in unit coordinates."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
-from o3dleaf.fitting.cover.cover import Cover, ragged_rows
+from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.blend_loops import SplineBalls
@@ -168,23 +169,31 @@ class LocalSplines:
 
         Both have the kernel, the tail and the smoothing of the first, and no two balls share points.
         """
-        counts = np.concatenate([np.diff(self.offsets), np.diff(others.offsets)])
-        first, dimension = np.concatenate([[0], np.cumsum(counts)])[:-1], self.kernel.dimension
-        taken = ragged_rows(first[rows], counts[rows])
-        blocks = ragged_rows(dimension * first[rows], dimension * counts[rows])
+        counts, old = np.concatenate([np.diff(self.offsets), np.diff(others.offsets)]), len(self.tails)
+        dimension = self.kernel.dimension
+        # Runs of balls that follow one another in one of both are copied as they lie, without an index of every number.
+        ends = np.flatnonzero((np.diff(rows) != 1) | (rows[1:] == old)) + 1
+        first, last = rows[np.append(0, ends)], rows[np.append(ends, len(rows)) - 1] + 1
 
-        def both(name: str, chosen: IntArray) -> Any:
-            parts = getattr(self, name), getattr(others, name)
-            return None if parts[0] is None else np.concatenate(parts)[chosen]
+        def both(name: str, starts: Callable[[LocalSplines], IntArray]) -> Any:
+            parts = []
+            for begin, end in zip(first, last, strict=True):
+                source, shift = (self, 0) if begin < old else (others, old)
+                array, at = getattr(source, name), starts(source)
+                if array is None:
+                    return None
+                parts.append(array[at[begin - shift] : at[end - shift]])
+            return np.concatenate(parts)
 
         offsets = np.concatenate([[0], np.cumsum(counts[rows])])
+        places, own = {id(each): dimension * each.offsets for each in (self, others)}, np.arange(len(counts) + 1)
         return replace(
             self,
             offsets=offsets,
             places=dimension * offsets[:-1],
-            sites=both("sites", blocks),
-            **{name: both(name, taken) for name in ("weights", "point_weights")},
-            **{name: both(name, rows) for name in ("tails", "ranks", "dropped", "smoothing_per_ball")},
+            sites=both("sites", lambda each: places[id(each)]),
+            **{name: both(name, lambda each: each.offsets) for name in ("weights", "point_weights")},
+            **{name: both(name, lambda _: own) for name in ("tails", "ranks", "dropped", "smoothing_per_ball")},
         )
 
     def with_points(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":

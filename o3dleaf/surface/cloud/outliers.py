@@ -46,7 +46,7 @@ def detect_outliers(
     Raises
     ------
     InputError
-        If a coordinate is not finite, or beyond 1e±100.
+        If a coordinate is not finite, or beyond 1e±50.
 
     References
     ----------

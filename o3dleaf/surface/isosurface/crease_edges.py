@@ -37,16 +37,18 @@ def join_creases(triangles: IntArray, ordinary: int) -> IntArray:
     Where two fans meet, on the face of two cells, the edge of the face makes way for one along the crease; each
     triangle has one such edge at most. Where fans meet twice, one of the swaps is not made: no edge is there twice.
     """
-    edges = EdgeTable.of(triangles)
+    fans = np.flatnonzero((triangles >= ordinary).any(axis=1))
+    part = triangles[fans]
+    edges = EdgeTable.of(part)
     inner = np.flatnonzero((edges.count == 2) & (edges.ends < ordinary).all(axis=1))
     halves = edges.order[edges.first(inner)[:, np.newaxis] + [0, 1]].astype(np.int64)
-    opposite = triangles.ravel()[halves - halves % 3 + (halves + 2) % 3]
+    opposite = part.ravel()[halves - halves % 3 + (halves + 2) % 3]
     meets = (opposite >= ordinary).all(axis=1)
     halves, opposite = halves[meets], opposite[meets]
     once = np.unique(np.sort(opposite, axis=1), axis=0, return_index=True)[1]
     (one, other), (near, far) = halves[once].T, opposite[once].T
-    begin, end = triangles.ravel()[one], triangles.ravel()[other]
+    begin, end = part.ravel()[one], part.ravel()[other]
     result = triangles.copy()
-    result[one // 3] = np.column_stack([begin, far, near])
-    result[other // 3] = np.column_stack([far, end, near])
+    result[fans[one // 3]] = np.column_stack([begin, far, near])
+    result[fans[other // 3]] = np.column_stack([far, end, near])
     return result

@@ -69,8 +69,8 @@ def test_a_point_makes_half_at_most_however_near_it_lies(apart):
     """A disc that is touched fills half of all directions: its winding number there is 1/2."""
     way = sphere(500)[0]
     number, area = np.empty((500, 1)), 0.01
-    flux, soft = np.array([[0.0, 0, area]]), np.array([area / (2 * np.pi)])
-    parity_loops.winding(apart * way, np.zeros((1, 3)), flux, np.zeros(1, np.int64), soft, 0, 500, number)
+    flux, soft = np.array([[0.0], [0.0], [area]]), np.array([area / (2 * np.pi)])
+    parity_loops.winding(apart * way, np.zeros((3, 1)), flux, np.array([0, 1]), soft, 0, 500, number)
     assert np.abs(number).max() <= 0.5
 
 
