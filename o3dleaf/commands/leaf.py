@@ -1,5 +1,7 @@
 """`o3dleaf leaf`: read a scan and a volume, build the leaf, mesh it, and write what a run leaves behind."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -7,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.job import (
     ColumnsOption,
     LongJob,
@@ -160,14 +162,13 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.leaf.fit_quality import FitQuality
         from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
         from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
-        from o3dleaf.output.view.leaf_picture import refusals_shown
 
         with journal.stage("read"):
             scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
         leaf = surface = None
-        with refusals_shown(scan, self.beside(".refused.png") if self.picture else None, self.scan_unit):
+        with self.refusals_shown(scan):
             if patch is None:
                 blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
             else:
@@ -199,6 +200,20 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         for line in (*fit.lines(), *(f"warning: {warning}" for warning in warnings_of(summary))):
             journal.note(line)
         return summary
+
+    @contextmanager
+    def refusals_shown(self, scan: "o3d.geometry.PointCloud") -> Iterator[None]:
+        """Draw a scan that is refused inside, where the error knows its places, and name the picture in it."""
+        try:
+            yield
+        except ReconstructionError as cause:
+            if cause.places is None or not self.picture:
+                raise
+            from o3dleaf.output.view.leaf_picture import render_refusal
+
+            path = self.beside(".refused.png")
+            render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
+            raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
 
     def draw(
         self,

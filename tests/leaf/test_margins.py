@@ -93,8 +93,14 @@ def test_what_was_counted_is_written(leaf, tmp_path, suffix):
     plan.write(path)
     size = path.stat().st_size
     assert 0.6 * said < size <= said if suffix == ".obj" else size == said
-    write_mesh(plan.extract(), tmp_path / f"again{suffix}", plan._comments)
+    made = plan.extract()
+    write_mesh(made, tmp_path / f"again{suffix}", plan._comments)
     assert (tmp_path / f"again{suffix}").read_bytes() == path.read_bytes()
+    both = plan.write_and_extract(tmp_path / f"both{suffix}")
+    assert (tmp_path / f"both{suffix}").read_bytes() == path.read_bytes()
+    assert all(map(np.array_equal, mesh_arrays(both.mesh), mesh_arrays(made.mesh)))
+    assert np.array_equal(both.labels, made.labels)
+    assert both.unit == made.unit
 
 
 @pytest.mark.parametrize("closed", [False, True])

@@ -1,9 +1,7 @@
 """The picture of a whole leaf, or of a part of it, with an inset of its micro-structure."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +10,6 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -59,18 +56,6 @@ def render_refusal(
     # Marks inside the scan are moved toward the eye, and drawn where they are, and in front.
     front = 2 * size * Camera.framing(*make_facets(points), View()).toward
     render([Points(points), Points(marks + front, size, VERMILION)], path, unit=unit, title=f"\n{cause}")
-
-
-@contextmanager
-def refusals_shown(scan: CloudLike, path: Path | None, unit: str | None = None) -> Iterator[None]:
-    """Draw a scan that is refused inside into a file, where the error knows its places, and name the file in it."""
-    try:
-        yield
-    except ReconstructionError as cause:
-        if cause.places is None or path is None:
-            raise
-        render_refusal(scan, cause.places, str(cause), path, unit)
-        raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
 
 
 def inset_window(leaf: MultiscaleLeaf, region: npt.ArrayLike | None = None) -> FloatArray:

@@ -1,5 +1,6 @@
 """The report says what MeshLab and Open3D say, finds every planted defect, and depends on the surface alone."""
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,10 +23,11 @@ from o3dleaf import (
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
 from o3dleaf.surface.mesh.defects import find_defects
-from o3dleaf.surface.mesh.deviation import SUPPORT
+from o3dleaf.surface.mesh.deviation import SUPPORT, distance_to_mesh, nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
 from tolerances import MESHLAB_AREA, NEWTON_STEP, RIGHT_ANGLE, SCENE, SMALL_ANGLE, TURNED_MESH
 
@@ -352,3 +354,17 @@ def test_progress_of_a_report_runs_from_stage_to_stage_to_its_end(ball, field):
         assert heard[-1] == 1
     assert heard == sorted(heard)
     assert len(heard) == (5 if field is None else 6)
+
+
+def test_threads_beyond_the_cores_change_nothing_and_nobody_warns_of_them(ball, capfd):
+    """Open3D's threads are at most as many as cores."""
+    points, before = np.random.default_rng(0).uniform(-1, 1, (100, 3)), get_num_threads()
+    expected = distance_to_mesh(*ball, points)
+    set_num_threads((os.cpu_count() or 1) + 3)
+    try:
+        assert np.array_equal(distance_to_mesh(*ball, points), expected)
+        nearest = nearest_on_mesh(*ball, points)
+    finally:
+        set_num_threads(before)
+    np.testing.assert_allclose(np.linalg.norm(nearest - points, axis=1), expected, rtol=0, atol=SCENE)
+    assert capfd.readouterr() == ("", "")
