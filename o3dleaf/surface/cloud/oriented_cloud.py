@@ -164,7 +164,7 @@ class OrientedCloud:
 
     @cached_property
     def measured(self) -> Places:
-        """Noise and spacing at some hundred of the points, of outward normals on their own side, see `measure_places`."""
+        """Noise and spacing at some hundred of the points, by side where there are normals, see `measure_places`."""
         if len(self) < PATCHES[0]:
             raise InputError(f"cloud: has {len(self)} points; at least {PATCHES[0]} are needed for its noise")
         return measure_places(self.points, self.tree, self.normals)
@@ -192,15 +192,10 @@ class OrientedCloud:
             vars(cloud)["point_spacing"] = self.point_spacing[order]
         return cloud
 
-    def with_normals(
-        self, normals: FloatArray, notes: tuple[str, ...] = (), keep: tuple[str, ...] = ()
-    ) -> "OrientedCloud":
-        """Return the same points with other unit normals (n, 3), more notes, and all that is known of them.
-
-        Of what is known by side (`SIDED`) only what is to be kept, as where normals turn on their own sides.
-        """
+    def with_normals(self, normals: FloatArray, notes: tuple[str, ...] = ()) -> "OrientedCloud":
+        """Return the same points, with what is known of them but by side, other unit normals (n, 3) and more notes."""
         cloud = replace(self, normals=normals, notes=self.notes + notes)
-        anew = {*vars(cloud), *SIDED} - {*keep}
+        anew = {*vars(cloud), *SIDED}
         vars(cloud).update({name: value for name, value in vars(self).items() if name not in anew})
         return cloud
 
