@@ -28,7 +28,7 @@ from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.noise import CLEAN, PATCHES
 from o3dleaf.surface.cloud.normals import plane_normals
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
-from o3dleaf.surface.cloud.oriented_cloud import SIDED, OrientedCloud, Removed
+from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.viewpoint import face_given, face_viewpoint
 
@@ -229,7 +229,11 @@ def _by_side(cloud: OrientedCloud) -> OrientedCloud:
     if not known or not CLEAN * cloud.spacing < cloud.noise <= cloud.spacing:
         return cloud  # of more noise, sixteen points have no plane: normals will be averaged with the points
     normals = plane_normals(cloud.points, cloud.require_normals(), cloud.neighbors.row, cloud.noise)
-    return cloud.with_normals(normals, keep=SIDED)
+    if normals is cloud.normals:
+        return cloud
+    turned = cloud.with_normals(normals)
+    _ = turned.spacing
+    return turned
 
 
 def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:

@@ -11,7 +11,7 @@ import o3dleaf as o3l
 from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, samples
 from o3dleaf.core.errors import CloudWarning, InputError
 from o3dleaf.surface.reconstruction.extract import mesh_step
-from tolerances import CLEAN_SURFACE, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
+from tolerances import CLEAN_SURFACE, KEPT_SHEET, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
 
 
 def legacy(points, normals=None):
@@ -360,3 +360,16 @@ def test_real_clouds(real_scan, name, pieces, genus, closed, with_normals):
     assert (found.boundary_edges == 0) == closed
     if genus is not None:
         assert found.genus == genus  # of all pieces together
+
+
+def test_a_noisy_fold_keeps_its_two_sheets():
+    """A plate and a gap two spacings wide, five deviations of the noise: the plate stays full, and the gap empty."""
+    distance = 0.08
+    solid = samples.fold(distance)
+    points, normals = solid.sample(2_500, seed=41)
+    points += 0.18 * distance * np.random.default_rng(41).normal(size=points.shape)
+    _, field = create_from_point_cloud_rbfpu(legacy(points, normals), closed=False, trim=None, measure=None)
+    feet, outward = solid.sample(2_000, seed=42)
+    inside, outside = (feet + way * distance / 2 * outward for way in (-1, 1))
+    assert (field(inside) > 0).mean() > KEPT_SHEET
+    assert (field(outside) < 0).mean() > KEPT_SHEET
