@@ -21,8 +21,8 @@ SPACED = 12
 BLOCK = 4096
 BATCH_SIZE = 1 << 18
 """Points whose neighbors are searched at once."""
-STEP = 2.0
-"""Spacing of a point over that of its neighbors above which density steps there, by 4: seven deviations at random."""
+STEP = 3.0
+"""Spacing of a point over its neighbors' above which density steps there, by 9: means of noisy points reach 2."""
 FEWEST = 4
 """Points that count another among their neighbors, for these to be no strays."""
 CLASSES = 4

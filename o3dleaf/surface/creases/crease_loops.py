@@ -9,6 +9,7 @@ from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.local.fit_loops import gather
 from o3dleaf.fitting.rbf.radial_loops import radial_values, squared_distances
 from o3dleaf.fitting.rbf.solve_loops import solve_local, tail_matrix
+from o3dleaf.surface.creases.sheet_loops import squared_distance
 
 HELD_OUT = 4
 """One in so many points of a ball is left out to compare by."""
@@ -18,6 +19,10 @@ MUCH = 0.3
 
 ALIKE = 2.0
 """Squared errors near creases over those elsewhere which chance may make of nothing but noise."""
+
+
+WRONG = 0.25
+"""Share of the distance of a site off the surface by which it may come out on the other side, as some at creases do."""
 
 
 class GroupedValues(NamedTuple):
@@ -72,20 +77,26 @@ def is_better_split(ball, values, balls, sheets, system):
     """Return whether the sheets of a ball predict every fourth of its points better than its one spline does.
 
     Those are left out with their whole groups. The sheets must be much better, or as good near creases as
-    elsewhere, up to chance: noise can be all that is left.
+    elsewhere, up to chance: noise can be all that is left. And at no site off the surface their composition may take
+    inside for outside: one sheet that goes on where it has no points would cut the others there.
     """
     data, exponents = values.data, system.exponents
     members = rows_of(balls, ball)
     rows = members[values.groups[members] == members][::HELD_OUT]
-    queries, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
-    one = predict(ball, rows, queries, values, balls, exponents, system.power, system.of_balls)
-    many, few = np.zeros(rows.size), exponents[: system.terms]
+    asked = np.concatenate((rows, sites_of(ball, values, sheets)))
+    queries, _ = gather(data.points, data.values, asked, balls.centers[ball], balls.radii[ball])
+    measured = queries[:, : rows.size].copy()
+    one = predict(ball, rows, measured, values, balls, exponents, system.power, system.of_balls)
+    many, few = np.zeros(asked.size), exponents[: system.terms]
     for sheet in range(sheets.first[ball], sheets.first[ball + 1]):
         part = predict(sheet, rows, queries, values, sheets.balls, few, system.power, system.of_sheets)
         sign = sheets.composition[sheet]
-        for i in range(rows.size):
+        for i in range(asked.size):
             if sign == 0 or sign * (part[i] - many[i]) > 0.0:
                 many[i] = part[i]
+    for i in range(rows.size, asked.size):
+        if many[i] * data.values[asked[i]] < -WRONG * data.values[asked[i]] ** 2:
+            return False
     squares, counts = np.zeros(2), np.zeros(2)
     before, after = 0.0, 0.0
     for i in range(rows.size):
@@ -96,6 +107,22 @@ def is_better_split(ball, values, balls, sheets, system):
         counts[int(values.smooth[rows[i]])] += 1.0
     alike = squares[0] * counts[1] <= ALIKE * squares[1] * counts[0]
     return after < MUCH * before or (after < before and alike)
+
+
+@njit(nogil=True, cache=True)
+def sites_of(ball, values, sheets):
+    """Return the rows of the constraints off the surface that the sheets of a ball have within it."""
+    center, square = sheets.balls.centers[sheets.first[ball]], sheets.balls.radii[sheets.first[ball]] ** 2
+    count = 0
+    for sheet in range(sheets.first[ball], sheets.first[ball + 1]):
+        count += rows_of(sheets.balls, sheet).size
+    found, count = np.empty(count, dtype=np.int64), 0
+    for sheet in range(sheets.first[ball], sheets.first[ball + 1]):
+        for row in rows_of(sheets.balls, sheet):
+            if values.groups[row] != row and squared_distance(values.data.points[row], center) < square:
+                found[count] = row
+                count += 1
+    return found[:count].copy()
 
 
 @njit(nogil=True, cache=True)

@@ -9,6 +9,7 @@ import o3dleaf as o3l
 import tolerances
 from o3dleaf import CreasedSplines, PUInterpolant
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.io.model_file import MAGIC, PREFIX
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
@@ -78,6 +79,15 @@ def test_a_smooth_surface_is_fitted_as_if_no_creases_were_sought():
     one = PUInterpolant.fit(sites, values, groups=groups, normals=normals[groups], local=CreasedSplines(rho="gcv"))
     other = PUInterpolant.fit(sites, values, groups=groups, rho="gcv")
     assert np.array_equal(one(points + 0.01), other(points + 0.01))
+
+
+def test_sheets_that_face_one_another_do_not_cut_each_other():
+    """A smooth solid folded onto itself: what a sheet is where it has no points does not dent the next one."""
+    solid = o3l.samples.fold(0.04)
+    points, normals = solid.sample(10_000, 3)
+    mesh, _ = o3l.create_from_point_cloud_rbfpu(o3l.OrientedCloud.of(points, normals), measure=None, closed=False)
+    off = np.abs(solid.signed_distance(mesh_arrays(mesh)[0])).max()
+    assert off < tolerances.DENT * np.sqrt(solid.area / len(points))
 
 
 def test_saved_creases_are_loaded_as_they_were(tmp_path):
