@@ -153,7 +153,7 @@ def _terms(sheet_cover: SheetCover, model: SplineModel) -> IntArray:
 def _keep_better(
     cover: Cover, data: ScatteredData, smooth: BoolArray, splits: SplitBalls, model: SplineModel
 ) -> tuple[SheetCover | None, Smoothing]:
-    """Return the sheets of those balls alone that are better split, and the smoothing chosen for all that may be."""
+    """Return the sheets of those balls alone that are better split, and the smoothing chosen for them."""
     sheet_cover = sheets.replace(cover, splits)
     terms = _terms(sheet_cover, model)
     better = np.zeros(len(splits.balls), dtype=bool)
@@ -174,4 +174,4 @@ def _keep_better(
         run_blocks(task, len(better), BATCH_SIZE, reports=True)
     if not better.any():
         return None, model.smoothing
-    return sheets.replace(cover, splits.only(better)), chosen
+    return sheets.replace(cover, splits.only(better)), chosen if better.all() else model.smoothing
