@@ -83,11 +83,17 @@ def require_free(path: str | PathLike[str], size: int) -> None:
 
 
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
-    """Raise `InputError` if a file to be written (None: none) is one of those that are read."""
-    read = {path.resolve() for path in inputs if path is not None}
+    """Raise `InputError` if a file to be written (None: none) is one of those that are read, or written twice."""
+    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
     for path in outputs:
-        if path is not None and path.resolve() in read:
+        if path is None:
+            continue
+        target = path.resolve()
+        if target in read:
             raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
+        if target in written:
+            raise InputError(f"{path}: would be written twice; give every output a name of its own")
+        written.add(target)
 
 
 def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
