@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.labelled_mesh import label_parts
 from o3dleaf.io.mesh_data import IndexArray, MeshBlocks, MeshData
@@ -61,7 +62,13 @@ def _of_label(mesh: MeshBlocks, label: int, start: int, stop: int) -> IndexArray
 
 
 def read_obj(file: Path) -> MeshData | None:
-    """Return an OBJ of triangles by its groups; without groups, or with other polygons, None."""
+    """Return an OBJ of triangles by its groups; without groups, or with other polygons, None.
+
+    Raises
+    ------
+    InputError
+        If a line is no vertex or no face, as the last one of a file that was cut off.
+    """
     vertices: list[bytes] = []
     corners: list[list[bytes]] = []
     groups: list[tuple[str, int]] = []
@@ -75,6 +82,8 @@ def read_obj(file: Path) -> MeshData | None:
                 corners.append(line[2:].split())
                 if groups:
                     groups[-1] = groups[-1][0], groups[-1][1] + 1
+    if any(len(row) < 3 for row in corners) or any(len(line.split()) < 3 for line in vertices):
+        raise InputError(f"{file}: has a vertex or a face with fewer than three numbers; it was cut off, copy it again")
     if sum(count for _, count in groups) != len(corners) or any(len(row) != 3 for row in corners):
         return None
     points = np.array([line.split()[:3] for line in vertices], dtype=np.bytes_).astype(np.float64)

@@ -10,6 +10,7 @@ import open3d as o3d
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds import e57, las, text
+from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.ply_reader import require_whole_ply
 
 OPEN3D = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
@@ -46,7 +47,7 @@ def read_point_cloud(
     Raises
     ------
     InputError
-        If there is no such file, it cannot be read, it claims more points than it can hold, it holds
+        If there is no such file, it cannot be read, it was cut off so that it holds fewer points than it says, it holds
         fewer than `least`, or one is not finite; of text, the message names the line.
     """
     file = require_file(path)
@@ -76,5 +77,6 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
         return e57.read_e57(file).to_open3d()
     if suffix == ".ply":
         require_whole_ply(file)
+    require_whole_cloud(file)
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         return o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)

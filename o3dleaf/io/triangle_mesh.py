@@ -1,6 +1,8 @@
 """Triangle meshes from and to files, by the suffix of the name: whole or not at all, with every digit and label."""
 
+from itertools import islice
 from os import PathLike
+from pathlib import Path
 
 import open3d as o3d
 
@@ -18,6 +20,8 @@ from o3dleaf.io.stl_text import read_stl_text
 
 SUFFIXES = (".ply", ".obj", ".stl")
 """Formats of meshes."""
+OFF_HEADER = 100
+"""Lines, most of them comments, in which an OFF file says how many vertices and faces it has."""
 OPEN3D = "Created by Open3D"
 """Comment of a plain mesh without labels, whose file is the same byte for byte as by Open3D's own writer."""
 
@@ -30,17 +34,35 @@ def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
     Raises
     ------
     InputError
-        If there is no such file, it cannot be read, or it holds no triangle.
+        If there is no such file, it cannot be read or was cut off, or it holds no triangle.
     """
     file = require_file(path)
-    if file.suffix.lower() == ".ply":
-        require_whole_ply(file)
+    named = _named_counts(file)
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         mesh = o3d.io.read_triangle_mesh(file)
     if not mesh.has_triangles():
         raise InputError(f"{file}: no triangles could be read; give a mesh, not a point cloud, as PLY, OBJ, STL or OFF")
     vertices, triangles = mesh_arrays(mesh)
+    if named is not None and (len(vertices) < named[0] or len(triangles) < named[1]):
+        raise InputError(
+            f"{file}: {len(vertices):,} of {named[0]:,} vertices and {len(triangles):,} of {named[1]:,} faces "
+            "could be read; it was cut off, copy it again"
+        )
     return build_mesh(*join_corners(vertices[triangles])) if file.suffix.lower() == ".stl" else mesh
+
+
+def _named_counts(file: Path) -> tuple[int, int] | None:
+    """Return how many vertices and faces a PLY or OFF file says that it has, or None; a face is a triangle or more."""
+    suffix = file.suffix.lower()
+    if suffix == ".ply":
+        counts = require_whole_ply(file).counts
+        return counts["vertex"], counts.get("face", 0)
+    if suffix != ".off":
+        return None
+    with file.open(encoding="ascii", errors="replace") as lines:
+        words = [word for line in islice(lines, OFF_HEADER) for word in line.split("#")[0].split()]
+    numbers = [int(word) for word in words[1:3] if word.isdigit()]
+    return (numbers[0], numbers[1]) if len(numbers) == 2 and words[0].endswith("OFF") else None
 
 
 def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
