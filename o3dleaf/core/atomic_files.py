@@ -2,11 +2,13 @@
 
 import json
 import os
+import platform
+import re
 import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,11 @@ KINDS = (
     (lambda _: True, "device"),
 )
 """What a path may be but a file."""
+
+OWNER = "o3dleaf-{node}-{process}"
+"""In the names of temporary files, whose they are: those of a process that was killed go with the next run."""
+MAX_STEM = 80
+"""Letters of a file's name that its temporary name has: the rest of it takes some hundred, and 255 is the most."""
 
 
 @contextmanager
@@ -59,6 +66,7 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
+    _remove_abandoned(target.resolve().parent)
     return target
 
 
@@ -124,7 +132,8 @@ def _beside(target: Path) -> Path:
         raise InputError(f"{target}: exists already and is read-only; choose another name")
     folder = target.resolve().parent
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}.", suffix=target.suffix.lower(), dir=folder)
+        prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix.lower(), dir=folder)
     except OSError as cause:
         raise InputError(f"{target}: the folder cannot be written to ({cause.strerror}); choose another") from cause
     os.close(handle)
@@ -133,3 +142,30 @@ def _beside(target: Path) -> Path:
     os.umask(mask)
     Path(name).chmod(0o666 & ~mask)
     return Path(name)
+
+
+def _node() -> str:
+    """Return the name of this machine, of letters that a file's name may have."""
+    return re.sub(r"[^A-Za-z0-9]+", "", platform.node())[:MAX_STEM]
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove temporary files that processes of this machine have left, which are there no more."""
+    if os.name != "posix":  # elsewhere there is no harmless way to ask for a process
+        return
+    known = re.compile(re.escape("." + OWNER.format(node=_node(), process="")) + r"(\d+)\.")
+    for entry in os.scandir(folder):
+        found = known.search(entry.name)
+        if entry.name.startswith(".") and found and not _is_running(int(found[1])):
+            with suppress(OSError):
+                Path(entry.path).unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # somebody else's
+        return True
+    return True

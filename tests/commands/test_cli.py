@@ -351,15 +351,16 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="on Windows Ctrl-C is for all who share a console, the tests too")
-def test_ctrl_c_leaves_nothing_behind(files, tmp_path):
+@pytest.mark.parametrize(("sent", "code", "word"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 143, "terminated")])
+def test_signals_leave_nothing_behind(files, tmp_path, sent, code, word):
     words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.012", "-o", tmp_path / "leaf.ply"]
     process = subprocess.Popen([*MODULE, *map(str, words)], stderr=subprocess.PIPE, text=True)
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(timeout=8)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(getattr(signal, sent))
     _, rest = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert rest.strip().splitlines()[-1].startswith("o3dleaf: interrupted")
+    assert process.returncode == code
+    assert rest.strip().splitlines()[-1].startswith(f"o3dleaf: {word}")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,6 +3,7 @@
 import os
 import socket
 import stat
+import subprocess
 import sys
 
 import numpy as np
@@ -124,3 +125,22 @@ def test_a_command_refuses_before_it_reads(run, tmp_path, monkeypatch, words):
     assert len(result.stderr.strip().splitlines()) == 1
     assert "is a pipe" in result.stderr
     assert all(stat.S_ISFIFO(path.stat().st_mode) for path in tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere nobody's files are removed")
+def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
+    """And nothing else: not what a running process is writing, nor what another machine or a person made."""
+    code = "import os, signal, sys\nfrom o3dleaf.core.atomic_files import whole_file\n"
+    code += "with whole_file(sys.argv[1]):\n    os.kill(os.getpid(), signal.SIGKILL)"
+    subprocess.run([sys.executable, "-c", code, tmp_path / "mesh.ply"], check=False, timeout=60)
+    left = [path.name for path in tmp_path.iterdir()]
+    assert len(left) == 1
+    assert left[0].startswith(".mesh.o3dleaf-")
+    others = [left[0].replace("o3dleaf-", "o3dleaf-elsewhere"), ".mesh.o3dleaf-notes.ply", left[0][1:]]
+    for name in others:
+        (tmp_path / name).touch()
+    with whole_file(tmp_path / "other.ply") as new:
+        require_writable(tmp_path / "third.ply")
+        assert new.exists()
+        assert not (tmp_path / left[0]).exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, "other.ply"])
