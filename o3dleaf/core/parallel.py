@@ -44,21 +44,29 @@ class _Pool:
     def __init__(self) -> None:
         self.threads = os.cpu_count() or 1
         self.executor: ThreadPoolExecutor | None = None
-        self.owner = -1
+        self.lock = threading.Lock()
 
-    def get(self) -> ThreadPoolExecutor:
-        if self.executor is None or self.owner != os.getpid():
-            self.executor = ThreadPoolExecutor(self.threads, "o3dleaf", initializer=_here.enter)
-            self.owner = os.getpid()
-        return self.executor
+    def submit(self, work: Callable[[], None], count: int, jobs: list[Future[None]]) -> None:
+        """Add futures of some work to a list, all of one executor."""
+        with self.lock:
+            executor = self.executor or ThreadPoolExecutor(self.threads, "o3dleaf", initializer=_here.enter)
+            self.executor = executor
+            jobs += (executor.submit(work) for _ in range(min(self.threads, count)))
 
     def resize(self, threads: int) -> None:
-        if self.executor is not None and self.owner == os.getpid():
-            self.executor.shutdown(wait=True)
-        self.executor, self.threads = None, threads
+        with self.lock:
+            old, self.executor, self.threads = self.executor, None, threads
+        if old is not None:
+            old.shutdown(wait=not _here.is_worker)  # what has been submitted is done before
+
+    def forget(self) -> None:
+        """Begin anew in a child: its parent's threads are not there, and one of them may have held the lock."""
+        self.executor, self.lock = None, threading.Lock()
 
 
 _pool = _Pool()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.forget)
 
 
 class _Stopped(BaseException):
@@ -119,7 +127,7 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, report
             if reports:
                 report(stop, count)
         return
-    pool, numbers, finished, stopped = _pool.get(), itertools.count(), list[int](), threading.Event()
+    numbers, finished, stopped = itertools.count(), list[int](), threading.Event()
 
     def work() -> None:
         # Threads fetch their blocks: a future each would cost more than a small block, under the one lock of Python.
@@ -133,7 +141,7 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, report
 
     jobs = list[Future[None]]()
     try:
-        jobs += (pool.submit(work) for _ in range(min(_pool.threads, len(todo))))
+        _pool.submit(work, len(todo), jobs)
         _watch(jobs, finished, count, reports=reports)
     finally:
         stopped.set()

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -284,6 +285,35 @@ def test_the_cost_of_a_block_does_not_grow_with_their_number():
     start = time.perf_counter()
     run_blocks(lambda start, stop: None, 20_000, 1)
     assert time.perf_counter() - start < 10
+
+
+def test_the_number_of_threads_may_change_while_others_work():
+    """Every caller's items are all done, whatever the pool that they began in."""
+    counts, stop = [], threading.Event()
+
+    def caller():
+        while not stop.is_set():
+            done = np.zeros(64, dtype=int)
+
+            def task(start, end, done=done):
+                done[start:end] += 1
+
+            run_blocks(task, len(done), 4)
+            counts.append((done == 1).all())
+
+    before = get_num_threads()
+    with ThreadPoolExecutor(3) as callers:
+        jobs = [callers.submit(caller) for _ in range(3)]
+        try:
+            for turn in range(60):
+                set_num_threads(2 + turn % 3)
+        finally:
+            stop.set()
+            set_num_threads(before)
+        for job in jobs:
+            job.result()
+    assert len(counts) > 3
+    assert all(counts)
 
 
 def test_fewer_than_one_thread_is_refused():
