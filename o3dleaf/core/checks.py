@@ -13,8 +13,8 @@ from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
 
-LARGEST, SMALLEST = 1e50, 1e-50
-"""Size of coordinates, and of the box around them, beyond which sixth powers of lengths leave float64."""
+LARGEST = 1e50
+"""Size of a cloud's coordinates beyond which, and one over which, sixth powers of lengths leave float64."""
 
 
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
@@ -36,8 +36,7 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     Raises
     ------
     InputError
-        If the array has another shape, too few rows, or a value that is not finite, or coordinates and distances are
-        beyond 1e±50.
+        If the array has another shape, too few rows, or a value that is not finite.
     """
     array = _as_floats(points, name)
     if array.ndim == 1 and dim is not None and array.shape == (dim,):
@@ -48,17 +47,17 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
         raise InputError(f"{name}: has shape {array.shape}; give one point per row, shape {wanted}")
     if len(array) < least:
         raise InputError(f"{name}: has {len(array)} points; at least {least} are needed")
-    return require_size(require_finite(array, name), name)
+    return require_finite(array, name)
 
 
-def require_size(array: FloatArray, name: str) -> FloatArray:
-    """Return finite points (n, d) if their coordinates, and the sides of their box, have squares in float64."""
+def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> FloatArray:
+    """Return finite points (n, d) if no coordinate is above `largest`, and their box no smaller than one over it."""
     if len(array):
         low, high = array.min(axis=0), array.max(axis=0)
-        largest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
-        if largest > LARGEST or 0 < side < SMALLEST:
-            what = f"reach {largest:.3g}" if largest > LARGEST else f"lie within {2 * side:.3g} of one another"
-            raise InputError(f"{name}: {what}; give lengths in a unit in which they are between 1e-50 and 1e50")
+        farthest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
+        if farthest > largest or 0 < side < 1 / largest:
+            what = f"reach {farthest:.3g}" if farthest > largest else f"lie within {2 * side:.3g} of one another"
+            raise InputError(f"{name}: {what}; give lengths in a unit in which they are 1e-50 to 1e50")
     return array
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, require_cloud
+from o3dleaf.core.checks import FloatArray, as_points, require_cloud, require_size
 
 if TYPE_CHECKING:
     import open3d as o3d
@@ -29,9 +29,9 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     Raises
     ------
     InputError
-        If there are fewer than `least` points, or one is not finite.
+        If there are fewer than `least` points, or one is not finite, or they are beyond 1e±50.
     """
-    return as_points(raw_points(cloud, name), name, dim=3, least=least)
+    return require_size(as_points(raw_points(cloud, name), name, dim=3, least=least), name)
 
 
 def raw_points(cloud: CloudLike, name: str = "cloud") -> npt.ArrayLike:

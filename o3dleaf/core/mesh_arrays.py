@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_points, require_size
 from o3dleaf.core.errors import InputError
 
 IntArray = npt.NDArray[np.int64]
@@ -41,13 +41,20 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
         parts = _tensor_parts(mesh)
     else:
         parts = _require_pair(mesh)
-    vertices = np.empty((0, 3)) if np.size(parts[0]) == 0 else as_points(parts[0], "mesh vertices", dim=3).copy()
+    vertices = _as_vertices(parts[0])
     triangles = _as_corners(parts[1])
     if triangles.size and (triangles.min() < 0 or triangles.max() >= len(vertices)):
         raise InputError(
             f"mesh: a triangle refers to a vertex outside 0 to {len(vertices) - 1}; the file may be damaged"
         )
     return vertices, triangles
+
+
+def _as_vertices(vertices: npt.ArrayLike) -> FloatArray:
+    """Return a copy of vertices (n, 3), or raise `InputError`."""
+    if np.size(vertices) == 0:
+        return np.empty((0, 3))
+    return require_size(as_points(vertices, "mesh vertices", dim=3), "mesh vertices").copy()
 
 
 def _as_corners(triangles: npt.ArrayLike) -> IntArray:

@@ -182,11 +182,11 @@ def test_rows_of_different_lengths_and_complex_numbers_are_no_array():
 @pytest.mark.parametrize("scale", [1e-49, 1e-30, 1.0, 1e30, 1e49])
 def test_points_of_any_size_whose_powers_are_numbers_are_taken(scale):
     points = scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]])
-    assert np.array_equal(checks.as_points(points), points)
-    assert np.array_equal(checks.as_points(points[:1]), points[:1])
+    assert np.array_equal(checks.require_size(points, "points"), points)
+    assert np.array_equal(checks.require_size(points[:1], "points"), points[:1])
 
 
 @pytest.mark.parametrize("scale", [1e51, 1e154, 1e308, 1e-51, 1e-200, 1e-308])
 def test_points_whose_powers_are_no_numbers_are_refused(scale):
-    with pytest.raises(InputError, match="between 1e-50 and 1e50"):
-        checks.as_points(scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]]))
+    with pytest.raises(InputError, match="1e-50 to 1e50"):
+        checks.require_size(scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]]), "points")

@@ -16,12 +16,11 @@ JOBS = {
     "estimate_noise": o3l.estimate_noise,
     "find_midrib": o3l.find_midrib,
     "PUInterpolant.fit": lambda points: o3l.PUInterpolant.fit(points, points[:, 0]),
-    "RBFInterpolant.fit": lambda points: o3l.RBFInterpolant.fit(points, np.zeros(len(points))),
 }
 
 
 @pytest.mark.parametrize("job", JOBS)
 @pytest.mark.parametrize("scale", [1e-200, 1e154, 1e300])
 def test_sizes_beyond_double_precision_are_refused(job, scale):
-    with pytest.raises(InputError, match="between 1e-50 and 1e50"):
+    with pytest.raises(InputError, match="1e-50 to 1e50"):
         JOBS[job](scale * POINTS)
