@@ -7,7 +7,7 @@ import pytest
 
 import o3dleaf as o3l
 from cloud_shapes import sphere, torus
-from o3dleaf import OrientedCloud, detect_outliers, estimate_normals, orient_normals, preprocess_point_cloud
+from o3dleaf import OrientedCloud, detect_outliers, estimate_normals, orient_normals, preprocess_point_cloud, samples
 
 
 def test_what_does_no_good_goes_and_is_counted_and_the_rest_keeps_its_order():
@@ -86,3 +86,22 @@ def test_a_cloud_says_what_it_is_in_a_line():
     assert re.fullmatch(r"OrientedCloud\(3,000 points with normals, spacing 0\.0\d+, noise \d\S+\)", repr(cloud))
     assert repr(OrientedCloud.of(torus(50)[0])) == "OrientedCloud(50 points)"
     assert repr(orient_normals(cloud)) == "Orientation(3,000 normals, notes ())"
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.1])
+def test_right_normals_that_contradict_one_another_are_kept_and_wrong_ones_are_not(wrong):
+    """Planes through thirty points of a thin noisy plate stand anywhere, but on the right sides they enclose it."""
+    solid = samples.fins()
+    points, _ = solid.sample(10_000)
+    points = points + 0.005 * np.linalg.norm(np.ptp(points, axis=0)) * np.random.default_rng(3).normal(
+        size=points.shape
+    )
+    truth = solid.closest(points).normals
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(30))
+    given = np.asarray(cloud.normals)
+    given = np.where((given * truth).sum(axis=1)[:, np.newaxis] < 0, -given, given)
+    order = np.argsort(np.linalg.norm(points - points[0], axis=1))
+    given[order[: int(wrong * len(points))]] *= -1
+    found = preprocess_point_cloud(points, normals=given).normals
+    assert np.mean((found * truth).sum(axis=1) > 0) > (0.99 if wrong == 0 else 0.93)
