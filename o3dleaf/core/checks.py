@@ -57,7 +57,8 @@ def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> F
         farthest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
         if farthest > largest or 0 < side < 1 / largest:
             what = f"reach {farthest:.3g}" if farthest > largest else f"lie within {2 * side:.3g} of one another"
-            raise InputError(f"{name}: {what}; give lengths in a unit in which they are 1e-50 to 1e50")
+            limits = f"{1 / largest:.0e} to {largest:.0e}"
+            raise InputError(f"{name}: {what}; give lengths in a unit in which they are {limits}")
     return array
 
 

@@ -48,6 +48,8 @@ def test_columns_that_end_in_the_middle_of_a_line(tmp_path, name):
         read_point_cloud(file)
     file.write_bytes(b"".join(lines[:99]))
     assert len(read_point_cloud(file).points) == 99
+    file.write_bytes(b"// exported by a scanner with much to say of itself\n" + b"".join(lines))
+    assert len(read_point_cloud(file).points) == len(POINTS)
 
 
 @pytest.mark.parametrize("read", [read_mesh, read_triangle_mesh])

@@ -61,17 +61,27 @@ def _check_pcd(file: Path) -> None:
 
 
 def _require_lines(file: Path, start: int, count: int | None) -> None:
-    """Raise `InputError` if from a byte on there are fewer lines than `count`, or the last has fewer columns."""
+    """Raise `InputError` if from a byte on fewer lines than `count` begin with a number, or the last is shorter."""
     lines, first, last = 0, b"", b""
     with file.open("rb") as stream:
         stream.seek(start)
         for line in stream:
-            if line.strip() and not line.startswith(b"#"):
+            if _begins_with_number(line):
                 lines, first, last = lines + 1, first or line, line
     if count is not None and lines < count:
         raise _short(file, count)
     if len(last.split()) < len(first.split()):
         raise InputError(f"{file}: its last line has fewer columns than its first; it was cut off, copy it again")
+
+
+def _begins_with_number(line: bytes) -> bool:
+    """Return whether a line is one of a point: comments and names of columns are not."""
+    words = line.split(maxsplit=1)
+    try:
+        float(words[0])
+    except (IndexError, ValueError):
+        return False
+    return True
 
 
 def _short(file: Path, count: int) -> InputError:

@@ -158,3 +158,13 @@ def test_tails_go_and_thin_parts_stay():
     weights = np.concatenate([np.full(400, 20.0), np.ones(20), np.ones(400)])
     kept = remove_tails(OrientedCloud.of(points, np.tile([0.0, 0, 1], (820, 1)), weights=weights))
     np.testing.assert_array_equal(kept.points, np.vstack([dense, thin]))
+
+
+def test_normals_are_kept_where_points_are_off_the_planes_by_side():
+    """Of waves that sixteen points do not resolve, planes know less than the normals that are there."""
+    rng, count = np.random.default_rng(8), 2_000
+    x, y = rng.uniform(0, np.sqrt(count), (2, count))
+    points = np.column_stack([x, y, 1.5 * np.sin(x)])
+    normals = np.column_stack([-1.5 * np.cos(x), np.zeros(count), np.ones(count)])
+    cloud = OrientedCloud.of(points, normals)
+    assert plane_normals(points, cloud.normals, cloud.neighbors.row, 0.12) is cloud.normals
