@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from o3dleaf.commands.patch import LAYOUT_HELP
 from o3dleaf.core.atomic_files import write_json
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
-VOLUMES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".gz")
-"""Suffixes of volumes; a folder is one too."""
+if TYPE_CHECKING:
+    from o3dleaf.leaf.ct.volume import Volume
 
 
 @dataclass(frozen=True)
@@ -17,11 +19,15 @@ class InfoJob(UnitOption, Job):
 
     file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
     voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="unit")
+    layout: str | None = option(None, LAYOUT_HELP)
     json: Path | None = option(None, "Also write it as JSON.", writes=())
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""
-        is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
+        from o3dleaf.leaf.ct.formats.read import SUFFIXES
+
+        volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
+        is_volume = self.file.is_dir() or self.file.name.lower().endswith(volumes)
         contents = self.volume() if is_volume else self.geometry()
         if self.json is not None:
             write_json(contents, self.json)
@@ -29,17 +35,19 @@ class InfoJob(UnitOption, Job):
 
     def volume(self) -> dict[str, Any]:
         """Return the figures of a volume."""
-        from o3dleaf.leaf.ct.formats import read_volume
+        from o3dleaf.leaf.ct.formats.read import read_stated
 
-        volume = read_volume(self.file, spacing=self.voxel_spacing, unit=self.unit)
+        volume, stated = read_stated(self.file, spacing=self.voxel_spacing, unit=self.unit, layout=self.layout)
         return {
             "kind": "volume",
             "shape": list(volume.shape),
+            "axes": f"x, y, z; in the file {', '.join(stated.axes)}, the slowest first",
+            "type": str(volume.data.dtype),
             "spacing": volume.spacing.tolist(),
             "bounds": volume.bounds.tolist(),
             "unit": volume.unit,
             "intensity": [float(volume.data.min()), float(volume.data.max())],
-            "threshold": volume.threshold(),
+            "threshold": _threshold_of(volume),
         }
 
     def geometry(self) -> dict[str, Any]:
@@ -66,3 +74,11 @@ class InfoJob(UnitOption, Job):
     def lines(self, summary: dict[str, Any]) -> list[str]:
         """Return a line a figure."""
         return [f"{name:>24}  {value}" for name, value in summary.items()]
+
+
+def _threshold_of(volume: "Volume") -> float | str:
+    """Return the intensity of the surface, or why none was found: without two peaks it is a volume all the same."""
+    try:
+        return volume.threshold()
+    except InputError as none:
+        return str(none)

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 MODEL = "o3dleaf.io.model_file:SUFFIX"
 """Suffix of model files."""
+LAYOUT_HELP = (
+    "What the file of a volume does not say of its voxels, such as 'dataset=scan/raw axes=zyx' (axes of the array, the "
+    "slowest first), or of bare numbers 'shape=700x700x160 dtype=uint16 offset=512'."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +28,7 @@ class CtOptions(TextureOptions):
 
     ct_unit: str | None = option(None, "Unit of the volume's coordinates; lengths stated in its file are converted.")
     voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit")
+    ct_layout: str | None = option(None, LAYOUT_HELP)
 
     def check_texture(self) -> None:
         """Refuse what the texture of no volume can have."""
@@ -42,9 +47,9 @@ class CtOptions(TextureOptions):
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file."""
-        from o3dleaf.leaf.ct.formats import read_volume
+        from o3dleaf.leaf.ct.formats.read import read_volume
 
-        return read_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit)
+        return read_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit, layout=self.ct_layout)
 
     def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
         """Return the volume of a file, or the texture of a model file."""
@@ -68,7 +73,9 @@ class BlockOption:
 class PatchJob(CtOptions, BlockOption, LongJob):
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
 
-    volume: Path = argument("Micro-CT volume: TIFF, folder of TIFF slices, NPY, NRRD, ...", reads=True)
+    volume: Path = argument(
+        "Micro-CT volume: TIFF, folder of slices, DICOM, ISQ, NRRD, HDF5, OME-Zarr, NPY, raw, ...", reads=True
+    )
     output: Path = output(MODEL)
     spacing: float | None = option(None, "Mesh spacing of the block of --tile-solid", unit="ct-unit")
 

@@ -10,7 +10,7 @@ import open3d as o3d
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 
 from o3dleaf.io.triangle_mesh import read_triangle_mesh
-from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan

@@ -13,7 +13,7 @@ from mesh_fields import sphere
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.triangle_mesh import write_mesh
-from o3dleaf.leaf.ct.tiff import write_volume
+from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 

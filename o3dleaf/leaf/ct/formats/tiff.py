@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
@@ -15,31 +14,18 @@ import numpy.typing as npt
 import tifffile
 
 from o3dleaf.core.atomic_files import whole_file
-from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.units import METERS, check_unit
+from o3dleaf.leaf.ct.formats.stated import Stated, turn_to_xyz
 from o3dleaf.leaf.ct.volume import Volume
 
 MAX_RATIO = 2000
 """No compression of TIFF packs zeros tighter than this (deflate 1032, LZW about 1400)."""
+SUFFIXES = (".tif", ".tiff")
 SPELLINGS = {"micron": "um", "microns": "um", "micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
 
 
-@dataclass(frozen=True)
-class StatedLattice:
-    """The lattice that a file states: (3,) spacing and origin along (x, y, z) in `unit`, None where it states none."""
-
-    spacing: FloatArray | None = None
-    origin: FloatArray | None = None
-    unit: str | None = None
-
-
-def swap_page_order(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Turn (page, row, column) into (x, y, z) = (column, row, page), or back; the one place that does."""
-    return array.transpose(2, 1, 0)
-
-
-def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
+def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     """Return the (page, row, column) stack of a TIFF file, mapped where it can be, and its stated lattice.
 
     Raises
@@ -89,7 +75,7 @@ def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
             f"volume: is of type {given}; give the volume first, then the path: write_volume(volume, path)"
         )
     kept = volume.data.dtype in (np.uint8, np.uint16, np.float32)
-    pages = swap_page_order(volume.data if kept else volume.data.astype(np.float32))
+    pages = turn_to_xyz(volume.data if kept else volume.data.astype(np.float32))
     # ImageJ counts its origin in voxels, from the lattice's origin.
     steps = [float(v) for v in -volume.origin / volume.spacing]
     metadata: dict[str, Any] = dict(zip(("xorigin", "yorigin", "zorigin"), steps, strict=True))
@@ -158,20 +144,20 @@ def _require_complete(tiff: tifffile.TiffFile, stack: tifffile.TiffPageSeries, p
         raise InputError(f"{path}: is truncated, {size} bytes where {expected} are expected; copy or export it again")
 
 
-def _stated(tiff: tifffile.TiffFile) -> StatedLattice:
+def _stated(tiff: tifffile.TiffFile) -> Stated:
     if tiff.is_imagej and tiff.imagej_metadata is not None:
         return _imagej_lattice(tiff.imagej_metadata, tiff.pages.first.tags)
     if tiff.is_ome and tiff.ome_metadata is not None:
         return _ome_lattice(tiff.ome_metadata)
-    return StatedLattice()
+    return Stated()
 
 
-def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> StatedLattice:
+def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> Stated:
     """ImageJ: pixels per unit in the resolution tags, the page spacing and the origin in the description."""
     unit = _unit(str(metadata.get("unit", "")))
     across, down = tags.get("XResolution"), tags.get("YResolution")
     if "spacing" not in metadata or across is None or down is None or 0 in (*across.value, *down.value):
-        return StatedLattice(unit=unit)
+        return Stated(unit=unit)
     spacing = np.array(
         [
             across.value[1] / across.value[0],
@@ -180,20 +166,20 @@ def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> Stated
         ]
     )
     shift = np.array([float(metadata.get(name, 0.0)) for name in ("xorigin", "yorigin", "zorigin")])
-    return StatedLattice(spacing, -shift * spacing + 0.0, unit)
+    return Stated(spacing, -shift * spacing + 0.0, unit)
 
 
-def _ome_lattice(xml: str) -> StatedLattice:
+def _ome_lattice(xml: str) -> Stated:
     """OME-TIFF: PhysicalSizeX, Y and Z of the first image, micrometers unless it says otherwise."""
     pixels = next((e for e in ET.fromstring(xml).iter() if e.tag.endswith("}Pixels")), None)  # noqa: S314
     if pixels is None or any(pixels.get(f"PhysicalSize{a}") is None for a in "XYZ"):
-        return StatedLattice()
+        return Stated()
     sizes = [float(pixels.get(f"PhysicalSize{a}", "nan")) for a in "XYZ"]
     units = [_unit(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
     if None in units:
-        return StatedLattice(np.array(sizes) if len(set(units)) == 1 else None)
+        return Stated(np.array(sizes) if len(set(units)) == 1 else None)
     to_first = [METERS[u] / METERS[units[0]] for u in units if u is not None and units[0] is not None]
-    return StatedLattice(np.array(sizes) * to_first, None, units[0])
+    return Stated(np.array(sizes) * to_first, None, units[0])
 
 
 def _unit(name: str) -> str | None:

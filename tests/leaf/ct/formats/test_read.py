@@ -221,3 +221,19 @@ def test_what_cannot_be_read_is_refused(tmp_path, name):
     with pytest.raises(o3l.errors.InputError, match=name) as error:
         read_volume(tmp_path / name, spacing=1.0)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("head", "says"),
+    [
+        (b"\0" * 128 + b"DICM", r"looks like DICOM, give it the suffix \.dcm"),
+        (b"\x89HDF\r\n\x1a\n", r"looks like HDF5, give it the suffix \.h5"),
+        (b"CTDATA-HEADER_V1", r"\.isq"),
+        (b"PK\x03\x04", "unpack it"),
+        (b"nothing known", "slices$"),
+    ],
+)
+def test_a_file_of_an_unknown_kind_is_told_by_its_content(tmp_path, head, says):
+    (tmp_path / "scan.001").write_bytes(head)
+    with pytest.raises(o3l.errors.InputError, match=says):
+        read_volume(tmp_path / "scan.001", spacing=1.0)

@@ -1,0 +1,14 @@
+"""Volumes from files: one module a family of formats, each to an array and what the file states of it.
+
+`stated`    what a file says of its voxels, and what it does not; the order of axes
+`tiff`      TIFF stacks in and out
+`slices`    folders of TIFF and PNG slices
+`bare`      NPY, NPZ, and bare numbers of a given layout
+`itk`       NRRD, MetaImage, NIfTI and DICOM, by SimpleITK
+`scanco`    ISQ and AIM, by aimio-py
+`hdf5`      HDF5, by h5py
+`ome_zarr`  OME-Zarr, by zarr
+`points`    PLY of points with an intensity
+`content`   what a file of another name holds
+`read`      `read_volume`, by the suffix of the name
+"""

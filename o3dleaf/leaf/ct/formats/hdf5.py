@@ -1,0 +1,66 @@
+"""HDF5: a dataset of three dimensions, slices first, with the voxel size that Fiji and its kin note beside it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array
+
+SUFFIXES = (".h5", ".hdf5", ".hdf")
+MAX_RATIO = 2000
+"""Deflate packs zeros 1032 to 1; what was never written takes no place, and is no scan."""
+SIZE_OF_ELEMENT = "element_size_um"
+"""Attribute with the size of a voxel in micrometers, in the order of the axes."""
+
+
+def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
+    """Return a dataset, mapped where it lies in one piece, and its lattice if `element_size_um` states it.
+
+    Raises
+    ------
+    InputError
+        If h5py is not installed, the file is damaged, or it does not say which dataset is meant.
+    """
+    layout.require_only(("dataset", "axes"), path)
+    try:
+        import h5py  # noqa: PLC0415 - an extra that few need
+    except ImportError as cause:
+        raise InputError(f"{path}: needs h5py; run: pip install 'o3dleaf[formats]'") from cause
+    try:
+        with h5py.File(path, "r") as file:
+            names: list[str] = []
+
+            def note(name: str, node: Any) -> None:
+                if isinstance(node, h5py.Dataset) and node.ndim == 3 and node.dtype.kind in VOXELS:
+                    names.append(name)
+
+            file.visititems(note)
+            dataset = file[only_array(names, layout.dataset, path)]
+            axes = layout.axes or Stated().axes
+            return _values_of(dataset, path), Stated(_spacing_of(dataset, axes), None, _unit_of(dataset), axes)
+    except InputError:
+        raise
+    except Exception as cause:
+        # h5py raises what a broken file makes it: OSError, RuntimeError, KeyError, ...
+        raise InputError(f"{path}: cannot be read as HDF5 ({cause}); export it again") from cause
+
+
+def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
+    if dataset.nbytes > MAX_RATIO * path.stat().st_size:
+        raise InputError(f"{path}: is truncated, or its header lies: {dataset.shape} voxels in so small a file")
+    offset = dataset.id.get_offset() if dataset.chunks is None and dataset.external is None else None
+    if offset is None or not dataset.nbytes:
+        return np.asarray(dataset[...])
+    return np.memmap(path, dtype=dataset.dtype, mode="r", offset=offset, shape=dataset.shape)
+
+
+def _unit_of(dataset: Any) -> str | None:
+    return "um" if SIZE_OF_ELEMENT in dataset.attrs else None
+
+
+def _spacing_of(dataset: Any, axes: str) -> npt.NDArray[np.float64] | None:
+    sizes = np.asarray(dataset.attrs.get(SIZE_OF_ELEMENT, ()), dtype=np.float64)
+    return sizes[[axes.index(axis) for axis in "xyz"]] if sizes.shape == (3,) else None

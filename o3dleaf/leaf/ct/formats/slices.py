@@ -1,0 +1,71 @@
+"""A folder of slices: one gray TIFF or PNG a page, stacked by the numbers in their names."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, UnidentifiedImageError
+
+from o3dleaf.core.checks import require_file
+from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.formats import tiff
+from o3dleaf.leaf.ct.formats.stated import Stated
+
+PNG = ".png"
+SUFFIXES = (*tiff.SUFFIXES, PNG)
+GRAY = ("1", "L", "I", "I;16", "I;16B", "F")
+"""Pillow's names of images of one channel, whose numbers are intensities."""
+
+
+def slices_in(folder: Path) -> list[Path]:
+    """Return the slices in a folder, of the kind that has the most, slice_2 before slice_10."""
+    files = [file for file in folder.iterdir() if file.suffix.lower() in SUFFIXES]
+    png = [file for file in files if file.suffix.lower() == PNG]
+    others = [file for file in files if file.suffix.lower() != PNG]
+    return sorted(png if len(png) > len(others) else others, key=_by_number)
+
+
+def read(folder: Path) -> tuple[npt.NDArray[Any], Stated]:
+    """Return the (page, row, column) stack of a folder of slices, and what the first of them states.
+
+    Raises
+    ------
+    InputError
+        If there is no slice, one is damaged or in color, or they differ in size or type.
+    """
+    files = slices_in(folder)
+    if not files:
+        raise InputError(f"{folder}: contains no slices; give a folder of TIFF, PNG or DICOM slices")
+    first, stated = _read_page(files[0])
+    stack = np.empty((len(files), *first.shape), dtype=first.dtype)
+    for k, file in enumerate(files):
+        page = _read_page(file)[0]
+        if page.shape != first.shape or page.dtype != first.dtype or page.ndim != 2:
+            raise InputError(
+                f"{file}: has shape {page.shape} and type {page.dtype} where {files[0].name} has {first.shape} and "
+                f"{first.dtype}; the slices in a folder must form one volume, one page each"
+            )
+        stack[k] = page
+    return stack, stated
+
+
+def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:
+    """Return the (row, column) pixels of a file, and what it states."""
+    if require_file(file).suffix.lower() != PNG:
+        pages, lattice = tiff.read(file)
+        return pages[0] if len(pages) == 1 else pages, lattice
+    try:
+        with Image.open(file, formats=["PNG"]) as image:
+            if image.mode not in GRAY:
+                raise InputError(f"{file}: is in color; export gray values")
+            return np.asarray(image), Stated()
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as cause:
+        raise InputError(f"{file}: cannot be read as PNG ({cause}); export it again") from cause
+
+
+def _by_number(file: Path) -> list[tuple[bool, int, str]]:
+    """Sort key that compares the digits in a name as numbers."""
+    parts = re.split(r"(\d+)", file.name.lower())
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]

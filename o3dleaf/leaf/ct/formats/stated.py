@@ -1,0 +1,134 @@
+"""What a file says of its voxels, and what it does not: their lattice, the order of their axes, their type."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+
+SLICES_FIRST = "zyx"
+"""The order of axes of pages, rows and columns, the last one fastest: of nearly every file."""
+VOXELS = "biuf"
+"""NumPy's kinds of numbers that are intensities."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a file states of its lattice.
+
+    Attributes
+    ----------
+    spacing : (3,) ndarray or None
+        Distance of voxels along (x, y, z), in `unit`; None where it is not stated.
+    origin : (3,) ndarray or None
+        Center of the first voxel, in `unit`.
+    unit : str or None
+    axes : str
+        Axes of the array in the file, the slowest first: a permutation of "xyz".
+    """
+
+    spacing: FloatArray | None = None
+    origin: FloatArray | None = None
+    unit: str | None = None
+    axes: str = SLICES_FIRST
+
+
+@dataclass(frozen=True, kw_only=True)
+class VoxelLayout:
+    """What is said of voxels whose file does not say it; None is not said.
+
+    Attributes
+    ----------
+    dataset : str
+        Name of the array in a file of several (HDF5, Zarr, NPZ).
+    axes : str
+        Axes of the array in the file, the slowest first: a permutation of "xyz".
+    shape : (nx, ny, nz)
+        Voxels along (x, y, z) in a file of bare numbers.
+    dtype : str
+        Type of its numbers, in NumPy's words: uint8, int16, >u2 (high byte first), float32, ...
+    offset : int
+        Bytes before the first of them.
+    """
+
+    dataset: str | None = None
+    axes: str | None = None
+    shape: tuple[int, int, int] | None = None
+    dtype: str | None = None
+    offset: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.axes is not None and sorted(self.axes) != ["x", "y", "z"]:
+            raise InputError(f"axes: is {self.axes!r}; give the letters x, y and z in the order of the file, as zyx")
+        if self.shape is not None and len(tuple(count for count in self.shape if count > 0)) != 3:
+            raise InputError(f"shape: is {self.shape}; give three counts of voxels, along x, y and z")
+        if self.offset is not None and self.offset < 0:
+            raise InputError(f"offset: is {self.offset}; give the bytes before the first voxel")
+        if self.dtype is not None:
+            _number_type(self.dtype)
+
+    @property
+    def number_type(self) -> "np.dtype[Any] | None":
+        """NumPy's type of the numbers."""
+        return None if self.dtype is None else _number_type(self.dtype)
+
+    def require_only(self, known: Iterable[str], path: Path) -> None:
+        """Raise `InputError` if something is said that the format of a file has no need of."""
+        needless = {each.name for each in fields(self) if getattr(self, each.name) is not None}.difference(known)
+        if needless:
+            names = ", ".join(sorted(needless))
+            raise InputError(f"layout: {names}: {path} says this itself, or has none; leave it out")
+
+
+def parse_layout(text: str | VoxelLayout | None) -> VoxelLayout:
+    """Return the layout in a text such as "shape=700x700x160 dtype=uint16 offset=512", or raise `InputError`."""
+    if isinstance(text, VoxelLayout):
+        return text
+    given: dict[str, Any] = {}
+    for word in (text or "").split():
+        name, equals, value = word.partition("=")
+        if not equals or name not in {each.name for each in fields(VoxelLayout)} or name in given:
+            names = ", ".join(f"{each.name}=" for each in fields(VoxelLayout))
+            raise InputError(f"layout: cannot read {word!r}; give some of {names} each once, without blanks in them")
+        given[name] = value
+    try:
+        if "shape" in given:
+            given["shape"] = tuple(int(count) for count in given["shape"].lower().split("x"))
+        if "offset" in given:
+            given["offset"] = int(given["offset"])
+    except ValueError as cause:
+        raise InputError(f"layout: cannot read {text!r} ({cause}); give counts, as shape=700x700x160") from cause
+    return VoxelLayout(**given)
+
+
+def turn_to_xyz(array: npt.NDArray[Any], axes: str = SLICES_FIRST) -> npt.NDArray[Any]:
+    """Return a view of an array whose axes lie along (x, y, z), given the order that they have; no other place turns.
+
+    The turn of "zyx" is its own inverse.
+    """
+    return array.transpose([axes.index(axis) for axis in "xyz"])
+
+
+def only_array(names: list[str], wanted: str | None, path: Path) -> str:
+    """Return the name of the array that is wanted, or of the only one, or raise `InputError` that lists them."""
+    listed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    if wanted is not None and wanted.strip("/") not in names:
+        raise InputError(f"{path}: has no array {wanted!r} of three dimensions; it has {listed or 'none'}")
+    if wanted is None and len(names) != 1:
+        raise InputError(f"{path}: has {len(names)} arrays of three dimensions ({listed}); say which: dataset=NAME")
+    return names[0] if wanted is None else wanted.strip("/")
+
+
+def _number_type(name: str) -> "np.dtype[Any]":
+    try:
+        kind = np.dtype(name)
+    except TypeError:
+        kind = np.dtype(object)
+    if kind.kind not in VOXELS or kind.shape:
+        raise InputError(f"dtype: is {name!r}; give a type of numbers: uint8, int16, uint16, >u2, float32, ...")
+    return kind

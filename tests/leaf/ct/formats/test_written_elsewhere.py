@@ -1,0 +1,286 @@
+"""Volumes that the format's own library wrote come back voxel by voxel, with their lattice; cut-off ones do not."""
+
+import numpy as np
+import pytest
+
+import o3dleaf as o3l
+from o3dleaf import read_volume
+from tolerances import ROUND_TRIP_SPACING
+
+SPACING = (0.003, 0.0045, 0.008)
+"""In millimeters, along (x, y, z)."""
+ORIGIN = (0.1, -0.2, 0.3)
+
+
+@pytest.fixture
+def voxels():
+    return np.random.default_rng(3).integers(-3000, 3000, (5, 7, 9)).astype(np.int16)
+
+
+def slices_first(voxels):
+    """The (z, y, x) array, spelled out voxel by voxel."""
+    nx, ny, nz = voxels.shape
+    return np.array([[[voxels[i, j, k] for i in range(nx)] for j in range(ny)] for k in range(nz)])
+
+
+def write_aim(path, voxels):
+    py_aimio = pytest.importorskip("py_aimio", reason="the extra `scanco` is not installed")
+    py_aimio.write_aim(str(path), slices_first(voxels), {"element_size": SPACING, "dimensions": voxels.shape})
+
+
+def write_isq(path, voxels):
+    """ISQ has no writer: the header as Scanco describes it, whose fields aimio reads."""
+    pytest.importorskip("py_aimio", reason="the extra `scanco` is not installed")
+    head = np.zeros(128, dtype="<i4")
+    head[:4] = np.frombuffer(b"CTDATA-HEADER_V1", dtype="<i4")
+    head[4] = 3
+    head[5] = head[6] = voxels.nbytes // 512 + 1
+    head[11:14] = voxels.shape
+    head[14:17] = np.round(np.array(SPACING) * 1e3 * voxels.shape)  # sides of the whole, in micrometers
+    path.write_bytes(head.tobytes() + slices_first(voxels).astype("<i2").tobytes())
+
+
+def write_hdf5(path, voxels, **options):
+    h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
+    with h5py.File(path, "w") as file:
+        scan = file.create_dataset("scan/raw", data=slices_first(voxels), **options)
+        scan.attrs["element_size_um"] = 1e3 * np.array(SPACING)[::-1]
+        file["log"] = np.arange(5)
+
+
+def write_packed_hdf5(path, voxels):
+    write_hdf5(path, voxels, compression="gzip", chunks=(3, 4, 5))
+
+
+def ome(version, image):
+    return {"ome": {"version": "0.5", "multiscales": [image]}} if version == 3 else {"multiscales": [image]}
+
+
+def write_zarr(path, voxels, version=3, order="zyx"):
+    zarr = pytest.importorskip("zarr", reason="the extra `formats` is not installed")
+    group = zarr.create_group(path, zarr_format=version)
+    array = voxels.transpose(["xyz".index(axis) for axis in order])
+    group.create_array("0", data=array[None].copy(), chunks=(1, 3, 4, 5))
+    group.create_array("1", data=array[None, ::2, ::2, ::2].copy(), chunks=(1, 3, 4, 5))
+    axes = [{"name": "c", "type": "channel"}]
+    axes += [{"name": axis, "type": "space", "unit": "micrometer"} for axis in order]
+    scale = [1.0, *(1e3 * SPACING["xyz".index(axis)] for axis in order)]
+    move = [0.0, *(1e3 * ORIGIN["xyz".index(axis)] for axis in order)]
+    levels = [
+        {
+            "path": str(k),
+            "coordinateTransformations": [
+                {"type": "scale", "scale": [scale[0], *(2**k * each for each in scale[1:])]},
+                {"type": "translation", "translation": move},
+            ],
+        }
+        for k in range(2)
+    ]
+    group.attrs.update(ome(version, {"axes": axes, "datasets": levels}))
+
+
+def write_old_zarr(path, voxels):
+    write_zarr(path, voxels, version=2, order="xyz")
+
+
+def write_dicom(folder, voxels):
+    itk = pytest.importorskip("SimpleITK", reason="the extra `formats` is not installed")
+    folder.mkdir()
+    for k, page in enumerate(slices_first(voxels)):
+        image = itk.GetImageFromArray(page[None])
+        image.SetSpacing(SPACING)
+        facts = {
+            "0008|0060": "CT",
+            "0020|000e": "1.2.826.0.1.3680043.2.1125.1",
+            "0020|0037": "1\\0\\0\\0\\1\\0",
+            "0020|0032": "\\".join(f"{x:.6f}" for x in (ORIGIN[0], ORIGIN[1], ORIGIN[2] + SPACING[2] * k)),
+            "0020|0013": str(k),
+            "0018|0050": str(SPACING[2]),
+        }
+        for key, value in facts.items():
+            image.SetMetaData(key, value)
+        writer = itk.ImageFileWriter()
+        writer.KeepOriginalImageUIDOn()
+        writer.SetFileName(str(folder / f"IM{k:04}.dcm"))
+        writer.Execute(image)
+
+
+WRITERS = {
+    "v.aim": (write_aim, False),
+    "v.isq": (write_isq, False),
+    "v.h5": (write_hdf5, False),
+    "v.hdf5": (write_packed_hdf5, False),
+    "v.zarr": (write_zarr, True),
+    "old.zarr": (write_old_zarr, True),
+    "dicom": (write_dicom, True),
+}
+"""What writes a file of each name, and whether it states an origin."""
+
+
+@pytest.mark.parametrize("name", list(WRITERS))
+def test_a_volume_comes_back_with_its_lattice(tmp_path, voxels, name):
+    write, places = WRITERS[name]
+    write(tmp_path / name, voxels)
+    read = read_volume(tmp_path / name, unit="mm")
+    assert np.array_equal(read.data, voxels)
+    # AIM keeps lengths in single precision, ISQ the sides of the whole in micrometers.
+    assert np.allclose(read.spacing, SPACING, rtol=1 / 30 if name == "v.isq" else 1e-6)
+    assert np.allclose(read.origin, ORIGIN if places else 0.0, rtol=ROUND_TRIP_SPACING)
+    assert np.allclose(read_volume(tmp_path / name, unit="um").spacing, 1e3 * read.spacing)
+
+
+@pytest.mark.parametrize("name", ["v.aim", "v.isq", "v.h5", "v.hdf5"])
+def test_a_file_that_was_cut_off_is_refused(tmp_path, voxels, name):
+    WRITERS[name][0](tmp_path / name, voxels)
+    whole = (tmp_path / name).read_bytes()
+    # An HDF5 file ends with its attributes, an AIM file with its log.
+    for size in np.linspace(1, len(whole) - 1, 40).astype(int):
+        (tmp_path / name).write_bytes(whole[:size])
+        try:
+            read = read_volume(tmp_path / name, unit="mm")
+        except o3l.errors.InputError as error:
+            assert "\n" not in str(error)  # noqa: PT017 - either an error or the whole volume will do
+        else:
+            assert np.array_equal(read.data, voxels)
+
+
+def test_a_dicom_series_without_one_of_its_slices_is_refused(tmp_path, voxels):
+    write_dicom(tmp_path / "scan", voxels)
+    (tmp_path / "scan" / "IM0004.dcm").unlink()
+    with pytest.raises(o3l.errors.InputError, match=r"missing.*from slice 4 to the next"):
+        read_volume(tmp_path / "scan")
+
+
+def test_a_zarr_folder_with_a_chunk_that_was_cut_off_is_refused(tmp_path, voxels):
+    write_zarr(tmp_path / "v.zarr", voxels)
+    chunk = max(file for file in (tmp_path / "v.zarr" / "0" / "c").rglob("*") if file.is_file())
+    chunk.write_bytes(chunk.read_bytes()[:-5])
+    with pytest.raises(o3l.errors.InputError, match=r"v\.zarr"):
+        read_volume(tmp_path / "v.zarr")
+
+
+def test_one_of_several_arrays_is_chosen_by_name(tmp_path, voxels):
+    h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        file["low"], file["high"] = slices_first(voxels), slices_first(voxels) + 1
+    np.savez(tmp_path / "v.npz", low=voxels, high=voxels + 1, log=np.arange(4))
+    np.savez_compressed(tmp_path / "packed.npz", low=voxels, high=voxels + 1)
+    for name in ("v.h5", "v.npz", "packed.npz"):
+        with pytest.raises(o3l.errors.InputError, match=r"high, low.*dataset=NAME"):
+            read_volume(tmp_path / name, spacing=1)
+        read = read_volume(tmp_path / name, spacing=1, layout="dataset=high")
+        assert np.array_equal(read.data, voxels + 1)
+        with pytest.raises(o3l.errors.InputError, match="no array 'middle'"):
+            read_volume(tmp_path / name, spacing=1, layout="dataset=middle")
+
+
+@pytest.mark.parametrize("order", ["xyz", "zyx", "yxz"])
+def test_the_order_of_axes_is_what_is_said(tmp_path, voxels, order):
+    h5py = pytest.importorskip("h5py", reason="the extra `formats` is not installed")
+    array = voxels.transpose(["xyz".index(axis) for axis in order])
+    np.save(tmp_path / "v.npy", array)
+    np.savez(tmp_path / "v.npz", array)
+    array.tofile(tmp_path / "v.raw")
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        file["scan"] = array
+    for name in ("v.npy", "v.npz", "v.h5", "v.raw"):
+        bare = " shape=5x7x9 dtype=int16" if name == "v.raw" else ""
+        read = read_volume(tmp_path / name, spacing=1, layout=f"axes={order}{bare}")
+        assert np.array_equal(read.data, voxels)
+
+
+@pytest.mark.parametrize("kind", ["uint8", "<u2", ">u2", ">f4", "float64"])
+def test_bare_numbers_are_what_the_layout_says(tmp_path, voxels, kind):
+    numbers = np.abs(voxels % 200).astype(kind)
+    (tmp_path / "v.raw").write_bytes(b"a header of 25 bytes here" + slices_first(numbers).astype(kind).tobytes())
+    read = read_volume(tmp_path / "v.raw", spacing=1, layout=f"shape=5x7x9 dtype={kind} offset=25")
+    assert np.array_equal(read.data, numbers)
+
+
+@pytest.mark.parametrize(
+    ("layout", "says"),
+    [
+        (None, "give their layout"),
+        ("shape=5x7x9", "give their layout"),
+        ("shape=5x7x9 dtype=uint8", "check shape, dtype and offset"),
+        ("shape=5x7x9 dtype=int16 offset=2", "check shape, dtype and offset"),
+        ("shape=5x7 dtype=int16", "three counts"),
+        ("shape=5x7x0 dtype=int16", "three counts"),
+        ("shape=5xax9 dtype=int16", "give counts"),
+        ("shape=5x7x9 dtype=object", "type of numbers"),
+        ("shape=5x7x9 dtype=banana", "type of numbers"),
+        ("shape=5x7x9 dtype=int16 axes=xyy", "letters x, y and z"),
+        ("shape=5x7x9 dtype=int16 dataset=a", "leave it out"),
+        ("shape=5x7x9 dtype=int16 shape=5x7x9", "cannot read 'shape="),
+        ("5 7 9", "cannot read '5'"),
+        ("shape=5x7x9 dtype=int16 offset=-2", "bytes before"),
+    ],
+)
+def test_a_layout_that_cannot_be_is_refused(tmp_path, voxels, layout, says):
+    voxels.tofile(tmp_path / "v.raw")
+    with pytest.raises(o3l.errors.InputError, match=says):
+        read_volume(tmp_path / "v.raw", spacing=1, layout=layout)
+
+
+def test_a_layout_where_the_file_says_it_is_refused(tmp_path, voxels):
+    o3l.write_volume(o3l.Volume(voxels.astype(np.float32), 1.0), tmp_path / "v.tif")
+    with pytest.raises(o3l.errors.InputError, match=r"axes: .*says this itself"):
+        read_volume(tmp_path / "v.tif", layout="axes=xyz")
+
+
+def test_points_with_an_intensity_are_voxels_in_any_order(tmp_path, voxels):
+    order = np.random.default_rng(0).permutation(voxels.size)
+    places = (np.argwhere(np.ones(voxels.shape)) * SPACING + ORIGIN)[order].astype(np.float32)
+    values = voxels.reshape(-1)[order].astype(np.float32)
+    head = f"ply\nformat ascii 1.0\nelement vertex {len(places)}\n"
+    head += "".join(f"property float {name}\n" for name in "xyzf") + "end_header\n"
+    rows = [f"{x:.9g} {y:.9g} {z:.9g} {f:.9g}\n" for (x, y, z), f in zip(places, values, strict=True)]
+    (tmp_path / "v.ply").write_text(head + "".join(rows))
+    read = read_volume(tmp_path / "v.ply", unit="mm")
+    assert np.array_equal(read.data, voxels)
+    assert np.allclose(read.spacing, SPACING, rtol=1e-4)
+    assert np.allclose(read.origin, ORIGIN, rtol=1e-5)
+    # One voxel too few, one place twice, one place beside the lattice.
+    for damaged in (rows[1:], [rows[1], *rows[1:]], ["0.1015 -0.2 0.3 7\n", *rows[1:]]):
+        (tmp_path / "v.ply").write_text(head.replace(str(len(rows)), str(len(damaged))) + "".join(damaged))
+        with pytest.raises(o3l.errors.InputError, match="lattice"):
+            read_volume(tmp_path / "v.ply")
+    (tmp_path / "v.ply").write_text((head + "".join(rows)).replace("property float f", "property float nx"))
+    with pytest.raises(o3l.errors.InputError, match="intensity"):
+        read_volume(tmp_path / "v.ply")
+
+
+def test_png_slices_are_gray_values(tmp_path, voxels):
+    from PIL import Image
+
+    pages = (slices_first(voxels) + 3000).astype(np.uint16)
+    for k, page in enumerate(pages):
+        Image.fromarray(page).save(tmp_path / f"slice_{k}.png")
+    read = read_volume(tmp_path, spacing=1)
+    assert read.data.dtype == np.uint16
+    assert np.array_equal(read.data, voxels + 3000)
+    whole = (tmp_path / "slice_3.png").read_bytes()
+    (tmp_path / "slice_3.png").write_bytes(whole[:60])
+    with pytest.raises(o3l.errors.InputError, match=r"slice_3\.png"):
+        read_volume(tmp_path, spacing=1)
+    Image.fromarray(np.zeros((*pages.shape[1:], 3), np.uint8)).save(tmp_path / "slice_3.png")
+    with pytest.raises(o3l.errors.InputError, match="color"):
+        read_volume(tmp_path, spacing=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "extra"),
+    [
+        ("v.h5", "h5py", "formats"),
+        ("v.zarr", "zarr", "formats"),
+        ("v.aim", "py_aimio", "scanco"),
+        ("v.dcm", "SimpleITK", "formats"),
+    ],
+)
+def test_without_its_package_the_message_says_what_to_install(tmp_path, monkeypatch, name, module, extra):
+    import sys
+
+    (tmp_path / name).write_bytes(b"something")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(o3l.errors.InputError, match=rf"pip install 'o3dleaf\[{extra}\]'"):
+        read_volume(tmp_path / name)
