@@ -79,7 +79,7 @@ def forget_peak():
 
 def outcome_of(reader, file, fill):
     """Return what became of a file: "read" with its numbers, "refused", or what was found, and where."""
-    from o3dleaf.core.errors import O3DLeafError
+    from o3dleaf.core.errors import O3DLeafError  # noqa: PLC0415 - heavy
 
     forget_peak()
     before = peak()
@@ -94,7 +94,7 @@ def outcome_of(reader, file, fill):
             kind, where = "exception", "a message of several lines"
     except MemoryError as error:
         kind, where = "memory", place_of(error)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - they are what is looked for
         kind, where = "exception", place_of(error)
     else:
         same = len(arrays) == len(again) and all(a.tobytes() == b.tobytes() for a, b in zip(arrays, again, strict=True))
@@ -109,7 +109,7 @@ def place_of(error):
     """Return an exception with the last line of ours that it went through."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "/o3dleaf/" in frame.filename]
     where = f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else "?"
-    return f"{type(error).__name__} at {where}: {' '.join(str(error).split())[:80]}"
+    return f"{type(error).__name__} at {where}"
 
 
 def work(name, home, start, stop, size):
@@ -135,7 +135,11 @@ def work(name, home, start, stop, size):
         (folder / file).write_bytes(content)
         out.write(f"begin {number} {len(content)}\n".encode())
         signal.setitimer(signal.ITIMER_REAL, SECONDS)
-        kind, where = outcome_of(reader, folder / file, lambda byte: library.mallopt(PERTURB, byte)) if content else ("refused", "")
+        kind, where = (
+            outcome_of(reader, folder / file, lambda byte: library.mallopt(PERTURB, byte))
+            if content
+            else ("refused", "")
+        )
         signal.setitimer(signal.ITIMER_REAL, 0)
         out.write(f"end {number} {kind} {where}\n".encode())
         done += len(content)
@@ -160,12 +164,12 @@ def fuzz(name, size, seed, home, keep):
                     continue
                 open_case = None
                 kind, where = rest.split(" ", 1)
-                note(name, int(at), kind, where, counts, found, home, keep)
+                note(name, int(at), kind, where, counts=counts, found=found, home=home, keep=keep)
         if open_case is not None:
             deaths += 1
             signal_name = signal.Signals(-child.returncode).name if child.returncode < 0 else str(child.returncode)
             kind = "hang" if signal_name == "SIGALRM" else "crash"
-            note(name, open_case, kind, signal_name, counts, found, home, keep)
+            note(name, open_case, kind, signal_name, counts=counts, found=found, home=home, keep=keep)
         elif child.returncode:
             raise SystemExit(f"{name}: the child ended with {child.returncode} between two cases")
     return {
@@ -174,7 +178,7 @@ def fuzz(name, size, seed, home, keep):
     }  # fmt: skip
 
 
-def note(name, number, kind, where, counts, found, home, keep):
+def note(name, number, kind, where, *, counts, found, home, keep):
     """Count a case, and keep it if it is a new kind of find."""
     counts[kind] += 1
     key = f"{kind} {where}"
