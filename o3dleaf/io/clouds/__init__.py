@@ -4,6 +4,7 @@
 `header`   names, separator and comments of a text file
 `text`     TXT, CSV and ASC
 `las`      LAS and LAZ, by laspy
+`las_header`  their headers, against the size of the file
 `e57`      E57, by pye57
 `pcd`      PCD
 `lzf`      what is packed in compressed PCD

@@ -13,11 +13,18 @@ import numpy.typing as npt
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
+from o3dleaf.leaf.ct.lattice_headers import require_sane_header
 from o3dleaf.leaf.ct.tiff import StatedLattice, read_tiff, swap_page_order
 from o3dleaf.leaf.ct.volume import Volume
 
 TIFF = (".tif", ".tiff")
 ITK = (".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".nii.gz")
+READERS = (
+    ((".nrrd", ".nhdr"), "NrrdImageIO"),
+    ((".mha", ".mhd"), "MetaImageIO"),
+    ((".nii", ".nii.gz"), "NiftiImageIO"),
+)
+"""SimpleITK's names."""
 MAX_RATIO = 2000
 """Deflate, the compression of these formats, packs zeros 1032 to 1."""
 MIN_NIFTI_HEADER = 348
@@ -116,8 +123,9 @@ def _by_number(file: Path) -> list[tuple[bool, int, str]]:
 def _read_npy(path: Path) -> npt.NDArray[Any]:
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError) as cause:
-        raise InputError(f"{path}: cannot be read as a NumPy array ({cause}); save it again") from cause
+    except Exception as cause:  # the header is parsed as Python would, with all that Python may say to it
+        reason = " ".join(str(cause).split())
+        raise InputError(f"{path}: cannot be read as a NumPy array ({reason}); save it again") from cause
     return np.asarray(array)
 
 
@@ -127,8 +135,11 @@ def _read_itk(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
         import SimpleITK  # noqa: PLC0415 - an extra that few need
     except ImportError as cause:
         raise InputError(f"{path}: needs SimpleITK; run: pip install 'o3dleaf[formats]'") from cause
+    require_sane_header(path)
     try:
         header = SimpleITK.ImageFileReader()
+        # By the name alone: of what a file says of itself SimpleITK would try twenty other readers.
+        header.SetImageIO(next(reader for suffixes, reader in READERS if path.name.lower().endswith(suffixes)))
         header.SetFileName(str(path))
         header.ReadImageInformation()
         expected, size = int(np.prod(header.GetSize(), dtype=np.int64)), path.stat().st_size
