@@ -1,8 +1,12 @@
-"""What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped."""
+"""What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped.
+
+Tests marked `slow` are left out, and their number said, but with `--slow`, which says what it ran of them.
+"""
 
 import os
 import signal
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from subprocess import CompletedProcess
@@ -25,6 +29,14 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, print_b
 settings.load_profile("repeatable")
 
 
+SLOW_LEFT_OUT = pytest.StashKey[int]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the one option of ours."""
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow, too, and say which they were")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Give BLAS one thread, since there is a worker a core, and let workers share what Numba compiles.
 
@@ -34,10 +46,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
     """
-    for mark in ("skip_xp_backends", "slow"):
-        config.addinivalue_line(
-            "markers", f"{mark}: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
-        )
+    config.addinivalue_line("markers", "slow: takes long, and runs with --slow only")
+    config.addinivalue_line(
+        "markers", "skip_xp_backends: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
+    )
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # what workers and programs load
     threadpool_limits(1, user_api="blas")  # what is loaded
@@ -68,9 +80,64 @@ def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., ob
     return compile_alone
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what stands highest in the tree: the more a test runs at once, the longer the others wait for it."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Begin with what stands highest in the tree: the more a test runs at once, the longer the others wait for it.
+
+    Slow tests are left out, unless they are asked for.
+    """
     items.sort(key=lambda item: len(item.path.parts))
+    config.stash[SLOW_LEFT_OUT] = 0
+    if not config.option.slow:
+        left_out = [item for item in items if is_slow(item)]
+        items[:] = [item for item in items if not is_slow(item)]
+        config.stash[SLOW_LEFT_OUT] = len(left_out)
+        config.hook.pytest_deselected(items=left_out)
+
+
+def is_slow(item: pytest.Item) -> bool:
+    """Return whether we marked it so: SciPy's tests, which we run in full, have a mark of that name."""
+    function = getattr(item, "function", None)
+    return item.get_closest_marker("slow") is not None and not getattr(function, "__module__", "").startswith("scipy.")
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Let a worker tell how many it has left out; all collect the same."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["slow_left_out"] = session.config.stash.get(SLOW_LEFT_OUT, 0)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: object) -> None:
+    """Hear it."""
+    config = node.config  # type: ignore[attr-defined]  # of pytest-xdist
+    told = getattr(node, "workeroutput", {}).get("slow_left_out", 0)
+    config.stash[SLOW_LEFT_OUT] = max(config.stash.get(SLOW_LEFT_OUT, 0), told)
+
+
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo) -> None:
+    """Mark the results of slow tests, for the list at the end: it knows results, not tests."""
+    if call.when == "setup" and is_slow(item):
+        item.user_properties.append(("slow", True))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how many slow tests were left out, or which ran, by file, how they ended and how long they took."""
+    left_out = config.stash.get(SLOW_LEFT_OUT, 0)
+    if left_out:
+        terminalreporter.write_line(f"slow tests left out: {left_out} (scripts/test --slow runs them)")
+    ends: dict[str, Counter[str]] = {}
+    seconds: Counter[str] = Counter()
+    for outcome in ("passed", "failed", "error", "skipped", "xfailed"):
+        for report in terminalreporter.stats.get(outcome, ()):
+            if ("slow", True) in getattr(report, "user_properties", ()):
+                file = report.nodeid.split("::")[0]
+                ends.setdefault(file, Counter())[outcome] += 1
+                seconds[file] += report.duration
+    if ends:
+        terminalreporter.section("slow tests")
+    for file, counts in sorted(ends.items()):
+        words = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        terminalreporter.write_line(f"{file}: {words}, {seconds[file]:.0f} s")
 
 
 @pytest.fixture(autouse=True)

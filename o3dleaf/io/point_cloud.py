@@ -10,12 +10,14 @@ import open3d as o3d
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds import e57, las, text
+from o3dleaf.io.clouds.columns import Columns
 from o3dleaf.io.clouds.cut_off import require_whole_cloud
-from o3dleaf.io.ply_reader import require_whole_ply
+from o3dleaf.io.clouds.pcd import read_pcd
+from o3dleaf.io.ply_reader import read_ply
 
-OPEN3D = (".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts")
+OPEN3D = (".xyz", ".xyzn", ".xyzrgb", ".pts")
 """Formats that Open3D reads."""
-SUFFIXES = (*OPEN3D, *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
+SUFFIXES = (".ply", ".pcd", *OPEN3D, *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
 WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
@@ -76,7 +78,10 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     if suffix in e57.SUFFIXES:
         return e57.read_e57(file).to_open3d()
     if suffix == ".ply":
-        require_whole_ply(file)
+        content = read_ply(file, faces=False)
+        return Columns(content.vertices, content.normals, content.attributes.get("colors")).to_open3d()
+    if suffix == ".pcd":
+        return read_pcd(file).to_open3d()
     require_whole_cloud(file)
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         return o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)

@@ -48,14 +48,16 @@ def is_binary(file: Path) -> bool:
     return len(head) == START and file.stat().st_size == START + TRIANGLE.itemsize * count
 
 
-def read_stl(file: Path) -> MeshData | None:
-    """Return a binary STL with its labels, if o3dleaf wrote it."""
+def read_stl(file: Path) -> MeshData:
+    """Return a binary STL, with its labels if o3dleaf wrote it."""
     with file.open("rb") as stream:
-        if not stream.read(HEADER).startswith(OURS):
-            return None
+        ours = stream.read(HEADER).startswith(OURS)
     records = np.fromfile(file, TRIANGLE, offset=START)
+    vertices, triangles = join_corners(records["corners"].astype(np.float64))
+    if not ours:
+        return MeshData(vertices, triangles)
     labels = records["label"].astype(np.uint8)
-    return MeshData(*join_corners(records["corners"].astype(np.float64)), labels, name_labels(labels))
+    return MeshData(vertices, triangles, labels, name_labels(labels))
 
 
 def join_corners(corners: FloatArray) -> tuple[FloatArray, IntArray]:

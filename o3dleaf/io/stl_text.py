@@ -18,6 +18,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.labelled_mesh import label_parts
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_rows
+from o3dleaf.io.polygons.numbers import floats_of
 from o3dleaf.io.stl import START, join_corners
 
 BLOCK = 1 << 16
@@ -89,17 +90,17 @@ def number_lines(rows: FloatArray, form: str, width: int) -> npt.NDArray[np.byte
     return np.frombuffer(text.encode("ascii"), dtype=f"S{3 * width + 2}")
 
 
-def read_stl_text(file: Path) -> MeshData | None:
+def read_stl_text(file: Path) -> MeshData:
     """Return an STL that is text, its solids as labels.
 
     Raises
     ------
     InputError
-        If a facet does not have three corners.
+        If it is no STL, or a facet does not have three corners.
     """
     with file.open("rb") as stream:
         if not stream.read(START).lstrip().startswith(b"solid"):
-            return None
+            raise InputError(f"{file}: is no STL, or was cut off; copy it again, or export it again")
     corners, solids = _facets_of(file)
     labels, names = label_parts(solids)
     return MeshData(*join_corners(corners), labels, names)
@@ -119,11 +120,11 @@ def _facets_of(file: Path) -> tuple[FloatArray, list[tuple[str, int]]]:
             for place, part in enumerate([text[: starts[0].start()] if starts else text, *_between(text, starts)]):
                 if place:
                     solids.append((starts[place - 1].group(1).decode("ascii", "replace"), 0))
-                rows = np.array(VERTEX.findall(part), dtype=np.bytes_).reshape(-1, 3)
+                rows = floats_of((word for words in VERTEX.findall(part) for word in words), file).reshape(-1, 3)
                 if len(rows) % 3 or (len(rows) and not solids):
                     raise InputError(f"{file}: is no ASCII STL, a facet does not have three corners; export it again")
                 if len(rows):
-                    corners.append(rows.astype(np.float64).reshape(-1, 3, 3))
+                    corners.append(rows.reshape(-1, 3, 3))
                     solids[-1] = solids[-1][0], solids[-1][1] + len(rows) // 3
     return np.concatenate([np.empty((0, 3, 3)), *corners]), solids
 

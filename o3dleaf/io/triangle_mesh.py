@@ -1,9 +1,10 @@
 """Triangle meshes from and to files, by the suffix of the name: whole or not at all, with every digit and label."""
 
-from itertools import islice
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
 import open3d as o3d
 
 from o3dleaf.core.atomic_files import require_writable, whole_file
@@ -14,14 +15,13 @@ from o3dleaf.io.labelled_mesh import AnyMesh, LabelledMesh
 from o3dleaf.io.mesh_data import MeshData, unit_comment
 from o3dleaf.io.obj import read_obj, write_obj
 from o3dleaf.io.ply import write_ply
-from o3dleaf.io.ply_reader import read_ply, require_whole_ply
-from o3dleaf.io.stl import HEADER, is_binary, join_corners, read_stl, write_stl
+from o3dleaf.io.ply_reader import read_ply
+from o3dleaf.io.polygons.off import read_off
+from o3dleaf.io.stl import HEADER, is_binary, read_stl, write_stl
 from o3dleaf.io.stl_text import read_stl_text
 
 SUFFIXES = (".ply", ".obj", ".stl")
 """Formats of meshes."""
-OFF_HEADER = 100
-"""Lines, most of them comments, in which an OFF file says how many vertices and faces it has."""
 OPEN3D = "Created by Open3D"
 """Comment of a plain mesh without labels, whose file is the same byte for byte as by Open3D's own writer."""
 
@@ -37,32 +37,35 @@ def read_triangle_mesh(path: str | PathLike[str]) -> o3d.geometry.TriangleMesh:
         If there is no such file, it cannot be read or was cut off, or it holds no triangle.
     """
     file = require_file(path)
-    named = _named_counts(file)
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        mesh = o3d.io.read_triangle_mesh(file)
+    mesh = _open3d_mesh(_read(file))
     if not mesh.has_triangles():
         raise InputError(f"{file}: no triangles could be read; give a mesh, not a point cloud, as PLY, OBJ, STL or OFF")
-    vertices, triangles = mesh_arrays(mesh)
-    if named is not None and (len(vertices) < named[0] or len(triangles) < named[1]):
-        raise InputError(
-            f"{file}: {len(vertices):,} of {named[0]:,} vertices and {len(triangles):,} of {named[1]:,} faces "
-            "could be read; it was cut off, copy it again"
-        )
-    return build_mesh(*join_corners(vertices[triangles])) if file.suffix.lower() == ".stl" else mesh
+    return mesh
 
 
-def _named_counts(file: Path) -> tuple[int, int] | None:
-    """Return how many vertices and faces a PLY or OFF file says that it has, or None; a face is a triangle or more."""
+def _read(file: Path) -> MeshData:
+    """Return what the reader of a format makes of a file: our own, as Open3D's lose their way in damaged files."""
     suffix = file.suffix.lower()
-    if suffix == ".ply":
-        counts = require_whole_ply(file).counts
-        return counts["vertex"], counts.get("face", 0)
-    if suffix != ".off":
-        return None
-    with file.open(encoding="ascii", errors="replace") as lines:
-        words = [word for line in islice(lines, OFF_HEADER) for word in line.split("#")[0].split()]
-    numbers = [int(word) for word in words[1:3] if word.isdigit()]
-    return (numbers[0], numbers[1]) if len(numbers) == 2 and words[0].endswith("OFF") else None
+    if suffix not in READERS:
+        raise InputError(f"{file}: unknown kind of mesh {file.suffix!r}; give one of {', '.join(READERS)}")
+    return READERS[suffix](file)
+
+
+def _read_any_stl(file: Path) -> MeshData:
+    return read_stl(file) if is_binary(file) else read_stl_text(file)
+
+
+READERS: dict[str, Callable[[Path], MeshData]] = {
+    ".ply": read_ply, ".obj": read_obj, ".stl": _read_any_stl, ".off": read_off
+}  # fmt: skip
+
+
+def _open3d_mesh(data: MeshData) -> o3d.geometry.TriangleMesh:
+    """Return a mesh from a file, its numbers checked."""
+    mesh = build_mesh(*mesh_arrays((data.vertices, data.triangles)))
+    for name, values in data.attributes.items():
+        setattr(mesh, f"vertex_{name}", o3d.utility.Vector3dVector(np.ascontiguousarray(values)))
+    return mesh
 
 
 def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
@@ -77,8 +80,8 @@ def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     ======  ===============================================================================
 
     Names that are the leaf's own (adaxial, abaxial, rim) get its numbers, others the next ones as they come. STL
-    repeats every corner of a triangle: equal ones become one vertex. Other files, and those without labels, come as
-    Open3D reads them.
+    repeats every corner of a triangle: equal ones become one vertex. Faces of more than three corners are cut into
+    triangles. Normals and colors of vertices come along; textures and materials are not looked at, nor any other file.
 
     Parameters
     ----------
@@ -91,20 +94,10 @@ def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
         If there is no such file, it cannot be read, holds no triangle, or labels of other polygons than triangles.
     """
     file = require_file(path)
-    suffix, unit, data = file.suffix.lower(), None, None
-    if suffix == ".ply":
-        header = require_whole_ply(file)
-        unit, data = header.unit, read_ply(file, header)
-    elif suffix == ".stl":
-        data = read_stl(file) if is_binary(file) else read_stl_text(file)
-    elif suffix == ".obj":
-        data = read_obj(file)
-    if data is None:
-        return LabelledMesh(read_triangle_mesh(file), unit=unit)
+    data = _read(file)
     if not len(data.triangles):
-        raise InputError(f"{file}: has no triangles; it may be cut off, copy it again")
-    mesh = build_mesh(*mesh_arrays((data.vertices, data.triangles)))
-    return LabelledMesh(mesh, data.labels, data.names, data.unit)
+        raise InputError(f"{file}: has no triangles; it is a point cloud, or cut off; give a mesh")
+    return LabelledMesh(_open3d_mesh(data), data.labels, data.names, data.unit)
 
 
 def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:

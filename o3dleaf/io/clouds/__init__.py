@@ -1,9 +1,12 @@
-"""Point clouds in formats that Open3D does not read, each as columns of float64; whether those that it reads are whole.
+"""Point clouds by format, each as columns of float64; whether those that Open3D reads are whole.
 
 `columns`  what a file says of its points: coordinates, normals, colors
 `header`   names, separator and comments of a text file
 `text`     TXT, CSV and ASC
 `las`      LAS and LAZ, by laspy
+`las_header`  their headers, against the size of the file
 `e57`      E57, by pye57
-`cut_off`  PTS, PCD and columns of numbers that end too early
+`pcd`      PCD
+`lzf`      what is packed in compressed PCD
+`cut_off`  PTS and columns of numbers that end too early
 """

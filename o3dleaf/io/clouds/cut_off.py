@@ -1,19 +1,15 @@
-"""Whether a cloud of PTS, PCD or columns of text was cut off, where Open3D reads on as if it were whole."""
+"""Whether a cloud of PTS or columns of text was cut off, where Open3D reads on as if it were whole."""
 
-import struct
 from collections.abc import Callable
 from pathlib import Path
 
 from o3dleaf.core.errors import InputError
 
-HEADER = 1 << 14
-"""Bytes in which the header of a PCD file must end."""
-
 
 def require_whole_cloud(file: Path) -> None:
     """Raise `InputError` if a file holds fewer points than it says, or its last line is shorter than its first.
 
-    PTS says how many in its first line, PCD in its header. A text that was cut off at the end of a line, in a format
+    PTS says how many in its first line. A text that was cut off at the end of a line, in a format
     that says no number, cannot be told from a whole one.
     """
     check = CHECKS.get(file.suffix.lower())
@@ -31,33 +27,6 @@ def _check_pts(file: Path) -> None:
 
 def _check_columns(file: Path) -> None:
     _require_lines(file, 0, None)
-
-
-def _check_pcd(file: Path) -> None:
-    with file.open("rb") as stream:
-        head = stream.read(HEADER)
-    data = head.find(b"\nDATA ")
-    end = head.find(b"\n", data + 1) + 1
-    if data < 0 or end == 0:
-        raise InputError(f"{file}: has no PCD header that ends with DATA; export it again")
-    lines = [line.split() for line in head[:end].decode("ascii", "replace").splitlines() if line[:1] != "#"]
-    entries = {words[0]: words[1:] for words in lines if len(words) > 1}
-    try:
-        count, kind = int(entries["POINTS"][0]), entries["DATA"][0]
-        sizes = [int(size) for size in entries["SIZE"]]
-        counts = [int(each) for each in entries.get("COUNT", ["1"] * len(sizes))]
-        size = sum(a * b for a, b in zip(sizes, counts, strict=True))
-    except (KeyError, ValueError) as cause:
-        raise InputError(f"{file}: its PCD header is not complete ({cause}); export it again") from cause
-    left = file.stat().st_size - end
-    if kind == "ascii":
-        _require_lines(file, end, count)
-    elif kind == "binary_compressed":
-        packed = struct.unpack("<II", head[end : end + 8]) if len(head) >= end + 8 else (left, 0)
-        if left < 8 + packed[0] or packed[1] < size * count:
-            raise _short(file, count)
-    elif left < size * count:
-        raise _short(file, count)
 
 
 def _require_lines(file: Path, start: int, count: int | None) -> None:
@@ -90,9 +59,8 @@ def _short(file: Path, count: int) -> InputError:
 
 CHECKS: dict[str, Callable[[Path], None]] = {
     ".pts": _check_pts,
-    ".pcd": _check_pcd,
     ".xyz": _check_columns,
     ".xyzn": _check_columns,
     ".xyzrgb": _check_columns,
 }
-"""By suffix; PLY is looked at by `o3dleaf.io.ply_reader`."""
+"""By suffix; the others are Open3D's no more."""

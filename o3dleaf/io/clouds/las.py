@@ -8,6 +8,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds.columns import Columns
+from o3dleaf.io.clouds.las_header import require_sane_las
 
 SUFFIXES = (".las", ".laz")
 COLORS = (("red", "green", "blue"),)
@@ -32,13 +33,14 @@ def read_las(file: Path) -> Columns:
         import laspy  # noqa: PLC0415 - an extra that few need
     except ImportError as cause:
         raise InputError(f"{file}: needs laspy; run: pip install 'o3dleaf[las]'") from cause
+    require_sane_las(file)
     try:
         with laspy.open(file) as reader:
             expected = int(reader.header.point_count)
             content = reader.read()
             points = np.asarray(content.xyz, dtype=np.float64)
             colors, normals = (_dimensions(content, names) for names in (COLORS, NORMALS))
-    except (laspy.errors.LaspyException, ValueError, OSError, EOFError, RuntimeError) as cause:
+    except Exception as cause:  # laspy and its codec raise whatever a broken file makes them
         raise InputError(f"{file}: cannot be read as LAS ({_one_line(cause)}); export it again") from cause
     if len(points) != expected:
         raise InputError(f"{file}: was cut off, {len(points)} points where {expected} are expected; copy it again")

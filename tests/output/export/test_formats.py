@@ -300,7 +300,7 @@ def test_what_a_program_cannot_take_is_refused_and_leaves_nothing(ball, tmp_path
         (
             "a.ply",
             b"ply\nformat ascii 1.0\nelement vertex 0\nelement face 0\nproperty uchar label\nend_header\n",
-            "as b",
+            "x, y and z",
         ),
     ],
 )

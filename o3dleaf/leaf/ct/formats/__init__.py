@@ -4,6 +4,7 @@
 `tiff`      TIFF stacks in and out
 `slices`    folders of TIFF and PNG slices
 `bare`      NPY, NPZ, and bare numbers of a given layout
+`lattice_headers`  headers of MetaImage, NRRD and NIfTI, looked over
 `itk`       NRRD, MetaImage, NIfTI and DICOM, by SimpleITK
 `scanco`    ISQ and AIM, by aimio-py
 `hdf5`      HDF5, by h5py

@@ -33,8 +33,9 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         array = np.load(path, mmap_mode="r", allow_pickle=False) if suffix == NPY else _read_npz(path, layout.dataset)
     except InputError:
         raise
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as cause:
-        raise InputError(f"{path}: cannot be read as a NumPy array ({cause}); save it again") from cause
+    except Exception as cause:  # the header is parsed as Python would, with all that Python may say to it
+        reason = " ".join(str(cause).split())
+        raise InputError(f"{path}: cannot be read as a NumPy array ({reason}); save it again") from cause
     return np.asarray(array), Stated(axes="xyz")
 
 

@@ -11,12 +11,20 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header
 from o3dleaf.leaf.ct.formats.stated import Stated
 
 NIFTI = (".nii", ".nii.gz")
 DETACHED = (".mhd", ".nhdr")
 DICOM = (".dcm", ".dicom", ".ima")
-SUFFIXES = (".nrrd", ".mha", *DETACHED, *NIFTI, *DICOM)
+READERS = (
+    ((".nrrd", ".nhdr"), "NrrdImageIO"),
+    ((".mha", ".mhd"), "MetaImageIO"),
+    (NIFTI, "NiftiImageIO"),
+    (DICOM, "GDCMImageIO"),
+)
+"""SimpleITK's names."""
+SUFFIXES = tuple(suffix for suffixes, _ in READERS for suffix in suffixes)
 MAX_RATIO = 2000
 """Deflate, the compression of these formats, packs zeros 1032 to 1."""
 MIN_NIFTI_HEADER = 348
@@ -36,11 +44,15 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         If SimpleITK is not installed, the file is truncated or damaged, in color, not three-dimensional or oblique.
     """
     with _simple_itk(path) as itk:
+        name = path.name.lower()
+        if not name.endswith(DICOM):
+            require_sane_header(path)
         header = itk.ImageFileReader()
+        # By the name alone: of what a file says of itself SimpleITK would try twenty other readers.
+        header.SetImageIO(next(reader for suffixes, reader in READERS if name.endswith(suffixes)))
         header.SetFileName(str(path))
         header.ReadImageInformation()
         expected, size = int(np.prod(header.GetSize(), dtype=np.int64)), path.stat().st_size
-        name = path.name.lower()
         if expected > MAX_RATIO * size and not name.endswith(DETACHED):
             raise InputError(f"{path}: is truncated, {size} bytes for {expected} voxels; copy or export it again")
         if name.endswith(NIFTI):

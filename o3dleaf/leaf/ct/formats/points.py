@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import open3d as o3d
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.ply_reader import require_whole_ply
+from o3dleaf.io.ply_reader import read_ply_points
 from o3dleaf.leaf.ct.formats.stated import Stated
 
 SUFFIXES = (".ply",)
@@ -27,14 +26,12 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If the points have no intensity, do not lie on a lattice along the axes, or leave places of it empty.
     """
-    require_whole_ply(path)
-    cloud = o3d.t.io.read_point_cloud(path)
-    known = sorted(set(cloud.point) - {"positions", "normals", "colors"})
-    name = next((name for name in (*NAMES, *known[:1]) if name in known), None)
-    if name is None or "positions" not in cloud.point:
+    numbers = read_ply_points(path)
+    name = next((name for name in NAMES if name in numbers), None)
+    if name is None or any(axis not in numbers for axis in "xyz"):
         raise InputError(f"{path}: its points have no intensity; give points with a property f")
-    points = cloud.point.positions.numpy().astype(np.float64)
-    values = cloud.point[name].numpy().ravel()
+    points = np.stack([numbers[axis].astype(np.float64) for axis in "xyz"], axis=1)
+    values = numbers[name]
     axes = [_lattice_of(points[:, axis], path) for axis in range(3)]
     shape = tuple(len(places) for places, _ in axes)
     voxels = np.zeros(shape, dtype=values.dtype)

@@ -34,13 +34,14 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         If the file is not a TIFF, is truncated, is in color or holds more than one stack.
     """
     try:
-        with _complaints() as complaints, tifffile.TiffFile(path) as tiff:
+        with _complaints() as complaints, tifffile.TiffFile(path, _multifile=False) as tiff:
+            _require_one_file(tiff, path)
             stack = _one_gray_series(tiff, path)
             _require_complete(tiff, stack, path)
             lattice = _stated(tiff)
             _require_no(complaints, path)
-            mapped = stack.dataoffset is not None and stack.nbytes > 0
-            pages = tifffile.memmap(path, mode="r") if mapped and stack.dtype.isnative else stack.asarray()
+            offset = stack.dataoffset if stack.dtype.isnative and stack.nbytes > 0 else None
+            pages = stack.asarray() if offset is None else np.memmap(path, stack.dtype, "r", offset, stack.shape)
     except InputError:
         raise
     except Exception as cause:
@@ -109,6 +110,15 @@ def _complaints() -> Iterator[list[str]]:
         yield heard
     finally:
         logger.removeHandler(handler)
+
+
+def _require_one_file(tiff: tifffile.TiffFile, path: Path) -> None:
+    """Refuse an OME-TIFF that names other files: it would be read in part, or lead anywhere."""
+    if not tiff.is_ome or tiff.ome_metadata is None:
+        return
+    named = {each.get("FileName", path.name) for each in ET.fromstring(tiff.ome_metadata).iter()}  # noqa: S314
+    if len(named - {path.name}) and len(named) > 1:
+        raise InputError(f"{path}: is one of {len(named)} files that are one volume; export it as one file")
 
 
 def _one_gray_series(tiff: tifffile.TiffFile, path: Path) -> tifffile.TiffPageSeries:
