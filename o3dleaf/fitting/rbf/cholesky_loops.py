@@ -11,6 +11,9 @@ SINGULAR = 3e-14
 """Share of the trace below which an eigenvalue is rounding: coinciding points leave at most half of this,
 points 10⁻⁶ of the ball apart leave five times as much."""
 
+STRIP = 32
+"""Rows of a triangle that are inverted at once: what is above them comes by a product of matrices."""
+
 
 @njit(nogil=True, cache=True)
 def cholesky(matrix):
@@ -98,3 +101,25 @@ def solve_triangle(triangle, right):
         for j in range(k + 1, len(triangle)):
             right[k] -= triangle[k, j] * right[j]
         right[k] /= triangle[k, k]
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def invert_triangle(lower):
+    """Return the inverse of a lower triangle: a sixth of the operations of that of a full matrix."""
+    count = len(lower)
+    inverse = np.zeros((count, count))
+    for start in range(0, count, STRIP):
+        stop = min(start + STRIP, count)
+        above = lower[start:stop, :start].copy() @ inverse[:start, :start].copy()
+        for i in range(start, stop):
+            row = inverse[i]
+            for j in range(start):
+                row[j] = -above[i - start, j]
+            row[i] = 1.0
+            for k in range(start, i):
+                factor, other = lower[i, k], inverse[k]
+                for j in range(k + 1):
+                    row[j] -= factor * other[j]
+            for j in range(i + 1):
+                row[j] /= lower[i, i]
+    return inverse

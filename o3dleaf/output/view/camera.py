@@ -120,8 +120,8 @@ class Camera:
         if self.perspective:
             way = plane - eye
             way /= np.linalg.norm(way, axis=1, keepdims=True)
-            return np.hstack([np.broadcast_to(eye, way.shape), way]).astype(np.float32)
-        return np.hstack([plane + eye, np.broadcast_to(-self.toward, plane.shape)]).astype(np.float32)
+            return rays_from(eye, way)
+        return rays_from(plane + eye, -self.toward)
 
     def project(self, points: npt.ArrayLike, size: tuple[int, int]) -> FloatArray:
         """Return the (n, 2) pixel positions (column, row) of (n, 3) points of the world."""
@@ -132,6 +132,13 @@ class Camera:
         column = (apart @ self.right * scale / self.width + 0.5) * size[0]
         row = (0.5 - apart @ self.up * scale / self.height) * size[1]
         return np.stack([column, row], axis=1)
+
+
+def rays_from(origin: FloatArray, way: FloatArray) -> npt.NDArray[np.float32]:
+    """Return (n, 6) rays from (n, 3) origins on (n, 3) ways; one of both may be the same of all, (3,)."""
+    rays = np.empty((*np.broadcast_shapes(origin.shape, way.shape)[:-1], 6), dtype=np.float32)
+    rays[..., :3], rays[..., 3:] = origin, way
+    return rays
 
 
 def _turned_axes(vertices: FloatArray, triangles: IntArray, view: View) -> tuple[FloatArray, FloatArray, FloatArray]:

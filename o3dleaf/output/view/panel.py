@@ -92,7 +92,10 @@ class Page:
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes: Axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
         self.axes.set_axis_off()
-        self.axes.imshow(pixels, extent=(0, width, height, 0), interpolation="nearest", aspect="auto")
+        # As Matplotlib would round them itself, but before it resamples four channels of floats.
+        shown = np.full((height, width, 4), 255, dtype=np.uint8)
+        shown[..., :3] = 255 * pixels
+        self.axes.imshow(shown, extent=(0, width, height, 0), interpolation="nearest", aspect="auto")
         self.axes.set_xlim(0, width)
         self.axes.set_ylim(height, 0)
 

@@ -14,7 +14,7 @@ import open3d as o3d
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.output.view.camera import EYE, Camera, View
+from o3dleaf.output.view.camera import EYE, Camera, View, rays_from
 from o3dleaf.output.view.camera_loops import mark_covered
 from o3dleaf.output.view.film import Film, Lit, PixelSamples
 from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
@@ -150,8 +150,7 @@ class Surface:
 
     def lit(self, place: FloatArray) -> BoolArray:
         """Return which points the light reaches."""
-        sun = np.broadcast_to(sun_of(self.shot.camera), place.shape)
-        return ~self._blocked(np.hstack([place, sun]).astype(np.float32), np.inf)
+        return ~self._blocked(rays_from(place, sun_of(self.shot.camera)), np.inf)
 
     def seen(self, place: FloatArray, normal: FloatArray, samples: PixelSamples, hit: IntArray) -> FloatArray:
         """Return the (k,) part of the sky over surface points that nothing near hides, weighted by the cosine."""

@@ -92,8 +92,10 @@ def aim_at_sky(places, normals, axes, first, row, column, steps, rays):
     [1] M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018.
     """
     local, ahead, aside, way = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    count = rays.shape[1]
+    known = sky_points(np.max(first) + count if len(first) else 0, steps)
     for s in range(len(places)):
-        i, j = row[s] % 3, column[s] % 3
+        block = 3 * (row[s] % 3) + column[s] % 3
         for axis in range(3):
             local[axis] = axes[axis, 0] * normals[s, 0] + axes[axis, 1] * normals[s, 1] + axes[axis, 2] * normals[s, 2]
         x, y = local[0], local[1]
@@ -101,17 +103,27 @@ def aim_at_sky(places, normals, axes, first, row, column, steps, rays):
         bend = 1 / max(1 + local[2], 1e-6)
         ahead[0], ahead[1], ahead[2] = 1 - x * x * bend, -x * y * bend, -x
         aside[0], aside[1], aside[2] = -x * y * bend, 1 - y * y * bend, -y
-        for k in range(rays.shape[1]):
-            number = first[s] + k
-            u = (0.5 + number * steps[0] + i / 9 + j / 27) % 1
-            angle = 2 * math.pi * ((0.5 + number * steps[1] + j / 9 + i / 27) % 1)
-            radius, up = math.sqrt(u), math.sqrt(1 - u)
-            cosine, sine = radius * math.cos(angle), radius * math.sin(angle)
+        for k in range(count):
+            cosine, sine, up = known[block, first[s] + k]
             for axis in range(3):
                 way[axis] = cosine * ahead[axis] + sine * aside[axis] + up * local[axis]
             for axis in range(3):
                 rays[s, k, axis] = places[s, axis]
                 rays[s, k, 3 + axis] = way[0] * axes[0, axis] + way[1] * axes[1, axis] + way[2] * axes[2, axis]
+
+
+@njit(nogil=True, cache=True)
+def sky_points(numbers, steps):
+    """Return the (9, numbers, 3) points of the upper hemisphere, along two axes and up, of the pixels of a block."""
+    points = np.empty((9, numbers, 3))
+    for i in range(3):
+        for j in range(3):
+            for number in range(numbers):
+                u = (0.5 + number * steps[0] + i / 9 + j / 27) % 1
+                angle = 2 * math.pi * ((0.5 + number * steps[1] + j / 9 + i / 27) % 1)
+                radius, point = math.sqrt(u), points[3 * i + j, number]
+                point[0], point[1], point[2] = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1 - u)
+    return points
 
 
 @njit(nogil=True, cache=True)

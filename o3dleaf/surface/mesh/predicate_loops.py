@@ -103,6 +103,14 @@ def _exact_plane_side(v, i, j, k, m):
 
 
 @njit(nogil=True, cache=True)
+def sure_turn(ax, ay, bx, by):
+    """Return the sign of det(a, b) for differences of coordinates that were rounded once; 0 where it is not sure."""
+    left, right = ax * by, ay * bx
+    determinant, bound = left - right, LINE_BOUND * (abs(left) + abs(right))
+    return int(determinant > bound) - int(determinant < -bound)
+
+
+@njit(nogil=True, cache=True)
 def line_side(v, axis, i, j, k):
     """Return the sign of det(v_i − v_k, v_j − v_k), seen along an axis: 1 for counter-clockwise, 0 for in a line."""
     x, y = (axis + 1) % 3, (axis + 2) % 3
