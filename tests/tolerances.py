@@ -896,3 +896,6 @@ CLUSTER_ERROR = 1.2
 """Two draws of the same noise; without points from around the balls beside a cluster it was 50 and more."""
 CAP_DISTANCE = 0.002
 """Vertices of marching cubes are off by the square of a step of 0.1 times the bend of the sheets over eight."""
+REFUSAL_SECONDS = 2.0
+"""Processor time in which what is too large is refused: a count from areas and volumes takes milliseconds, what is
+counted took minutes and gigabytes."""

@@ -8,6 +8,7 @@ from o3dleaf.core.job import LongJob, argument, option, output
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
+    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.surface.mesh.mesh_report import MeshReport
 
 FIGURES = (
@@ -65,6 +66,15 @@ class CleanJob(CleaningOptions, LongJob):
 
         super().check()
         Cleaning(**self.cleaning())
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what the triangles of the file take."""
+        from o3dleaf.core.memory.budget import need_of
+        from o3dleaf.core.memory.measured import CLEANED_TRIANGLE
+        from o3dleaf.io.triangle_mesh import count_triangles
+
+        count = count_triangles(self.mesh)
+        return [need_of(CLEANED_TRIANGLE * count, f"clean: {count:,} triangles", "simplify the mesh first")]
 
     def work(self) -> "Comparison":
         """Write the mesh with its labels, if it has any, and return what it was and is."""

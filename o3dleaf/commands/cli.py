@@ -3,7 +3,7 @@
 import inspect
 import sys
 from dataclasses import MISSING, Field
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -23,6 +23,7 @@ from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
+from o3dleaf.core.memory.machine import spare_addresses
 from o3dleaf.core.parallel import set_num_threads
 
 JOBS: dict[str, type[Job]] = {
@@ -87,6 +88,8 @@ def perform(job: Job) -> int:
     if isinstance(job, LongJob):
         if job.threads is not None:
             set_num_threads(job.threads)
+        if job.only_estimate:
+            return show_estimate(job)
         with show_progress(quiet=job.quiet):
             summary = job.run()
     else:
@@ -94,6 +97,26 @@ def perform(job: Job) -> int:
     for line in job.lines(summary):
         typer.echo(line)
     return job.exit_code(summary)
+
+
+def show_estimate(job: LongJob) -> int:
+    """Print how much memory a job will need and how much there is, and return the exit code: 2 if that is less."""
+    from o3dleaf.core.memory.budget import memory_limit, usable_memory
+    from o3dleaf.core.memory.sizes import size_in_words
+
+    with memory_limit(job.memory):
+        job.check()
+        needs = job.estimate()
+        for need in needs:
+            typer.echo(f"{need}")
+        if not needs:
+            typer.echo("nothing is known of it before its files are read; what then is too large is refused")
+        room = usable_memory()
+        if room is not None:
+            typer.echo(f"{size_in_words(max(room.free, 0))} more may be used {room.name}")
+        for need in needs:
+            need.require()
+    return 0
 
 
 app = typer.Typer(
@@ -107,9 +130,20 @@ for _name, _job in JOBS.items():
 
 
 def main() -> None:
-    """Run the command line; an error of ours is one line and exit code 2."""
+    """Run the command line; an error of ours, or memory that ran out, is one line and exit code 2."""
+    spare_addresses()
     try:
         app(standalone_mode=True)
     except O3DLeafError as error:
-        sys.stderr.write(f"o3dleaf: error: {' '.join(str(error).split())}\n")
-        sys.exit(2)
+        _end(" ".join(str(error).split()))
+    except MemoryError as error:
+        said = " ".join(str(error).split())
+        _end(
+            f"memory ran out{f' ({said})' if said else ''}; coarsen the spacing, give less data or fewer threads, "
+            "or raise what limits it (ulimit -v, a container, other programs)"
+        )
+
+
+def _end(line: str) -> NoReturn:
+    sys.stderr.write(f"o3dleaf: error: {line}\n")
+    sys.exit(2)

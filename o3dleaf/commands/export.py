@@ -12,6 +12,7 @@ from o3dleaf.core.progress import split
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
+    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.io.labelled_mesh import LabelledMesh
 
 WHAT = {
@@ -124,6 +125,17 @@ class ExportJob(UnitOption, LongJob):
     def _refuse_remeshed_tile(self, *, tile: bool) -> None:
         if tile and self.remesh is not None:
             raise InputError("remesh: opposite walls of a tile must match; leave it out, or give a region of the leaf")
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
+        from o3dleaf.core.memory.budget import need_of
+        from o3dleaf.core.memory.measured import FILED_TRIANGLE
+        from o3dleaf.io.triangle_mesh import count_triangles
+
+        if self.is_model:
+            return []
+        count = count_triangles(self.source)
+        return [need_of(FILED_TRIANGLE * count, f"export: {count:,} triangles", "simplify the mesh first")]
 
     def work(self) -> str:
         """Export, and return a line about what was written."""

@@ -29,6 +29,7 @@ from o3dleaf.leaf.options import BladeOptions
 if TYPE_CHECKING:
     import open3d as o3d
 
+    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.fit_quality import FitQuality
     from o3dleaf.leaf.mesh_step import MeshStep
@@ -154,6 +155,14 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.ct is not None:
             self.check_texture()
             require_reduction(self.simplify, self.remesh_tile)
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what scan and volume take; what the mesh takes is known when they are read."""
+        from o3dleaf.io.clouds.counts import count_points
+        from o3dleaf.leaf.pipeline import memory_for_blade
+
+        needs = [] if self.ct is None else self.memory_for(self.ct)
+        return [*needs, memory_for_blade(count_points(self.scan))]
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""

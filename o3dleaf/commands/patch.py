@@ -10,6 +10,7 @@ from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import TextureOptions
 
 if TYPE_CHECKING:
+    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
@@ -44,6 +45,13 @@ class CtOptions(TextureOptions):
             as_number(self.level, "level")
         as_smoothing(polyharmonic(2, 3), None, self.rho)
         require_tiling(self.period, self.flip, self.shift)
+
+    def memory_for(self, path: Path) -> "list[MemoryNeed]":
+        """Return what the volume of a file takes, to be read and to be fitted; nothing for the texture of a model."""
+        from o3dleaf.leaf.ct.formats.counts import count_voxels
+        from o3dleaf.leaf.pipeline import memory_for_texture
+
+        return [] if path.suffix.lower() in table(MODEL) else [memory_for_texture(count_voxels(path))]
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file."""
@@ -85,6 +93,10 @@ class PatchJob(CtOptions, BlockOption, LongJob):
         self.check_texture()
         if (self.tile_solid is None) != (self.spacing is None):
             raise InputError("tile-solid, spacing: the block is meshed at that spacing; give both or neither")
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what the volume takes, to be read and to be fitted."""
+        return self.memory_for(self.volume)
 
     def work(self) -> "TiledField":
         """Write the model and the block, and return the texture."""

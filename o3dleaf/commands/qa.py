@@ -8,6 +8,7 @@ from o3dleaf.core.job import LongJob, UnitOption, argument, option
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
+    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.output.report.examine import Examination
 
 FAILED = 1
@@ -34,6 +35,15 @@ class QaJob(UnitOption, LongJob):
         given = {"field": self.field is not None, "cloud": self.cloud is not None}
         require_inputs(parse_requirements(self.require), given)
         check_unit(self.unit)
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what the triangles of the file take."""
+        from o3dleaf.core.memory.budget import need_of
+        from o3dleaf.core.memory.measured import REPORTED_TRIANGLE
+        from o3dleaf.io.triangle_mesh import count_triangles
+
+        count = count_triangles(self.mesh)
+        return [need_of(REPORTED_TRIANGLE * count, f"report: {count:,} triangles", "simplify the mesh first")]
 
     def work(self) -> "Examination":
         """Examine the mesh, and write what was found as a page and as JSON."""

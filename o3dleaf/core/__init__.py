@@ -10,6 +10,7 @@
 `lattice`        a regular lattice over a box, sampled in bounded memory
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
+`memory`         how much memory may be used, and what needs more refused
 `journal`        the stages of a long job, timed
 `job`            a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays

@@ -80,7 +80,7 @@ def make_folder(folder: str | PathLike[str]) -> Path:
     return target
 
 
-def require_free(path: str | PathLike[str], size: int) -> None:
+def require_free(path: str | PathLike[str], size: float) -> None:
     """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
     free = shutil.disk_usage(Path(path).resolve().parent).free
     if free < size:

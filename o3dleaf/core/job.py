@@ -14,8 +14,10 @@
         def work(self) -> int: ...
 
 The line of a field is all that there is to an option: `o3dleaf.commands.cli` makes the command line of it, `Job.check`
-refuses what it does not allow, and nothing hands it on by name. Nothing heavy is imported here, nor in a module that
-declares a job: ``o3dleaf --help`` imports them all. Tables of suffixes and choices are named as ``module:NAME``.
+refuses what it does not allow, and nothing hands it on by name. `Job.estimate` says what it will need of memory, from
+its options and the heads of its files; more than there is is refused before the work too. Nothing heavy is imported
+here, nor in a module that declares a job: ``o3dleaf --help`` imports them all. Tables of suffixes and choices are named
+as ``module:NAME``.
 """
 
 from abc import ABC, abstractmethod
@@ -23,9 +25,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.atomic_files import require_apart, require_writable
+
+if TYPE_CHECKING:
+    from o3dleaf.core.memory.budget import MemoryNeed
 
 REQUIRED = ...
 """Default of an option that must be given."""
@@ -110,9 +115,15 @@ class Job(ABC):
         """Do it, and return a summary of what was done."""
 
     def run(self) -> Any:
-        """Refuse what cannot be done, then do the work and return its summary."""
+        """Refuse what cannot be done, and what needs more memory than there is; then work, and return the summary."""
         self.check()
+        for need in self.estimate():
+            need.require()
         return self.work()
+
+    def estimate(self) -> "list[MemoryNeed]":
+        """Return what the work will need, as far as options and the heads of files tell; a job says what it knows."""
+        return []
 
     def check(self) -> None:
         """Raise `InputError`, before any work, for what would fail after it; a job adds what it knows."""
@@ -159,7 +170,18 @@ class LongJob(Job):
     """A job that takes a while: on several threads, with its progress shown."""
 
     threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
+    memory: str | None = option(
+        None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
+    )
+    only_estimate: bool = option(False, "Say how much memory it will need, and do nothing.", "--estimate")
     quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
+
+    def run(self) -> Any:
+        """Refuse what cannot be done, or needs more memory than is allowed; then work, and return the summary."""
+        from o3dleaf.core.memory.budget import memory_limit  # noqa: PLC0415 - the help does without
+
+        with memory_limit(self.memory):
+            return super().run()
 
     def lines(self, summary: Any) -> list[str]:
         """Return the lines that the terminal shows at the end; none if quiet."""

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_bounds, as_step, require_finite, require_positive
 from o3dleaf.core.errors import InputError, MemoryBudgetError
+from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.parallel import blocks
 
 BLOCK = 1 << 18
@@ -18,6 +19,9 @@ BLOCK = 1 << 18
 
 MAX_SIZE = 1 << 29
 """Samples that a lattice may hold (4 GiB): beyond it, a spacing is more likely mistyped than meant."""
+
+COLUMN_BYTES = 16
+"""The place of a column of points."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +79,11 @@ class Lattice:
         # A corner that is a multiple but for rounding must not cost a layer more.
         first, last = np.floor(lower / step + 1e-9), np.ceil(upper / step - 1e-9)
         count = np.maximum(last - first, 1.0) + 1.0
-        if np.prod(count) > MAX_SIZE:
+        with np.errstate(over="ignore"):
+            size = float(np.prod(count))
+        if size > MAX_SIZE:
             raise MemoryBudgetError(
-                f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or crop the box"
+                f"spacing: {size:.2g} lattice points are too many; coarsen the spacing or crop the box"
             )
         return cls(tuple((first * step).tolist()), tuple(step.tolist()), tuple(int(n) for n in count))
 
@@ -142,6 +148,9 @@ def sample_lattice(
         If the field returns NaN.
     """
     depth = lattice.ticks(-1)
+    what, cure = f"spacing: {lattice.size:,} lattice points", "crop the box or coarsen it"
+    held = lattice.size * np.dtype(dtype).itemsize + math.prod(lattice.shape[:-1]) * COLUMN_BYTES
+    require_memory(held, what, cure, step=max(lattice.spacing), power=3)
     columns = lattice.columns()
     samples = np.empty((len(columns), len(depth)), dtype)
     run = min(block, len(depth))

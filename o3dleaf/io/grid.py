@@ -74,9 +74,10 @@ class GridFile:
         """
         target = require_writable(path, suffixes)
         step, box, kind = as_step(spacing), as_bounds(bounds, 3), np.dtype(dtype)
-        first, last = np.floor(box[0] / step + 1e-9), np.ceil(box[1] / step - 1e-9)
-        count = last - first + 1
-        require_free(target, int(np.prod(count, dtype=object)) * kind.itemsize)
+        with np.errstate(over="ignore", invalid="ignore"):
+            first, last = np.floor(box[0] / step + 1e-9), np.ceil(box[1] / step - 1e-9)
+            count = np.nan_to_num(last - first + 1, nan=np.inf)
+            require_free(target, float(np.prod(count)) * kind.itemsize)
         return cls(target, what, first, step, (int(count[0]), int(count[1]), int(count[2])), unit, kind)
 
     def __repr__(self) -> str:

@@ -158,6 +158,15 @@ def read_ply_points(file: Path) -> dict[str, npt.NDArray[Any]]:
     return _items(file, PlyHeader.of(file), {"vertex"})["vertex"].numbers
 
 
+def count_items(file: Path, name: str) -> int:
+    """Return how many vertices, faces, ... a PLY file says that it has; 0 where it makes no sense."""
+    try:
+        elements = PlyHeader.of(file).elements(file)
+    except InputError:
+        return 0
+    return next((element.count for element in elements if element.name == name), 0)
+
+
 def _items(file: Path, header: PlyHeader, wanted: set[str]) -> dict[str, Items]:
     """Return the items of some kinds, of which points must be there."""
     elements = header.elements(file)

@@ -9,6 +9,8 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import stage
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import MemoryNeed, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -67,6 +69,7 @@ def create_blade(
     build = FRAMES[options.frame]
     # The scan, without points that are there twice or far from all others.
     with stage("prepare scan"):
+        memory_for_blade(len(points_of(scan, "scan"))).require()
         points = remove_faults(points_of(scan, "scan", least=3), is_far).points
         _require_size(float(np.linalg.norm(np.ptp(points, axis=0))), unit, LEAF_LENGTH_MM, "scan", "leaf")
     return build(points, None if midrib is None else points_of(midrib, "midrib", least=2), unit, options)
@@ -108,6 +111,16 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
     # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best period.
     with stage("tile"):
         return TiledField(field, options.period, flip=options.flip, shift=options.shift)
+
+
+def memory_for_texture(voxels: int) -> MemoryNeed:
+    """Return what a volume of so many voxels takes, to be fitted."""
+    return need_of(measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
+
+
+def memory_for_blade(points: int) -> MemoryNeed:
+    """Return what the blade of a scan of so many points takes."""
+    return need_of(measured.BLADE_POINT * points, f"blade: {points:,} points", "thin the scan, by voxel_down_sample")
 
 
 def create_multiscale_leaf(

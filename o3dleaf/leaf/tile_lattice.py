@@ -4,7 +4,7 @@ import numpy as np
 
 from o3dleaf.core.checks import require_positive
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.leaf.instancing.tile import TileLattice
+from o3dleaf.leaf.instancing.tile import TileLattice, require_columns
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16
@@ -42,8 +42,12 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     ------
     ReconstructionError
         If the bottom or the top of the patch is solid for the most part: a hair may be cut there, the blade may not.
+    MemoryBudgetError
+        If the spacing is so small that one tile does not fit into memory.
     """
     step = require_positive(spacing, "spacing")
+    with np.errstate(over="ignore", divide="ignore"):
+        require_columns(float(np.prod(texture.period / scale / step)), step)
     _require_air(texture)
     low, high = texture.cell[:, 2] / scale
     layer = step / np.ceil(step * LAYERS / (high - low))

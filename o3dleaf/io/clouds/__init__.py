@@ -9,4 +9,5 @@
 `pcd`      PCD
 `lzf`      what is packed in compressed PCD
 `cut_off`  PTS and columns of numbers that end too early
+`counts`   about how many points a file has
 """

@@ -11,6 +11,8 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, require_finite
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import BLOCK
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
@@ -128,7 +130,10 @@ def extract_tile(
     ------
     ReconstructionError
         If the surface is not two sheets, one above the other.
+    MemoryBudgetError
+        If the lattice is so fine that the tile does not fit into memory.
     """
+    require_columns(lattice.shape[0] * lattice.shape[1], max(lattice.spacing[:2]))
     nx, ny, nz = lattice.shape
     slab = max(1, min(nx, slab_size // (ny * nz)))
     slabs, flooded = [], np.zeros(2, dtype=np.int64)
@@ -172,6 +177,12 @@ def extract_tile(
         np.concatenate([[0], np.cumsum(np.concatenate(cells))]),
         beyond,
     )
+
+
+def require_columns(count: float, step: float) -> None:
+    """Raise `MemoryBudgetError` if a tile of so many columns, a step apart, does not fit into memory."""
+    what = f"spacing: {in_words(count)} columns of the lattice in one tile"
+    require_memory(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
 
 
 def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int) -> FloatArray:

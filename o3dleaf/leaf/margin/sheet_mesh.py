@@ -6,6 +6,8 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.chords import Chords, chords_of
 from o3dleaf.leaf.margin.sheet_band import triangulate_band
@@ -50,6 +52,8 @@ def triangulate(
     ------
     ReconstructionError
         If nothing is inside.
+    MemoryBudgetError
+        If the spacing is so small that the triangles do not fit into memory.
     """
     step = require_positive(spacing, "spacing")
     area = polygon
@@ -59,6 +63,10 @@ def triangulate(
     parts = [part for part in _polygons(area) if part.area > 0]
     if not parts:
         raise ReconstructionError("the region lies outside the margin; choose another region")
+    with np.errstate(over="ignore", divide="ignore"):
+        count = float(np.float64(sum(part.area for part in parts)) / (3**0.5 / 4) / step / step)
+    what = f"spacing: about {in_words(count)} triangles"
+    require_memory(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=step)
     meshes = [_triangulated(part, step) for part in parts]
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
     triangles = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]

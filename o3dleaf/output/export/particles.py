@@ -10,6 +10,8 @@ from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_object_first, require_positive
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.units import check_unit, unit_scale
@@ -22,8 +24,6 @@ from o3dleaf.surface.mesh.topology import EdgeTable
 
 FINER = 2
 """Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
-MAX_SAMPLES = 100_000_000
-"""Of 48 bytes each."""
 BLOCK = 1 << 14
 AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 SUFFIXES = (".ply", ".csv", ".vtp")
@@ -89,7 +89,9 @@ def sample_particles(
     Raises
     ------
     InputError
-        If the mesh is empty or without area, or the spacing is so small that the samples do not fit into memory.
+        If the mesh is empty or without area.
+    MemoryBudgetError
+        If the spacing is so small that the samples, among which particles are chosen, do not fit into memory.
     """
     step = require_positive(spacing, "spacing")
     surface = MeshData.of(mesh, labels, unit)
@@ -137,16 +139,17 @@ def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[Float
 
     Raises
     ------
-    InputError
+    InputError, MemoryBudgetError
         If there is no area, or there are too many parts.
     """
     if not areas.sum() > 0:
         raise InputError("mesh: has no area; there is nothing to cover")
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.maximum(np.ceil(longest / step), 1)
-    total = float((parts**2).sum())
-    if total > MAX_SAMPLES:
-        raise InputError(f"spacing: so small that {total:.3g} samples are needed; give a larger one")
+    with np.errstate(over="ignore"):
+        total = float((parts**2).sum())
+    what = f"spacing: {in_words(total)} samples"
+    require_memory(measured.SAMPLE * total, what, "give a larger one", step=step * FINER)
     samples = []
     for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
@@ -185,9 +188,12 @@ def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Pa
     ------
     InputError
         If the mesh is open, or too thin for a particle at this step.
+    MemoryBudgetError
+        If the step is so small that the particles do not fit into memory.
     """
     dp = require_positive(step, "step")
     surface = MeshData.of(mesh, None, unit)
+    _require_room(surface, dp)
     first, shape = _lattice(surface.vertices, dp)
     origin = (first + 0.5) * dp
     column, height = columns_through(surface, origin, dp, shape)
@@ -202,6 +208,16 @@ def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Pa
     plane = np.repeat(column[0::2], count)
     points = origin + np.stack([plane // shape[1], plane % shape[1], k], axis=1) * dp
     return Particles(points, None, np.full(len(points), dp**3), None, surface.unit)
+
+
+def _require_room(mesh: MeshData, step: float) -> None:
+    """Raise `MemoryBudgetError` if the particles in a mesh, by its volume, do not fit into memory."""
+    corners = (mesh.vertices - mesh.vertices.mean(axis=0))[mesh.triangles]
+    volume = abs(float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))) / 6
+    with np.errstate(over="ignore", divide="ignore"):
+        count = float(np.float64(volume) / step / step / step)
+    held = measured.PARTICLE * count
+    require_memory(held, f"step: about {in_words(count)} particles", "give a larger one", step=step, power=3)
 
 
 def _lattice(vertices: FloatArray, step: float) -> tuple[FloatArray, tuple[int, int, int]]:
@@ -224,6 +240,10 @@ def columns_through(
     if (EdgeTable.of(mesh.triangles).count != 2).any():
         raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
     vertices, triangles = mesh.vertices, mesh.triangles
+    with np.errstate(over="ignore", divide="ignore"):
+        count = float(np.abs(face_vectors(vertices[triangles])[:, 2]).sum() / 2 / step / step)
+    what = f"step: about {in_words(count)} columns of the grid through the mesh"
+    require_memory(measured.CROSSING * count, what, "give a larger one", step=step)
     crossed: dict[int, tuple[IntArray, FloatArray]] = {}
 
     def task(start: int, stop: int) -> None:

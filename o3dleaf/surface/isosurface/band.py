@@ -12,6 +12,8 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.surface.isosurface import band_loops as loops
@@ -36,6 +38,8 @@ MARGIN = 1e-6
 
 BLOCK = 1 << 14
 """Cells or vertices that one thread works on at a time."""
+FARTHEST = 1e15
+"""Cells from the origin beyond which double precision tells no cell from the next."""
 
 
 def _distinct(keys: IntArray) -> IntArray:
@@ -89,6 +93,8 @@ class Band:
             raise InputError(
                 f"spacing: the seeds extend over {(high - low).max():.2g} cells; coarsen it or crop the cloud"
             )
+        if np.any(np.abs([low, high]) > FARTHEST):
+            raise InputError("spacing: the seeds lie over 1e15 cells from the origin; coarsen it or move the cloud")
         center = (np.rint((low + high) / (4 * quarter)) * 2 * quarter).astype(np.int64)
         return cls(field, level, step, center, box)
 
@@ -150,6 +156,8 @@ class Band:
         room = 2 * len(self.keys)
         if room >= np.iinfo(np.int32).max // 2:
             raise InputError(f"spacing: the band has over {self.count:.2g} points; coarsen it, or give `within`")
+        held = measured.FOLLOWED_TRIANGLE * self.count  # about as many triangles as there are points
+        require_memory(held, f"spacing: over {self.count:,} lattice points near the surface", "coarsen it")
         self.keys, self.values, self.known = (
             np.concatenate([array, np.zeros_like(array)]) for array in (self.keys, self.values, self.known)
         )

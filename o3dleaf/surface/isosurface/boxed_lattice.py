@@ -10,6 +10,8 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError
 from o3dleaf.core.lattice import MAX_SIZE, Lattice, sample_lattice
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import BoolArray
 
 SHARE = 0.25
@@ -48,10 +50,14 @@ class BoxedLattice:
         first, last = np.floor(box[0] / step + share[0]), np.ceil(box[1] / step - share[1])
         last = np.maximum(last, first + 1.0)
         count = last - first + 1.0
-        if np.prod(count) > MAX_SIZE:
+        with np.errstate(over="ignore"):
+            size = float(np.prod(count))
+        if size > MAX_SIZE:
             raise MemoryBudgetError(
-                f"spacing: {np.prod(count):.2g} lattice points are too many; coarsen the spacing or crop the box"
+                f"spacing: {size:.2g} lattice points are too many; coarsen the spacing or crop the box"
             )
+        what, cure = f"spacing: {size:,.0f} lattice points", "crop the box or coarsen it"
+        require_memory(measured.LATTICE_POINT * size, what, cure, step=float(step.max()), power=3)
         shape = tuple(int(n) for n in count)
         return cls(Lattice(tuple((first * step).tolist()), tuple(step.tolist()), shape), box, cut)
 

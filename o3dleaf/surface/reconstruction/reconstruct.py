@@ -5,14 +5,17 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
 
+import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
-from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud
-from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud, require_positive
+from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.field import Field
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import MemoryNeed, in_words, need_of
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
@@ -24,6 +27,7 @@ from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.reconstruction.along_mesh import find_inverted_regions
 from o3dleaf.surface.reconstruction.attributes import interpolate_attributes
 from o3dleaf.surface.reconstruction.closing import Closed, Followed, follow_surface, surroundings, verdict
+from o3dleaf.surface.reconstruction.extract import PER_POINT
 from o3dleaf.surface.reconstruction.finish import AUTO, SHOWN, field_normals, finish_mesh
 from o3dleaf.surface.reconstruction.fit import Constrain, fit_surface, surface_data
 from o3dleaf.surface.reconstruction.overshoots import Surroundings
@@ -131,6 +135,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
         require_cloud(pcd, "pcd")
+        memory_for(np.shape(raw_points(pcd, "pcd"))[0]).require()
         cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
         require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:
@@ -144,6 +149,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             cloud.compact()  # sixteen neighbors of each point are the largest arrays of the job
     if len(cloud) < count:
         journal.note(f"noise exceeds the point spacing: {count:,} points were averaged to {len(cloud):,}")
+    if spacing is not None:
+        memory_for_mesh(cloud, spacing).require()
     with journal.stage("fit balls"):
         field = fit_surface(
             cloud,
@@ -176,6 +183,28 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             shown = MEASURES if tensor else (MEASURES[0] if measure == AUTO else measure,)
             support = vertex_support(mesh, cloud, field, measures=shown)
     return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
+
+
+def memory_for(points: int) -> MemoryNeed:
+    """Return what the surface of so many points takes, its mesh at the spacing that is chosen."""
+    cure = "thin the cloud, for example by voxel_down_sample"
+    return need_of(measured.RECONSTRUCTED_POINT * points, f"reconstruct: {points:,} points", cure)
+
+
+def memory_for_mesh(cloud: OrientedCloud, spacing: float) -> MemoryNeed:
+    """Return what the surface of a cloud takes, meshed at a spacing: three triangles a point where it is the cloud's.
+
+    Raises
+    ------
+    InputError
+        If the spacing is not above zero.
+    """
+    own = float(np.median(cloud.point_spacing))
+    with np.errstate(over="ignore"):
+        triangles = float(PER_POINT * len(cloud) * np.square(np.float64(own) / require_positive(spacing, "spacing")))
+    what = f"spacing: about {in_words(triangles)} triangles"
+    cure = f"give a larger one (the points are {own:.3g} apart)"
+    return need_of(measured.FOLLOWED_TRIANGLE * triangles, what, cure, step=spacing)
 
 
 def _trimmed(

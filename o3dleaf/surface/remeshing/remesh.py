@@ -9,7 +9,9 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
-from o3dleaf.core.mesh_arrays import BoolArray, build_mesh, require_triangles, triangle_areas
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import in_words, require_memory
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh, require_triangles, triangle_areas
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
@@ -79,11 +81,14 @@ def remesh(
     ------
     InputError
         If a length is not above zero, the labels do not fit, or the mesh has no triangle or is not manifold.
+    MemoryBudgetError
+        If the edges are so short that the mesh does not fit into memory.
     """
     vertices, triangles = require_triangles(mesh.mesh)
     edge = require_positive(target_edge, "target_edge")
     far = None if deviation is None else require_positive(deviation, "deviation")
     level = as_number(isovalue, "isovalue")
+    require_room(vertices, triangles, edge)
     edges = EdgeTable.of(triangles)
     fans = fans_per_vertex(triangles, label_fans(triangles, edges), len(vertices))
     if edges.inconsistent.any() or edges.count.max() > 2 or fans.max() > 1:
@@ -97,6 +102,19 @@ def remesh(
     remeshed = remesh_charted(charted, target, edge, far)
     labels = None if mesh.labels is None else remeshed.labels
     return replace(mesh, mesh=build_mesh(remeshed.places, remeshed.triangles), labels=labels)
+
+
+def require_room(vertices: FloatArray, triangles: IntArray, edge: float) -> None:
+    """Raise `MemoryBudgetError` if a mesh, remeshed to a length of edges, does not fit into memory.
+
+    It is as many equilateral triangles as its area has room for, or those that it has.
+    """
+    with np.errstate(over="ignore", divide="ignore"):
+        count = float(triangle_areas(vertices, triangles).sum() / (3**0.5 / 4) / edge / edge)
+    what = f"target_edge: about {in_words(count)} triangles"
+    require_memory(measured.REMESHED_TRIANGLE * count, what, "give a longer one", step=edge)
+    held = measured.REMESHED_TRIANGLE * len(triangles)
+    require_memory(held, f"mesh: {len(triangles):,} triangles", "simplify it first")
 
 
 def remesh_charted(

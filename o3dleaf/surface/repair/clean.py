@@ -8,6 +8,8 @@ import numpy as np
 import open3d as o3d
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, require_triangles
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -166,6 +168,8 @@ def clean_mesh(
         orient=orient,
     )
     vertices, triangles = require_triangles(mesh.mesh)
+    held = measured.CLEANED_TRIANGLE * len(triangles)
+    require_memory(held, f"clean: {len(triangles):,} triangles", "simplify the mesh first")
     labels = mesh.labels_of(len(triangles))
     cleaned = cleaning.of(EditableMesh.of(vertices, triangles))
     left = None if labels is None else labels[_spread(cleaned)]

@@ -6,6 +6,8 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.memory import measured
+from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, require_triangles, triangle_areas
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.surface_distance import surface_distance_of
@@ -56,7 +58,9 @@ def simplify_mesh(
         mesh has no triangle, or not one label a triangle.
     """
     given = require_triangles(mesh.mesh)
-    labels = mesh.labels_of(len(given[1]))
+    count = len(given[1])
+    require_memory(measured.SIMPLIFIED_TRIANGLE * count, f"simplify: {count:,} triangles", "coarsen the spacing of it")
+    labels = mesh.labels_of(count)
     fewest = _fewest_triangles(given, target_triangles, target_edge, deviation)
     names, kind = np.unique(np.zeros(len(given[1])) if labels is None else labels, return_inverse=True)
     vertices, triangles, left = _simplify(*given, kind, fewest, deviation, quality)

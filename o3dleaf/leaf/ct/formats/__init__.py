@@ -11,5 +11,6 @@
 `ome_zarr`  OME-Zarr, by zarr
 `points`    PLY of points with an intensity
 `content`   what a file of another name holds
+`counts`    about how many voxels a file has
 `read`      `read_volume`, by the suffix of the name
 """

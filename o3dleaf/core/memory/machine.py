@@ -1,0 +1,142 @@
+"""What the process holds, and the limits that the system, a container or a shell set to it.
+
+Of Linux all of it is known; of other systems the memory that they have, where they say it.
+"""
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+PROCESS = Path("/proc/self/status")
+MACHINE = Path("/proc/meminfo")
+GROUPS = Path("/proc/self/cgroup")
+GROUP_ROOT = Path("/sys/fs/cgroup")
+VERSIONS = {
+    "": ("memory.max", "memory.current", "inactive_file"),
+    "memory": ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+}
+"""Of control groups, version 2 and version 1: where the limit and the use stand, and what of it can be dropped."""
+UNLIMITED = 1 << 62
+"""Version 1 says it in bytes."""
+ARENA, STACK = 64 << 20, 8 << 20
+"""Addresses that threads reserve without using them: for an allocator of their own (glibc), and as stack."""
+ARENAS = 2
+"""Allocators that threads share where addresses are limited."""
+M_ARENA_MAX = -8
+"""Of glibc's malloc.h."""
+
+
+class Limit(NamedTuple):
+    """A limit of memory.
+
+    Attributes
+    ----------
+    free : int
+        Bytes that are left.
+    name : str
+        Who set it.
+    cure : str
+        What raises it.
+    """
+
+    free: int
+    name: str
+    cure: str
+
+
+def resident() -> int:
+    """Return the bytes of memory that the process holds; 0 where the system does not say."""
+    return _fields(PROCESS).get("VmRSS", 0)
+
+
+def hard_limits(threads: int) -> Iterator[Limit]:
+    """Yield the limits that end a process, of a shell (``ulimit``) and of control groups.
+
+    Addresses that threads are yet to reserve count as used.
+    """
+    if sys.platform != "win32":
+        import resource  # noqa: PLC0415 - Windows has none
+
+        held = _fields(PROCESS)
+        reserved = ARENAS * ARENA + threads * STACK
+        for kind, flag, use in ((resource.RLIMIT_AS, "v", "VmSize"), (resource.RLIMIT_DATA, "d", "VmData")):
+            most = resource.getrlimit(kind)[0]
+            if most != resource.RLIM_INFINITY:
+                free = most - held.get(use, 0) - reserved
+                yield Limit(free, f"by ulimit -{flag}", f"raise ulimit -{flag}")
+    for free in _group_room():
+        yield Limit(free, "in the container or job", "ask its scheduler for more")
+
+
+def spare_addresses() -> None:
+    """Where addresses are limited (``ulimit -v``), let threads share allocators: each reserves 64 MiB of its own.
+
+    OpenBLAS reserves as much for each core when NumPy is imported: this comes before it.
+    """
+    if sys.platform == "win32":
+        return
+    import resource  # noqa: PLC0415 - Windows has none
+
+    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Not every C library has it.
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).mallopt(M_ARENA_MAX, ARENAS)
+
+
+def available() -> Limit | None:
+    """Return what the machine has left, or None where it does not say."""
+    free = _fields(MACHINE).get("MemAvailable")
+    if free is None and hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return None if free is None else Limit(free, "on this machine", "close other programs")
+
+
+def _fields(path: Path) -> dict[str, int]:
+    """Return the numbers of a file of lines "name: 12 kB", in bytes where they are such; none where it is not there."""
+    try:
+        lines = path.read_text().splitlines()
+    except OSError:
+        return {}
+    fields = {}
+    for line in lines:
+        name, _, text = line.partition(":")
+        words = text.split()
+        if words and words[0].isdigit():
+            fields[name] = int(words[0]) * (1024 if words[1:] == ["kB"] else 1)
+    return fields
+
+
+def _group_room() -> Iterator[int]:
+    """Yield the bytes that are left in the control groups of the process, each within the one above it."""
+    try:
+        lines = GROUPS.read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, kinds, path = line.split(":", 2)
+        kind = next((each for each in VERSIONS if each in kinds.split(",")), None)
+        if kind is None:
+            continue
+        # In a container the path may be the host's; the container's own group is then the root.
+        own = PurePosixPath(path.lstrip("/"))
+        for part in (own, *own.parents):
+            room = _room_of(GROUP_ROOT / kind / part, *VERSIONS[kind])
+            if room is not None:
+                yield room
+
+
+def _room_of(group: Path, limit: str, use: str, droppable: str) -> int | None:
+    """Return the bytes that are left in a control group, None where it has no limit."""
+    try:
+        most, used = (group / limit).read_text().strip(), int((group / use).read_text())
+        words = (line.split() for line in (group / "memory.stat").read_text().splitlines())
+        cached = next(int(number) for name, number in words if name == droppable)
+    except (OSError, ValueError, StopIteration):
+        return None
+    return None if most == "max" or int(most) >= UNLIMITED else int(most) - used + cached

@@ -1,0 +1,43 @@
+"""Bytes that work holds at its peak, for each thing that it works on: what `scripts/measure_memory.py` measured.
+
+The largest of its sizes and cases, rounded up, on two threads; `require_memory` asks for a third more.
+"""
+
+CLOUD_POINT = 100
+"""Of a cloud that is read: coordinates, normals and colors, once as the file's and once as Open3D's."""
+RECONSTRUCTED_POINT = 1900
+"""Of a cloud whose surface is reconstructed, its mesh at the spacing that is chosen included."""
+FITTED_POINT = 1000
+"""Of scattered data fitted in balls."""
+LATTICE_POINT = 12
+"""Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
+FOLLOWED_TRIANGLE = 170
+"""Of a surface that is followed from seeds: its band of cells."""
+FITTED_VOXEL = 80
+"""Of a volume whose blade is fitted."""
+BLADE_POINT = 2000
+"""Of a scan that a blade is built from."""
+TILE_COLUMN = 500
+"""Of the lattice over one tile, which is polygonized: two faces, and hairs."""
+SHEET_TRIANGLE = 150
+"""Of a blade without micro-structure."""
+TRIANGLE = 60
+"""Of a mesh that is made or read: vertices, corners and labels, once as arrays and once as Open3D's."""
+REMESHED_TRIANGLE = 650
+"""Of a mesh before or after remeshing, whichever has more."""
+FILED_TRIANGLE = 240
+"""Of a mesh that is read from a file or written to one."""
+PARTICLE = 65
+"""Of particles that fill a solid."""
+SAMPLE = 300
+"""Of the samples that particles on a surface are chosen among."""
+CROSSING = 100
+"""Of a grid's columns through a closed mesh."""
+REPORTED_TRIANGLE = 215
+"""Of a mesh that is reported on."""
+CLEANED_TRIANGLE = 400
+"""Of a mesh that is cleaned."""
+SIMPLIFIED_TRIANGLE = 545
+"""Of a mesh that is simplified."""
+DRAWN_TRIANGLE = 185
+"""Of a mesh in a picture."""

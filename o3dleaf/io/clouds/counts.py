@@ -1,0 +1,65 @@
+"""About how many points a file has, before it is read: from its header, or its size and its first lines."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+from o3dleaf.io.ply_reader import count_items
+
+HEAD = 1 << 16
+"""Bytes of a text that are looked at."""
+LEAST = 4
+"""Bytes of a point where nothing is known: packed in E57 and LAZ, in a line "1 2 3"."""
+LAS_LEGACY, LAS_COUNT = struct.Struct("<107xI"), struct.Struct("<247xQ")
+"""Where LAS has its number of points: until version 1.3, and from 1.4 on."""
+
+
+def count_points(path: Path) -> int:
+    """Return about how many points a file has; 0 where nothing can be told, and its reader will say why."""
+    file = Path(path)
+    if not file.is_file():
+        return 0
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        head = stream.read(HEAD)
+    return min(COUNTS.get(file.suffix.lower(), _in_text)(file, head, size), size)
+
+
+def _in_ply(file: Path, head: bytes, size: int) -> int:
+    del head, size
+    return count_items(file, "vertex")
+
+
+def _in_las(file: Path, head: bytes, size: int) -> int:
+    del file, size
+    if len(head) < LAS_COUNT.size:
+        return 0
+    count: int = LAS_LEGACY.unpack_from(head)[0] or LAS_COUNT.unpack_from(head)[0]
+    return count
+
+
+def _in_pcd(file: Path, head: bytes, size: int) -> int:
+    del file, size
+    words = next((line.split() for line in head.splitlines() if line.startswith(b"POINTS ")), [])
+    return int(words[1]) if len(words) > 1 and words[1].isdigit() else 0
+
+
+def _in_e57(file: Path, head: bytes, size: int) -> int:
+    del file, head
+    return size // LEAST
+
+
+def _in_text(file: Path, head: bytes, size: int) -> int:
+    del file
+    lines = head.splitlines()[1:-1] or [head]
+    return size // max(sum(map(len, lines)) // len(lines) + 1, LEAST)
+
+
+COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {
+    ".ply": _in_ply,
+    ".las": _in_las,
+    ".laz": _in_las,
+    ".pcd": _in_pcd,
+    ".e57": _in_e57,
+}
+"""By suffix; others are text, a point in a line."""

@@ -1,0 +1,42 @@
+"""About how many voxels a file has, before it is read."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+from o3dleaf.leaf.ct.formats import tiff
+from o3dleaf.leaf.ct.formats.bare import NPY
+from o3dleaf.leaf.ct.formats.slices import slices_in
+
+VOXEL_BYTES = 2
+"""Of the formats whose header is left to their reader."""
+
+
+def count_voxels(path: Path) -> int:
+    """Return about how many voxels a volume has; 0 where nothing can be told, and its reader will say why."""
+    try:
+        if path.is_dir():
+            files = slices_in(path)
+            if files and files[0].suffix.lower() in tiff.SUFFIXES:
+                return len(files) * _in_tiff(files[0])
+            return sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) // VOXEL_BYTES
+        if path.suffix.lower() in tiff.SUFFIXES:
+            return _in_tiff(path)
+        if path.suffix.lower() == NPY:
+            return int(np.load(path, mmap_mode="r", allow_pickle=False).size)
+        return path.stat().st_size // VOXEL_BYTES
+    except Exception:  # noqa: BLE001 - whatever a broken file makes libraries raise
+        return 0
+
+
+def _in_tiff(path: Path) -> int:
+    logger = logging.getLogger("tifffile")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        with tifffile.TiffFile(path) as file:
+            return int(np.prod(file.series[0].shape, dtype=object))
+    finally:
+        logger.disabled = before

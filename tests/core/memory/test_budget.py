@@ -1,0 +1,76 @@
+"""What needs more memory than may be used is refused before the work, with the numbers and the cure."""
+
+import sys
+import threading
+
+import pytest
+
+from o3dleaf.core.errors import InputError, MemoryBudgetError
+from o3dleaf.core.memory import budget, machine
+from o3dleaf.core.memory.budget import MemoryNeed, memory_limit, require_memory, set_memory_limit, usable_memory
+
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process holds")
+
+
+@LINUX
+def test_the_least_of_what_is_stated_and_what_the_shell_allows_holds(monkeypatch):
+    import resource
+
+    held = machine.resident()
+    with memory_limit(held + 10**9):
+        assert usable_memory().free == pytest.approx(10**9, rel=0.1)
+        addresses = machine._fields(machine.PROCESS)["VmSize"]
+        allowed = {resource.RLIMIT_AS: addresses + 8 * 10**8}
+        monkeypatch.setattr(resource, "getrlimit", lambda kind: (allowed.get(kind, resource.RLIM_INFINITY),) * 2)
+        assert usable_memory().free < 8 * 10**8
+        assert "ulimit -v" in usable_memory().name
+
+
+@LINUX
+@pytest.mark.parametrize("version", ["", "memory"])
+def test_a_container_s_limit_holds_whichever_group_above_sets_it(version, tmp_path, monkeypatch):
+    limit, use, droppable = machine.VERSIONS[version]
+    group = tmp_path / "root" / version / "outer" / "inner"
+    group.mkdir(parents=True)
+    for folder, most in ((group, str(1 << 62) if version else "max"), (group.parent, str(3 * 10**8))):
+        (folder / limit).write_text(f"{most}\n")
+        (folder / use).write_text("200000000\n")
+        (folder / "memory.stat").write_text(f"anon 1\n{droppable} 50000000\n")
+    (tmp_path / "cgroup").write_text(f"4:{version}:/outer/inner\n")
+    monkeypatch.setattr(machine, "GROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(machine, "GROUP_ROOT", tmp_path / "root")
+    assert (usable_memory().free, usable_memory().name) == (150_000_000, "in the container or job")
+
+
+def test_a_limit_holds_where_it_was_stated_and_no_longer(monkeypatch):
+    monkeypatch.setattr(machine, "available", lambda: None)
+    monkeypatch.setattr(machine, "hard_limits", lambda threads: iter(()))
+    monkeypatch.setattr(machine, "resident", lambda: 0)
+    require_memory(1e15, "work: 1 thing", "do less")  # nobody says what there is
+    with memory_limit("2GB"):
+        with memory_limit("1GB"), memory_limit(None), pytest.raises(MemoryBudgetError):
+            require_memory(1e9, "work: 1 thing", "do less")
+        require_memory(1e9, "work: 1 thing", "do less")
+    set_memory_limit("1GB")
+    seen = []
+    thread = threading.Thread(target=lambda: seen.append(usable_memory().free))
+    thread.start()
+    thread.join()
+    set_memory_limit(None)
+    assert seen == [10**9]
+    assert usable_memory() is None
+    with pytest.raises(InputError, match="2GB"):
+        set_memory_limit("much")
+
+
+def test_the_line_says_need_room_and_a_step_that_is_not_refused(monkeypatch):
+    monkeypatch.setattr(budget, "usable_memory", lambda: machine.Limit(10**9, "as stated", "state more"))
+
+    def need(step):
+        return MemoryNeed(round(80 / step**3), f"step: {step**-3:,.0f} particles", "give a larger one", step, 3)
+
+    with pytest.raises(MemoryBudgetError, match=r"need about 80 GB of memory, and 1\.0 GB more") as refused:
+        need(1e-3).require()
+    larger = float(str(refused.value).split("give a larger one, ")[1].split(" or more")[0])
+    assert 1.0 < larger / 1e-3 / 80 ** (1 / 3) < 1.1
+    need(larger).require()
