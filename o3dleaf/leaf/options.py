@@ -107,7 +107,7 @@ class TextureOptions:
 
     Attributes
     ----------
-    level : float, "valley" or "otsu"
+    level : float, "valley", "otsu" or "mixture"
         Intensity of the surface, or the method that finds it between the two peaks of the histogram.
     rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.

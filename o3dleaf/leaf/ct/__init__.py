@@ -2,6 +2,7 @@
 
 `volume`     `Volume`: voxels with spacing, origin and unit
 `formats`    files in, `Volume` out; TIFF out
+`mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
 `align`      the rigid motion that lays a blade flat
 `box`        the largest upright box in a turned one

@@ -40,7 +40,7 @@ def align_blade(
     ----------
     volume : Volume
         The patch, in any orientation.
-    level : {"valley", "otsu"} or float
+    level : {"valley", "otsu", "mixture"} or float
         The surface's intensity, as in `Volume.threshold`.
     up, along : (3,) array_like, optional
         Hints, in the volume's coordinates: roughly the adaxial side, and roughly towards the

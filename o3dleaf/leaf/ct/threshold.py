@@ -9,8 +9,9 @@ from skimage.filters import threshold_otsu
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.mixture import fit_mixture
 
-METHODS = ("valley", "otsu")
+METHODS = ("valley", "otsu", "mixture")
 BINS = 256
 MAX_VOXELS = 4_000_000
 """A histogram of so many voxels is smooth, and a blade is found in them as well; larger volumes are thinned."""
@@ -18,6 +19,8 @@ MAX_RIPPLE = 0.8
 """A valley above this fraction of the lower peak is a ripple of one peak."""
 MIN_SEPARATION = 0.8
 """Share of the variance that Otsu's two classes explain: 2/π for one normal peak, 3/4 for a flat histogram."""
+MIN_CONTRAST = 2.5
+"""Deviations between two classes: a single normal peak is taken for two that are at most about 2 apart."""
 CURE = "give the threshold as a number"
 
 
@@ -26,14 +29,15 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float
 
     ``"valley"`` smooths the histogram until two peaks are left and takes the lowest point between
     them (Prewitt and Mendelsohn 1966); ``"otsu"`` maximizes the variance between the two classes
-    (Otsu 1979). Zero-valued voxels are padding and are excluded, as in the paper's section on
-    micro-scale data; where nothing with two peaks is left, they are taken for air.
+    (Otsu 1979); ``"mixture"`` is the middle of air and leaf in a model of both and of the voxels between them
+    (`fit_mixture`), which is at the surface whatever the noise. Zero-valued voxels are padding and are excluded, as in
+    the paper's section on micro-scale data; where nothing with two peaks is left, they are taken for air.
 
     Parameters
     ----------
     data : ndarray
         Intensities, any shape.
-    method : {"valley", "otsu"}
+    method : {"valley", "otsu", "mixture"}
         How to choose.
 
     Raises
@@ -41,7 +45,7 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float
     InputError
         If all voxels have one value or the histogram has not two distinct peaks.
     """
-    choose = {"valley": _valley, "otsu": _otsu}[require_choice(method, METHODS, "threshold")]
+    choose = {"valley": _valley, "otsu": _otsu, "mixture": _mixture}[require_choice(method, METHODS, "threshold")]
     low, high = data.min(), data.max()
     if low == high:
         raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
@@ -104,6 +108,17 @@ def _otsu(sample: FloatArray) -> float | None:
     upper_mean = float(weight[centers > level] @ centers[centers > level]) / upper
     between = upper / (1.0 - upper) * (upper_mean - mean) ** 2
     return level if between > MIN_SEPARATION * total else None
+
+
+def _mixture(sample: FloatArray) -> float | None:
+    """Middle of air and leaf, or None if they cannot be told apart."""
+    histogram = _histogram(sample)
+    if histogram is None:
+        return None
+    counts, centers = histogram
+    half = 0.5 * (centers[1] - centers[0])
+    mixture = fit_mixture(counts, np.append(centers - half, centers[-1] + half))
+    return mixture.level if centers[0] < mixture.level < centers[-1] and mixture.contrast > MIN_CONTRAST else None
 
 
 def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:

@@ -80,7 +80,7 @@ class Volume:
 
         Parameters
         ----------
-        method : {"valley", "otsu"} or float
+        method : {"valley", "otsu", "mixture"} or float
             The valley between the two peaks of the histogram, Otsu's threshold, or the number itself.
 
         Raises
@@ -117,7 +117,7 @@ class Volume:
 
         Parameters
         ----------
-        level : {"valley", "otsu"} or float
+        level : {"valley", "otsu", "mixture"} or float
             The surface's intensity, as in `threshold`.
         mask : (nx, ny, nz) array_like of bool, optional
             The voxels to keep (default: all).

@@ -116,7 +116,7 @@ def draw_figures(
         The points that the leaf was built from, in its unit.
     volume : Volume, optional
         The CT volume that the micro-structure was fitted to.
-    level : float, "valley" or "otsu"
+    level : float, "valley", "otsu" or "mixture"
         Its threshold, or how it was found.
     formats : sequence of {"png", "pdf", "svg", "jpg"}
     only : sequence of str, optional

@@ -87,7 +87,7 @@ def histogram(volume: Volume, level: float | str = "valley") -> FigureSheet:
     Parameters
     ----------
     volume : Volume
-    level : float, "valley" or "otsu"
+    level : float, "valley", "otsu" or "mixture"
         The threshold, or how it is found.
     """
     threshold = volume.threshold(level)

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from o3dleaf import Volume
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.mixture import fit_mixture
 from o3dleaf.leaf.ct.threshold import histogram_threshold
 from o3dleaf.samples import wheat_ct
+from tolerances import MIXTURE_LEVEL
 
-METHODS = ["valley", "otsu"]
+METHODS = ["valley", "otsu", "mixture"]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -80,3 +83,22 @@ def test_one_value_is_refused(value):
 def test_an_unknown_method_is_refused():
     with pytest.raises(InputError, match="valley"):
         histogram_threshold(np.arange(10.0), "magic")
+
+
+@pytest.mark.parametrize("noise", [0.003, 0.01, 0.06])
+def test_the_mixture_s_level_is_the_surface_s_at_every_noise(noise):
+    volume, truth = wheat_ct(seed=1, noise=noise, drift=0.0)
+    assert abs(volume.threshold("mixture") - truth.level) < MIXTURE_LEVEL * 2 * truth.level
+
+
+def test_a_mixture_is_found_from_its_histogram():
+    rng = np.random.default_rng(4)
+    means, deviations, weights = np.array([40.0, 160.0]), np.array([12.0, 20.0]), np.array([0.5, 0.2, 0.3])
+    kinds = rng.choice(3, 200_000, p=weights)
+    share = np.where(kinds == 2, ndtr(rng.uniform(-3, 3, kinds.size)), kinds)
+    spread = np.sqrt(deviations[0] ** 2 + share * (deviations[1] ** 2 - deviations[0] ** 2))
+    data = means[0] + share * (means[1] - means[0]) + spread * rng.normal(size=kinds.size)
+    found = fit_mixture(*np.histogram(data, bins=256))
+    assert np.abs(found.means - means).max() < 0.01 * 120
+    assert np.abs(found.deviations / deviations - 1).max() < 0.05
+    assert np.abs(found.weights - weights).max() < 0.03
