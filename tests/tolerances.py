@@ -896,3 +896,12 @@ CLUSTER_ERROR = 1.2
 """Two draws of the same noise; without points from around the balls beside a cluster it was 50 and more."""
 CAP_DISTANCE = 0.002
 """Vertices of marching cubes are off by the square of a step of 0.1 times the bend of the sheets over eight."""
+
+# --- files ---
+
+POLYGON_AREA = 1e-12
+"""Of a face: sums of some products of numbers around 1."""
+TEXT_DIGITS = 1e-5
+"""Six digits of numbers below ten, or single precision."""
+PACKED_COLOR = 1 / 255
+"""Colors are bytes, rounded down."""
