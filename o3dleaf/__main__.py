@@ -2,18 +2,34 @@
 
 import io
 import os
+import re
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType
+from typing import NoReturn
 
 SIGNALS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 """Ctrl-C, and what schedulers send; the exit code is 128 and the number of the signal."""
+LIBRARY = re.compile(r"lib[\w.+-]+\.so(\.\d+)*")
+PACKAGES = {
+    "libEGL.so.1": "libegl1",
+    "libGL.so.1": "libgl1",
+    "libOpenGL.so.0": "libopengl0",
+    "libX11.so.6": "libx11-6",
+    "libgomp.so.1": "libgomp1",
+    "libidn2.so.0": "libidn2-0",
+    "libudev.so.1": "libudev1",
+    "libusb-1.0.so.0": "libusb-1.0-0",
+}
+"""Of Debian, what Open3D and pymeshlab load from the system."""
 
 
 def main() -> None:
     """Run the command line; an interrupt is one line and exit code 130 or 143, whatever it becomes on its way here.
 
-    While modules are imported that may be another exception: compiled ones turn it into an ImportError.
+    While modules are imported that may be another exception: compiled ones turn it into an ImportError. What the
+    machine refuses, a library that is not there or a terminal that takes no more, is one line and exit code 2.
     """
     received: signal.Signals | None = None
     # Into a file or a pipe Windows writes an older encoding, which lacks ρ and much that file names have.
@@ -35,11 +51,39 @@ def main() -> None:
         run_command_line()
     except BaseException as end:
         if received is None or (isinstance(end, SystemExit) and not end.code):
-            raise
-        sys.stderr.write(f"o3dleaf: {SIGNALS[received]}; a file that was not finished has left nothing behind\n")
+            _be_deaf()  # what was asked for is done; at the interpreter's end nobody can handle an interrupt
+            line = _refusal(end)
+            if line is None:
+                raise
+            _end(line, 2)
+        _end(f"{SIGNALS[received]}; a file that was not finished has left nothing behind", 128 + received)
+    _be_deaf()
+
+
+def _be_deaf() -> None:
+    """Take no notice of signals any more."""
+    for each in SIGNALS:
+        if callable(signal.getsignal(each)):
+            signal.signal(each, signal.SIG_IGN)
+
+
+def _refusal(end: BaseException) -> str | None:
+    """Return the line for what the machine refuses, or None."""
+    if isinstance(end, ImportError) and (found := LIBRARY.search(str(end))):
+        package = PACKAGES.get(found[0], "")
+        how = f", on Debian: apt-get install {package}" if package else ""
+        return f"error: the system library {found[0]} is missing ({end}); install it{how}"
+    if isinstance(end, OSError):
+        return f"error: {end}; see that the place is there, can be written to and has space"
+    return None
+
+
+def _end(line: str, code: int) -> NoReturn:
+    """Write a line, if anybody listens, and end at once: at the interpreter's own end half imports spoil exit codes."""
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.write(f"o3dleaf: {' '.join(line.split())}\n")
         sys.stderr.flush()
-        # At once: at the interpreter's own end modules that are half imported may spoil the exit code.
-        os._exit(128 + received)
+    os._exit(code)
 
 
 if __name__ == "__main__":

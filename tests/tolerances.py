@@ -903,3 +903,12 @@ counted took minutes and gigabytes."""
 MIXTURE_LEVEL = 0.025
 """Of the step from air to leaf: hairs and pockets thinner than the blur are no edge between the two. Otsu's threshold
 is 0.05 off, the valley's 0.18."""
+
+# --- files ---
+
+POLYGON_AREA = 1e-12
+"""Of a face: sums of some products of numbers around 1."""
+TEXT_DIGITS = 1e-5
+"""Six digits of numbers below ten, or single precision."""
+PACKED_COLOR = 1 / 255
+"""Colors are bytes, rounded down."""

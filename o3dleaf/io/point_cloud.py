@@ -13,11 +13,12 @@ from o3dleaf.io.clouds import e57, las, text
 from o3dleaf.io.clouds.columns import Columns
 from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.clouds.pcd import read_pcd
+from o3dleaf.io.clouds.pts import read_pts
 from o3dleaf.io.ply_reader import read_ply
 
-OPEN3D = (".xyz", ".xyzn", ".xyzrgb", ".pts")
-"""Formats that Open3D reads."""
-SUFFIXES = (".ply", ".pcd", *OPEN3D, *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
+NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
+"""Columns of texts whose suffix tells them."""
+SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
 WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
@@ -83,5 +84,4 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     if suffix == ".pcd":
         return read_pcd(file).to_open3d()
     require_whole_cloud(file)
-    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        return o3d.io.read_point_cloud(file, remove_nan_points=False, remove_infinite_points=False)
+    return (read_pts(file) if suffix == ".pts" else text.read_columns(file, NAMED[suffix])).to_open3d()

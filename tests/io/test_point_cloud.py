@@ -33,7 +33,7 @@ def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_p
         ("text.ply", "hello", "does not begin with 'ply'"),
         ("nothing.ply", "ply\nformat ascii 1.0\nend_header\n", "lists no vertices"),
         ("scan.dxf", "0", "unknown kind"),
-        ("words.xyz", "these are words\n", "no points"),
+        ("words.xyz", "these are words\n", "no line begins"),
         ("two.xyz", "0 0 0\n1 1 1\n", "at least 3"),
         ("nan.xyz", "0 0 0\n1 1 nan\n1 2 3\n4 5 6\n", "NaN"),
     ],

@@ -1,4 +1,4 @@
-"""Point clouds by format, each as columns of float64; whether those that Open3D reads are whole.
+"""Point clouds by format, each as columns of float64.
 
 `columns`  what a file says of its points: coordinates, normals, colors
 `header`   names, separator and comments of a text file
@@ -8,6 +8,7 @@
 `e57`      E57, by pye57
 `pcd`      PCD
 `lzf`      what is packed in compressed PCD
+`pts`      PTS
 `cut_off`  PTS and columns of numbers that end too early
 `counts`   about how many points a file has
 """

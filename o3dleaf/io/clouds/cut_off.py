@@ -5,6 +5,9 @@ from pathlib import Path
 
 from o3dleaf.core.errors import InputError
 
+MOST_DIGITS = 15
+"""Of a number of points."""
+
 
 def require_whole_cloud(file: Path) -> None:
     """Raise `InputError` if a file holds fewer points than it says, or its last line is shorter than its first.
@@ -20,7 +23,7 @@ def require_whole_cloud(file: Path) -> None:
 def _check_pts(file: Path) -> None:
     with file.open("rb") as stream:
         first = stream.readline().split()
-    if len(first) != 1 or not first[0].isdigit():
+    if len(first) != 1 or not first[0].isdigit() or len(first[0]) > MOST_DIGITS:
         raise InputError(f"{file}: its first line is no number of points; give PTS, or name the file .xyz")
     _require_lines(file, len(first[0]), int(first[0]))
 
@@ -63,4 +66,4 @@ CHECKS: dict[str, Callable[[Path], None]] = {
     ".xyzn": _check_columns,
     ".xyzrgb": _check_columns,
 }
-"""By suffix; the others are Open3D's no more."""
+"""By suffix; other formats are counted by their readers."""

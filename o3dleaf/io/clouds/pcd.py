@@ -115,12 +115,16 @@ def _text_fields(file: Path, header: PcdHeader) -> dict[str, npt.NDArray[Any]]:
             raise no_number(file, cause) from cause
     if len(rows) < header.count:
         raise _short(file, header.count)
-    return {name: _cast(rows[:, place], header.record[name]) for name, place in places.items()}
+    # A text has more digits than the type that its header names, but colors are the bits of theirs.
+    return {
+        name: _cast(rows[:, place], header.record[name]) if name in COLORS else rows[:, place]
+        for name, place in places.items()
+    }
 
 
 def _cast(values: FloatArray, kind: np.dtype[Any]) -> npt.NDArray[Any]:
     if kind.kind == "f":
-        return values.astype(kind) if kind.itemsize == 4 else values
+        return values.astype(kind)
     limits = np.iinfo(kind)
     return np.clip(np.nan_to_num(values), limits.min, limits.max).astype(kind)
 

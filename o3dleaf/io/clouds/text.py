@@ -43,6 +43,24 @@ def read_text(file: Path, columns: str | Sequence[str] | None = None) -> Columns
     return Columns(**parts)
 
 
+def read_columns(file: Path, names: str) -> Columns:
+    """Return the points of a text whose first columns are known by its suffix, as "x y z nx ny nz".
+
+    Raises
+    ------
+    InputError
+        If a line has no number where one belongs; it names the line.
+    """
+    words = names.split()
+    try:
+        # In compiled code, as long as nothing but numbers and comments stands there.
+        rows = np.loadtxt(file, usecols=range(len(words)), comments="#", ndmin=2, dtype=np.float64)
+    except ValueError:
+        return read_text(file, names)
+    groups = {group: [words.index(name) for name in each] for group, each in GROUPS.items() if set(each) <= set(words)}
+    return Columns(**{group: rows[:, places] for group, places in groups.items()})
+
+
 def _all(names: Sequence[str], head: TextHead) -> bool:
     return all(name in head.columns for name in names)
 

@@ -59,7 +59,7 @@ def read_binary_items(file: Path, start: int, elements: list[Element], wanted: s
     """
     if file.stat().st_size <= start:
         return {element.name: _empty(file, element) for element in elements if element.name in wanted}
-    data = np.memmap(file, np.uint8, "r", offset=start)
+    data = np.fromfile(file, np.uint8, offset=start)  # not mapped: a file that shrinks would end the process
     found, place, missing = {}, 0, set(wanted)
     for element in elements:
         if not missing:
