@@ -23,7 +23,7 @@ from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
-from o3dleaf.core.parallel import set_num_threads
+from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 JOBS: dict[str, type[Job]] = {
     "demo": DemoJob,
@@ -87,7 +87,8 @@ def perform(job: Job) -> int:
     if isinstance(job, LongJob):
         if job.threads is not None:
             set_num_threads(job.threads)
-        with show_progress(quiet=job.quiet):
+        # Systems of a few unknowns take ten times as long where BLAS wakes a thread for each core.
+        with show_progress(quiet=job.quiet), single_threaded_blas():
             summary = job.run()
     else:
         summary = job.run()
