@@ -24,7 +24,7 @@ from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
 from o3dleaf.core.memory.machine import spare_addresses
-from o3dleaf.core.parallel import set_num_threads
+from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 JOBS: dict[str, type[Job]] = {
     "demo": DemoJob,
@@ -90,7 +90,8 @@ def perform(job: Job) -> int:
             set_num_threads(job.threads)
         if job.only_estimate:
             return show_estimate(job)
-        with show_progress(quiet=job.quiet):
+        # Systems of a few unknowns take ten times as long where BLAS wakes a thread for each core.
+        with show_progress(quiet=job.quiet), single_threaded_blas():
             summary = job.run()
     else:
         summary = job.run()

@@ -11,6 +11,7 @@ from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.memory import measured
 from o3dleaf.core.memory.budget import MemoryNeed, need_of
+from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -41,6 +42,7 @@ is_far = partial(detect_outliers, max_gap=np.inf, max_ratio=np.inf, std_ratio=10
 neighbors (the real wheat leaf loses one point of 6,312)."""
 
 
+@single_threaded_blas()
 def create_blade(
     scan: CloudLike,
     midrib: CloudLike | None = None,
@@ -143,9 +145,11 @@ def create_multiscale_leaf(
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.
     """
-    # The quick step first: what it refuses is refused before the long one.
-    micro = create_texture(volume, options=texture) if isinstance(volume, Volume) else volume
-    macro = create_blade(scan, midrib, unit=unit, options=blade)
+    # Side by side: neither knows the other, and laying a sheet flat is serial.
+    micro, macro = run_together(
+        lambda: create_texture(volume, options=texture) if isinstance(volume, Volume) else volume,
+        lambda: create_blade(scan, midrib, unit=unit, options=blade),
+    )
     return MultiscaleLeaf(micro, blade=macro)
 
 

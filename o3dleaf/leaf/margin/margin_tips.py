@@ -127,7 +127,8 @@ def _holds(flanks: FloatArray, arc: FloatArray, spacing: float) -> bool:
     tip, rounded = shapely.Polygon(np.vstack([arc[:1], flanks, arc[-1:]])), shapely.Polygon(arc)
     if not tip.is_valid or tip.area > (1 + UNLIKE) * rounded.area:
         return False
-    return bool(shapely.distance(tip, shapely.points(arc)).max() <= BENT * spacing)
+    shapely.prepare(tip)
+    return bool(shapely.dwithin(tip, shapely.points(arc), BENT * spacing).all())
 
 
 def _between(center: int, start: int, stop: int, count: int) -> bool:
