@@ -73,7 +73,7 @@ def _as_corners(triangles: npt.ArrayLike) -> IntArray:
     whole = given.dtype.kind in "iu" or (given.dtype.kind == "f" and bool(np.all(given == np.floor(given))))
     if not whole:
         raise InputError(f"mesh triangles: are {given.dtype} and no whole numbers; give vertex numbers")
-    return given.astype(np.int64)
+    return given.astype(np.int64, order="C")  # the layout that loops are compiled for
 
 
 def require_triangles(mesh: MeshLike) -> tuple[FloatArray, IntArray]:

@@ -52,7 +52,8 @@ class VectorSplines:
         if any(not np.array_equal(each.sites, one.sites) for each in components[1:]):
             raise InputError("components: have different sites; fit all three over one cover")
         order = [int(np.flatnonzero((one.exponents == monomial).all(axis=1))[0]) for monomial in LINEAR]
-        tails = np.stack([each.tails[:, order] for each in components], axis=1)
+        # In the layout that loops are compiled for, as those that are read from a file have.
+        tails = np.ascontiguousarray(np.stack([each.tails[:, order] for each in components], axis=1))
         return cls(one.smoothing, one.offsets, one.sites, np.stack([each.weights for each in components]), tails)
 
     def __repr__(self) -> str:

@@ -225,7 +225,7 @@ def _find_sides(surfels: Surfels) -> _Sides:
     with smoothing:
         smoothed = _smoothed(surfels)
     with joining:
-        near = rows if surfels.scale.flatness > FLAT else rows[:, : CLEAN_EDGES + 1]
+        near = rows if surfels.scale.flatness > FLAT else np.ascontiguousarray(rows[:, : CLEAN_EDGES + 1])
         pieces = join_neighbors(points, smoothed, near)
     with turning:
         agreed = pieces.sign[:, np.newaxis] * smoothed

@@ -29,7 +29,7 @@ def data(shape=(23, 17, 19), seed=0):
 
 
 def positions(shape, spacing=SPACING, origin=ORIGIN, transform=None):
-    points = np.argwhere(np.ones(shape, dtype=bool)) * spacing + origin
+    points = np.ascontiguousarray(np.argwhere(np.ones(shape, dtype=bool)) * spacing + origin)
     return points if transform is None else points @ transform[:3, :3].T + transform[:3, 3]
 
 
