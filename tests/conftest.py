@@ -1,5 +1,6 @@
 """What every test runs under: NumPy's errors raised, hypothesis repeatable, real scans found or skipped."""
 
+import inspect
 import os
 import signal
 import sys
@@ -103,7 +104,7 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     from o3dleaf.output.view.picture import render
 
     for draw in (render, render_residuals):
-        monkeypatch.setitem(draw.__kwdefaults__, "size", (400, 250))
+        monkeypatch.setitem(inspect.unwrap(draw).__kwdefaults__, "size", (400, 250))
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
@@ -16,13 +17,19 @@ class InfoJob(UnitOption, Job):
     """Show what a file contains: sizes, extent, and for a mesh whether it is manifold and closed."""
 
     file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
-    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="unit")
+    voxel_spacing: Positive | None = option(
+        None, "Edge of a voxel (needed if the file does not state it)", unit="unit", needs=("volume_file",)
+    )
     json: Path | None = option(None, "Also write it as JSON.", writes=())
+
+    @property
+    def volume_file(self) -> bool:
+        """Whether it is a volume, and neither mesh nor cloud."""
+        return self.file.is_dir() or self.file.suffix.lower() in VOLUMES
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""
-        is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
-        contents = self.volume() if is_volume else self.geometry()
+        contents = self.volume() if self.volume_file else self.geometry()
         if self.json is not None:
             write_json(contents, self.json)
         return contents

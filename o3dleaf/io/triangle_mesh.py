@@ -6,6 +6,7 @@ from pathlib import Path
 
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import require_file, require_object_first
 from o3dleaf.core.errors import InputError
@@ -65,6 +66,7 @@ def _named_counts(file: Path) -> tuple[int, int] | None:
     return (numbers[0], numbers[1]) if len(numbers) == 2 and words[0].endswith("OFF") else None
 
 
+@checked
 def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     """Return a mesh with the labels of its triangles, where the file has them.
 
@@ -107,6 +109,7 @@ def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     return LabelledMesh(mesh, data.labels, data.names, data.unit)
 
 
+@checked
 def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
     """Write a mesh to a file, by the suffix of its name; a failure leaves nothing new behind.
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
@@ -24,11 +26,12 @@ MIN_NIFTI_HEADER = 348
 """Bytes."""
 
 
+@checked
 def read_volume(
     path: str | PathLike[str],
     *,
     spacing: npt.ArrayLike | None = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     origin: npt.ArrayLike | None = None,
 ) -> Volume:
     """Read a micro-CT volume; large uncompressed files are mapped, not loaded.

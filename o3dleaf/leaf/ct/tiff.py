@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError, UnitError
@@ -63,6 +64,7 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     return np.asarray(pages).reshape(_three(stack.shape)), lattice
 
 
+@checked
 def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
     """Write a volume as an ImageJ TIFF stack with its spacing, origin and unit, whole or not at all.
 
