@@ -3,6 +3,7 @@
 Tests marked `slow` are left out, and their number said, but with `--slow`, which says what it ran of them.
 """
 
+import inspect
 import os
 import signal
 import sys
@@ -170,7 +171,7 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     from o3dleaf.output.view.picture import render
 
     for draw in (render, render_residuals):
-        monkeypatch.setitem(draw.__kwdefaults__, "size", (400, 250))
+        monkeypatch.setitem(inspect.unwrap(draw).__kwdefaults__, "size", (400, 250))
 
 
 @pytest.fixture

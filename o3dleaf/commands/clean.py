@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Whole
 from o3dleaf.core.job import LongJob, argument, option, output
 from o3dleaf.core.journal import stage
 
@@ -35,13 +36,15 @@ UNIT = "the mesh's unit"
 class CleaningOptions:
     """The arguments of `clean_mesh`."""
 
-    merge: float = option(0.0, "Merge vertices up to this distance apart", unit=UNIT)
-    smallest_component: float = option(0.0, "Remove components of less than this diameter", unit=UNIT)
-    smallest_area: float = option(0.0, "Remove components of less than this area", unit=f"the square of {UNIT}")
-    fewest_triangles: int = option(0, "Remove components of fewer triangles.")
-    largest_hole: float = option(0.0, "Close holes up to this perimeter", unit=UNIT)
-    smallest_height: float = option(0.0, "Remove, by edge flips, triangles of at most this height", unit=UNIT)
-    fold_angle: float = option(1.0, "Angle of two triangles below which they count as folded (0: none)", unit="degrees")
+    merge: NotNegative = option(0.0, "Merge vertices up to this distance apart", unit=UNIT)
+    smallest_component: NotNegative = option(0.0, "Remove components of less than this diameter", unit=UNIT)
+    smallest_area: NotNegative = option(0.0, "Remove components of less than this area", unit=f"the square of {UNIT}")
+    fewest_triangles: Whole = option(0, "Remove components of fewer triangles.")
+    largest_hole: NotNegative = option(0.0, "Close holes up to this perimeter", unit=UNIT)
+    smallest_height: NotNegative = option(0.0, "Remove, by edge flips, triangles of at most this height", unit=UNIT)
+    fold_angle: NotNegative = option(
+        1.0, "Angle of two triangles below which they count as folded (0: none)", unit="degrees"
+    )
     untangle: bool = option(False, "Remove triangles that intersect others.")
     orient: bool = option(True, "Flip triangles whose orientation contradicts their neighbors.")
 
@@ -56,16 +59,9 @@ class CleanJob(CleaningOptions, LongJob):
 
     mesh: Path = argument("Mesh to clean: PLY, OBJ, STL or OFF.", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
-    triangles: int | None = option(None, "Then simplify to about this many triangles.")
-    edge: float | None = option(None, "Or to this mean edge length", unit=UNIT)
-    deviation: float | None = option(None, "Or simplify with at most this deviation of the surface", unit=UNIT)
-
-    def check(self) -> None:
-        """Refuse a size below zero."""
-        from o3dleaf.surface.repair.clean import Cleaning
-
-        super().check()
-        Cleaning(**self.cleaning())
+    triangles: Count | None = option(None, "Then simplify to about this many triangles.", unless=("edge",))
+    edge: Positive | None = option(None, "Or to this mean edge length", unit=UNIT)
+    deviation: Positive | None = option(None, "Or simplify with at most this deviation of the surface", unit=UNIT)
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what the triangles of the file take."""

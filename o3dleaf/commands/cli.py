@@ -3,7 +3,7 @@
 import inspect
 import sys
 from dataclasses import MISSING, Field
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, get_type_hints
 
 import typer
 
@@ -57,11 +57,12 @@ def add_command(program: typer.Typer, name: str, job: type[Job]) -> None:
 
 def parameters(job: type[Job]) -> list[inspect.Parameter]:
     """Return the options of a job as typer's."""
-    return [_parameter(name, field, known) for name, (field, known) in options_of(job).items()]
+    types = get_type_hints(job)
+    return [_parameter(name, field, known, types[name]) for name, (field, known) in options_of(job).items()]
 
 
-def _parameter(name: str, field: Field[Any], known: Option) -> inspect.Parameter:
-    kind: Any = known.kind or field.type
+def _parameter(name: str, field: Field[Any], known: Option, annotated: Any) -> inspect.Parameter:
+    kind: Any = known.kind or annotated
     default: Any = None if field.default == () else field.default
     if default is MISSING:
         default = inspect.Parameter.empty

@@ -6,6 +6,7 @@ from typing import Any
 
 from o3dleaf.commands.leaf import LeafJob, in_a_line
 from o3dleaf.commands.sample import SampleOption
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import make_folder
 from o3dleaf.core.job import LongJob, option
 
@@ -15,7 +16,7 @@ class DemoJob(SampleOption, LongJob):
     """Build the sample leaf: mesh, picture and summary into a folder."""
 
     output: Path = option(Path("demo_output"), "Folder to write into.", "--output", "-o")
-    spacing: float = option(0.1, "Mesh spacing", unit="mm")
+    spacing: Positive = option(0.1, "Mesh spacing", unit="mm")
 
     def work(self) -> dict[str, Any]:
         """Write the samples if need be, then the leaf, and return its summary."""

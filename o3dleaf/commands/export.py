@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL
+from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import LongJob, UnitOption, argument, corners_of, option, output, table
 from o3dleaf.core.journal import stage
@@ -24,6 +25,10 @@ WHAT = {
 """What can be exported, and where the suffixes of its files stand."""
 
 
+OF_MODEL: dict[str, Any] = {"needs": ("saved_model",)}
+"""Of options that a mesh has no use for."""
+
+
 @dataclass(frozen=True)
 class ExportJob(UnitOption, LongJob):
     """Write a mesh, particles or distances for the next program, in its format and unit; see docs/consumers."""
@@ -35,34 +40,45 @@ class ExportJob(UnitOption, LongJob):
         "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh.",
         "--for",
         choices="o3dleaf.output.export.consumers:CONSUMERS",
+        unless=("points",),
     )
     what: str = option(
         "mesh", "'mesh', 'surface-particles', 'volume-particles' or 'distance', of a closed mesh.", choices=tuple(WHAT)
     )
-    to_unit: str | None = option(None, "Unit of the file; by default that of the program, or --unit.")
-    spacing: float | None = option(None, "Mesh spacing if SOURCE is a model", unit="its unit")
-    remesh: float | None = option(
+    to_unit: Unit | None = option(None, "Unit of the file; by default that of the program, or --unit.")
+    spacing: Positive | None = option(None, "Mesh spacing if SOURCE is a model", unit="its unit", **OF_MODEL)
+    remesh: Positive | None = option(
         None,
         "Remesh the leaf of a model to this edge length, in its unit; "
         "for openfoam, dualsphysics and gmsh to the spacing by default. Tiles are never remeshed.",
+        **OF_MODEL,
+        unless=("tile", "no_remesh"),
     )
-    no_remesh: bool = option(False, "Do not remesh for these programs: faster, but with slivers.", "--no-remesh")
+    no_remesh: bool = option(
+        False,
+        "Do not remesh for these programs: faster, but with slivers.",
+        "--no-remesh",
+        needs=("remeshing_program",),
+    )
     region: Any = option(
         None,
         "Part of the leaf, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1.",
         kind=tuple[float, float, float, float],
         parse=corners_of,
+        **OF_MODEL,
+        unless=("tile",),
     )
     part: str | None = option(None, "Export only this part: adaxial, abaxial or rim.")
-    sheets: bool = option(False, "Two open sheets instead of one closed solid.", "--open")
-    tile: bool = option(False, "One flat period as a closed block, instead of the leaf.")
-    step: float | None = option(None, "Spacing of particles or grid points", unit="unit")
+    sheets: bool = option(False, "Two open sheets instead of one closed solid.", "--open", **OF_MODEL, unless=("tile",))
+    tile: bool = option(False, "One flat period as a closed block, instead of the leaf.", **OF_MODEL)
+    step: Positive | None = option(None, "Spacing of particles or grid points", unit="unit", needs=("points",))
     bounds: Any = option(
         None,
         "Box of the distance grid (by default that of the mesh): X0 Y0 Z0 X1 Y1 Z1",
         unit="unit",
         kind=tuple[float, float, float, float, float, float],
         parse=corners_of,
+        needs=("distance_grid",),
     )
     origin: tuple[float, float, float] | None = option(None, "Point X Y Z that becomes the origin", unit="unit")
     scalar: tuple[str, ...] = option(
@@ -71,9 +87,14 @@ class ExportJob(UnitOption, LongJob):
         kind=list[str],
         parse=tuple,
         choices="o3dleaf.output.export.leaf_scalars:SCALARS",
+        unless=("points", "tile"),
     )
     field: Path | None = option(
-        None, "Model of the leaf that these values are computed from, if SOURCE is a mesh.", reads=True
+        None,
+        "Model of the leaf that these values are computed from, if SOURCE is a mesh.",
+        reads=True,
+        needs=("scalar",),
+        unless=("saved_model",),
     )
 
     @property
@@ -82,17 +103,31 @@ class ExportJob(UnitOption, LongJob):
 
         None: the surface stays as it was polygonized. A tile's opposite walls must match, and so it always does.
         """
-        from o3dleaf.output.export.consumers import CONSUMERS
-
-        solver = self.consumer is not None and CONSUMERS[self.consumer].solver
-        if self.no_remesh or self.tile or self.remesh is not None or not solver:
+        if self.no_remesh or self.tile or self.remesh is not None or not self.remeshing_program:
             return self.remesh
         return self.spacing
 
     @property
-    def is_model(self) -> bool:
+    def remeshing_program(self) -> bool:
+        """Whether the leaf of a model is remeshed for the next program, if nothing else is said."""
+        from o3dleaf.output.export.consumers import CONSUMERS
+
+        return self.saved_model and self.consumer in CONSUMERS and CONSUMERS[self.consumer].solver
+
+    @property
+    def saved_model(self) -> bool:
         """True for a model, which is meshed first."""
         return self.source.suffix.lower() in table(MODEL)
+
+    @property
+    def points(self) -> bool:
+        """Whether particles or a grid are written, and no mesh."""
+        return self.what != "mesh"
+
+    @property
+    def distance_grid(self) -> bool:
+        """Whether distances are written."""
+        return self.what == "distance"
 
     def check(self) -> None:
         """Refuse a file that is none for the next program, and what does not go together."""
@@ -100,31 +135,11 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.output.export.consumers import CONSUMERS
 
         super().check()
-        if self.consumer is not None and self.what != "mesh":
-            raise InputError(f"for: {self.consumer} reads meshes; leave it out with {self.what}")
         require_writable(self.output, CONSUMERS[self.consumer].suffixes if self.consumer else table(WHAT[self.what]))
         if self.what != "mesh" and self.step is None:
             raise InputError(f"step: is missing for {self.what}; give it in the unit of {self.source.name}")
-        if self.remesh is not None:
-            self._check_remesh(self.remesh)
-
-    def _check_remesh(self, edge: float) -> None:
-        """Raise `InputError` where nothing can be remeshed to edges of that length."""
-        from o3dleaf.core.checks import require_positive
-
-        require_positive(edge, "remesh")
-        if self.no_remesh:
-            raise InputError("remesh, no-remesh: contradict each other; give one of them")
-        self._refuse_remeshed_tile(tile=self.tile)
-        if not self.is_model:
-            raise InputError(
-                f"remesh: {self.source} is a mesh already; give the model, or remesh it in Python: "
-                "o3l.remesh(mesh, edge)"
-            )
-
-    def _refuse_remeshed_tile(self, *, tile: bool) -> None:
-        if tile and self.remesh is not None:
-            raise InputError("remesh: opposite walls of a tile must match; leave it out, or give a region of the leaf")
+        if self.saved_model and self.spacing is None:
+            raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
@@ -132,7 +147,7 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.core.memory.measured import FILED_TRIANGLE
         from o3dleaf.io.triangle_mesh import count_triangles
 
-        if self.is_model:
+        if self.saved_model:
             return []
         count = count_triangles(self.source)
         return [need_of(FILED_TRIANGLE * count, f"export: {count:,} triangles", "simplify the mesh first")]
@@ -141,7 +156,7 @@ class ExportJob(UnitOption, LongJob):
         """Export, and return a line about what was written."""
         from o3dleaf.output.export.selection import moved, part_of
 
-        with stage("mesh" if self.is_model else "read"):
+        with stage("mesh" if self.saved_model else "read"):
             mesh, model = self.mesh()
             mesh = mesh if self.part is None else part_of(mesh, self.part)
         scalars = {}
@@ -156,7 +171,7 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.io.triangle_mesh import read_mesh
         from o3dleaf.leaf.saved.models import load
 
-        if not self.is_model:
+        if not self.saved_model:
             given = read_mesh(self.source)
             model = None if self.field is None else load(self.field)
             return replace(given, unit=self.unit or given.unit), model
@@ -171,11 +186,12 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.leaf.texture.patches import PatchBlend
         from o3dleaf.leaf.texture.tiling import TiledField
 
-        if self.spacing is None:
-            raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
-        spacing = require_positive(self.spacing, "spacing")
+        spacing = require_positive(self.spacing or 0.0, "spacing")
         if isinstance(model, TiledField | PatchBlend):
-            self._refuse_remeshed_tile(tile=True)
+            if self.remesh is not None:
+                raise InputError(
+                    "remesh: opposite walls of a tile must match; leave it out, or give the model of a leaf"
+                )
             return extract_flat_tile(model, 1.0, spacing)
         if not isinstance(model, MultiscaleLeaf):
             raise InputError(

@@ -31,14 +31,22 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
     flip: str | None = None
     shift: float = 0.0
 
+    @property
+    def volume(self) -> bool:
+        """Whether there is a volume: one that was given, or that of the samples."""
+        return self.volume_of(self.ct) is not None or (self.scan is None and self.model is None)
+
+    @property
+    def saved_leaf(self) -> bool:
+        """Whether a leaf is drawn that was built before."""
+        return self.model is not None
+
     def check(self) -> None:
         """Refuse figures that there are not, and files that do not go together."""
         from o3dleaf.output.figures.draw import check_request
 
         super().check()
         check_request(*self.wanted)
-        if self.model is not None and self.midrib is not None:
-            raise InputError("midrib, model: a saved leaf already has its midrib; give one of them")
         if self.scan is None and self.model is None and (self.ct is not None or self.midrib is not None):
             raise InputError(
                 "scan: is missing; give one with the CT volume or midrib, or a model, or no file to draw the samples"

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import LAYOUT_HELP
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, UnitOption, argument, option
@@ -18,17 +19,23 @@ class InfoJob(UnitOption, Job):
     """Show what a file contains: sizes, extent, and for a mesh whether it is manifold and closed."""
 
     file: Path = argument("A mesh, a point cloud or a volume.", reads=True)
-    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="unit")
-    layout: str | None = option(None, LAYOUT_HELP)
+    voxel_spacing: Positive | None = option(
+        None, "Edge of a voxel (needed if the file does not state it)", unit="unit", needs=("volume_file",)
+    )
+    layout: str | None = option(None, LAYOUT_HELP, needs=("volume_file",))
     json: Path | None = option(None, "Also write it as JSON.", writes=())
 
-    def work(self) -> dict[str, Any]:
-        """Return the contents of the file, as plain values; lengths in `unit`."""
+    @property
+    def volume_file(self) -> bool:
+        """Whether it is a volume, and neither mesh nor cloud."""
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
-        is_volume = self.file.is_dir() or self.file.name.lower().endswith(volumes)
-        contents = self.volume() if is_volume else self.geometry()
+        return self.file.is_dir() or self.file.name.lower().endswith(volumes)
+
+    def work(self) -> dict[str, Any]:
+        """Return the contents of the file, as plain values; lengths in `unit`."""
+        contents = self.volume() if self.volume_file else self.geometry()
         if self.json is not None:
             write_json(contents, self.json)
         return contents

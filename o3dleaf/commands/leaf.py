@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
 from o3dleaf.core import journal
+from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.job import (
@@ -40,6 +41,8 @@ MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
 PICTURE_STEP_MM = 0.1
 """The step of that one."""
+OF_MICRO_STRUCTURE: dict[str, Any] = {"needs": ("ct",), "unless": ("fine",)}
+"""Of options that a blade has no use for, nor a mesh with finer windows in it."""
 WINDOW_MM = 3.0
 """Width of a window around a point: a droplet and some leaf around it."""
 
@@ -57,8 +60,10 @@ def _windows(texts: list[str]) -> tuple[tuple[float, ...], ...]:
 class ScanOptions:
     """Midrib and unit of a scan."""
 
-    midrib: Path | None = option(None, "Control points from base to tip; computed if not given.", reads=True)
-    scan_unit: str = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.")
+    midrib: Path | None = option(
+        None, "Control points from base to tip; computed if not given.", reads=True, unless=("saved_leaf",)
+    )
+    scan_unit: Unit = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.", unless=("saved_leaf",))
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     ct: Path | None = option(
         None, "Micro-CT volume of a patch, or a model that `patch` wrote; without it, the blade only.", reads=True
     )
-    spacing: float | None = option(
+    spacing: Positive | None = option(
         None, "Mesh spacing (the scan's, or what shows the micro-structure, if not given)", unit="scan-unit"
     )
     region: Any = option(
@@ -82,30 +87,44 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         unit="scan-unit",
         kind=tuple[float, float, float, float],
         parse=corners_of,
+        unless=("around", "fine"),
     )
     around: tuple[float, float, float] | None = option(
-        None, "Mesh a window around this point of the world instead: X Y Z", unit="scan-unit"
+        None, "Mesh a window around this point of the world instead: X Y Z", unit="scan-unit", unless=("fine",)
     )
-    window: float | None = option(None, "Width of that window (3 mm if not given)", unit="scan-unit")
-    closed: bool = option(False, "One solid with a rim, instead of two open sheets.")
+    window: Positive | None = option(
+        None, "Width of that window (3 mm if not given)", unit="scan-unit", needs=("around",)
+    )
+    closed: bool = option(False, "One solid with a rim, instead of two open sheets.", needs=("ct",))
     fine: tuple[tuple[float, ...], ...] = option(
         (),
         "A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; repeat for more.",
         kind=list[str],
         parse=_windows,
+        needs=("ct",),
     )
-    simplify: float | None = option(None, "Simplify a tile to this share of its triangles.")
-    remesh: float | None = option(None, "Remesh to this edge length, for solvers", unit="scan-unit")
-    remesh_tile: float | None = option(
-        None, "Or remesh one tile, which the mesh repeats, to this edge length", unit="scan-unit"
+    simplify: float | None = option(None, "Simplify a tile to this share of its triangles.", **OF_MICRO_STRUCTURE)
+    remesh: Positive | None = option(
+        None, "Remesh to this edge length, for solvers", unit="scan-unit", **OF_MICRO_STRUCTURE
+    )
+    remesh_tile: Positive | None = option(
+        None, "Or remesh one tile, which the mesh repeats, to this edge length", unit="scan-unit", **OF_MICRO_STRUCTURE
     )
     grid: Path | None = option(
-        None, "Also sample the leaf on a grid: .vti or .nrrd.", writes="o3dleaf.leaf.distance.grid:SUFFIXES"
+        None,
+        "Also sample the leaf on a grid: .vti or .nrrd.",
+        writes="o3dleaf.leaf.distance.grid:SUFFIXES",
+        needs=("ct",),
     )
     grid_of: str = option(
-        "field", "Values on the grid: 'field', 'distance' or 'mask'.", choices="o3dleaf.leaf.distance.grid:KINDS"
+        "field",
+        "Values on the grid: 'field', 'distance' or 'mask'.",
+        choices="o3dleaf.leaf.distance.grid:KINDS",
+        needs=("grid",),
     )
-    grid_step: float | None = option(None, "Step of the grid (the mesh spacing if not given)", unit="scan-unit")
+    grid_step: Positive | None = option(
+        None, "Step of the grid (the mesh spacing if not given)", unit="scan-unit", needs=("grid",)
+    )
     distortion: str | None = option(
         None,
         "Draw a map of the leaf's distortion: along, across, shear, thickness, area or volume.",
@@ -113,10 +132,18 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     )
     fit_map: bool = option(False, "Draw a map of the residuals: where the leaf does not hold the scan.")
     method: str = option(
-        "cubes", "Marching 'cubes' or 'tetrahedra'.", choices="o3dleaf.surface.isosurface.polygonize:METHODS"
+        "cubes",
+        "Marching 'cubes' or 'tetrahedra'.",
+        choices="o3dleaf.surface.isosurface.polygonize:METHODS",
+        **OF_MICRO_STRUCTURE,
     )
     picture: bool = option(True, "Draw the picture.")
     model: Path | None = option(None, "Also write the leaf as a model file (.o3l).", writes=MODEL)
+
+    @property
+    def volume(self) -> Path | None:
+        """The volume that the micro-structure is made of, if it is no model."""
+        return self.volume_of(self.ct)
 
     def outputs(self) -> list[tuple[Path, Names]]:
         """Return the files that are written, those beside the mesh too."""
@@ -134,27 +161,12 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     def check(self) -> None:
         """Refuse what does not go together."""
-        from o3dleaf.core.checks import require_positive
         from o3dleaf.leaf.meshing import require_reduction
 
         super().check()
         self.check_frame()
-        if self.ct is None and (self.closed or self.fine or self.tile_solid or self.grid):
-            raise InputError(
-                "closed, fine, tile-solid, grid: need a micro-structure, which gives the blade its thickness; give ct"
-            )
-        if self.region is not None and self.around is not None:
-            raise InputError("region, around: name the same window in two ways; give one of them")
-        if self.fine and (self.region or self.around or self.simplify or self.remesh or self.remesh_tile):
-            raise InputError(
-                "fine: windows are set into the mesh of the whole leaf; leave out region, around, simplify and remesh"
-            )
-        for name in ("spacing", "window", "remesh", "remesh_tile", "grid_step"):
-            if (length := getattr(self, name)) is not None:
-                require_positive(length, name.replace("_", "-"))
-        if self.ct is not None:
-            self.check_texture()
-            require_reduction(self.simplify, self.remesh_tile)
+        self.check_texture()
+        require_reduction(self.simplify, self.remesh_tile)
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what scan and volume take; what the mesh takes is known when they are read."""

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import LongJob, argument, option, output, table
 from o3dleaf.core.journal import stage
-from o3dleaf.leaf.options import TextureOptions
+from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
 if TYPE_CHECKING:
     from o3dleaf.core.memory.budget import MemoryNeed
@@ -27,9 +28,18 @@ LAYOUT_HELP = (
 class CtOptions(TextureOptions):
     """Options for reading a micro-CT volume and for the texture made of it."""
 
-    ct_unit: str | None = option(None, "Unit of the volume's coordinates; lengths stated in its file are converted.")
-    voxel_spacing: float | None = option(None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit")
-    ct_layout: str | None = option(None, LAYOUT_HELP)
+    ct_unit: Unit | None = option(
+        None, "Unit of the volume's coordinates; lengths stated in its file are converted.", **OF_VOLUME
+    )
+    voxel_spacing: Positive | None = option(
+        None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit", **OF_VOLUME
+    )
+    ct_layout: str | None = option(None, LAYOUT_HELP, **OF_VOLUME)
+
+    @staticmethod
+    def volume_of(path: Path | None) -> Path | None:
+        """Return the file that a micro-structure is made of, if it is no model, which is one already."""
+        return path if path is not None and path.suffix.lower() not in table(MODEL) else None
 
     def check_texture(self) -> None:
         """Refuse what the texture of no volume can have."""
@@ -74,6 +84,7 @@ class BlockOption:
         None,
         "Also write one flat period as a closed block; opposite sides match.",
         writes="o3dleaf.io.triangle_mesh:SUFFIXES",
+        needs=("ct",),
     )
 
 
@@ -85,14 +96,16 @@ class PatchJob(CtOptions, BlockOption, LongJob):
         "Micro-CT volume: TIFF, folder of slices, DICOM, ISQ, NRRD, HDF5, OME-Zarr, NPY, raw, ...", reads=True
     )
     output: Path = output(MODEL)
-    spacing: float | None = option(None, "Mesh spacing of the block of --tile-solid", unit="ct-unit")
+    spacing: Positive | None = option(
+        None, "Mesh spacing of the block of --tile-solid", unit="ct-unit", needs=("tile_solid",)
+    )
 
     def check(self) -> None:
         """Refuse a block without a step, and a texture that cannot be."""
         super().check()
         self.check_texture()
-        if (self.tile_solid is None) != (self.spacing is None):
-            raise InputError("tile-solid, spacing: the block is meshed at that spacing; give both or neither")
+        if self.tile_solid is not None and self.spacing is None:
+            raise InputError("spacing: is missing, and the block of tile-solid is meshed at it; give it")
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what the volume takes, to be read and to be fitted."""

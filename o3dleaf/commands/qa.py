@@ -28,13 +28,11 @@ class QaJob(UnitOption, LongJob):
 
     def check(self) -> None:
         """Refuse a requirement that there is not, or that needs a file which is not given."""
-        from o3dleaf.core.units import check_unit
         from o3dleaf.output.report.requirements import parse_requirements, require_inputs
 
         super().check()
         given = {"field": self.field is not None, "cloud": self.cloud is not None}
         require_inputs(parse_requirements(self.require), given)
-        check_unit(self.unit)
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what the triangles of the file take."""

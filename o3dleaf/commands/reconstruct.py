@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL
+from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
 from o3dleaf.core.job import ColumnsOption, LongJob, UnitOption, argument, number_or_word, option, output, place_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
     from o3dleaf.core.memory.budget import MemoryNeed
-    from o3dleaf.fitting.rbf.smoothing import SmoothingValue
     from o3dleaf.surface.mesh.mesh_report import MeshReport
     from o3dleaf.surface.reconstruction.closing import Closed
 
@@ -32,8 +32,10 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
 
     cloud: Path = argument("Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, ...", reads=True)
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
-    spacing: float | None = option(None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit")
-    rho: "SmoothingValue" = option(
+    spacing: Positive | None = option(
+        None, "Mesh spacing (chosen from the points if not given)", unit="the cloud's unit"
+    )
+    rho: SmoothingValue = option(
         "gcv", "Smoothing, the paper's rho in unit³, or 'gcv'.", kind=str, parse=number_or_word
     )
     local: str = option("rbf", "Local fit in each ball: rbf, hermite, curl-free, mls or auto.")
@@ -64,10 +66,8 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
     def check(self) -> None:
         """Refuse an unknown unit, and a viewpoint that is no place."""
         from o3dleaf.core.checks import as_viewpoint
-        from o3dleaf.core.units import check_unit
 
         super().check()
-        check_unit(self.unit)
         if self.viewpoint is not None:
             as_viewpoint(self.viewpoint, 1)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.job import Job, argument, option
 
 
@@ -11,7 +12,7 @@ class SampleJob(Job):
     """Write a synthetic scan, its midrib and a micro-CT volume, with a page that describes them."""
 
     folder: Path = argument("Folder to write into.")
-    seed: int = option(0, "Seed of the synthetic leaf.")
+    seed: Whole = option(0, "Seed of the synthetic leaf.")
     leaves: bool = option(False, "Scans of curled, twisted, eaten, lobed and other leaves as well.", "--leaves")
 
     def work(self) -> list[Path]:
@@ -32,7 +33,9 @@ class SampleJob(Job):
 class SampleOption:
     """The samples, for commands that work without any file of one's own."""
 
-    samples: Path = option(Path("data_samples"), "Folder of the samples; they are created if missing.")
+    samples: Path = option(
+        Path("data_samples"), "Folder of the samples; they are created if missing.", unless=("scan", "model")
+    )
 
     def find_samples(self, output: Path) -> tuple[Path, Path, Path]:
         """Return the files of scan, midrib and volume; written into a folder of `output` if they are not there."""

@@ -3,6 +3,7 @@
 `errors`         the errors and warnings that reach a user
 `checks`         validation of input, all of it
 `units`          units of length
+`arguments`      arguments of public functions, held to their annotations
 `field`          the protocol between what fits a function and what makes triangles of it
 `newton`         Newton's method onto a level set
 `compiled`       machine code for a level of processors, shipped with the package and kept on disk

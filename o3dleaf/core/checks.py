@@ -17,6 +17,42 @@ LARGEST = 1e50
 """Size of a cloud's coordinates beyond which, and one over which, sixth powers of lengths leave float64."""
 
 
+def as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
+    """Return an array of real numbers as float64 in the layout that loops are compiled for; NaN may be among them."""
+    try:
+        given = np.asanyarray(array)
+        what = _no_numbers(given)
+        floats = given if what else np.require(given, np.float64, ["C", "A", "W", "E"])
+    except (TypeError, ValueError, OverflowError) as cause:
+        raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
+    if what:
+        raise InputError(f"{name}: {what}")
+    return floats
+
+
+def as_array(array: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    """Return an array of any type as it is; nothing is masked in it."""
+    try:
+        given = np.asanyarray(array)
+    except ValueError as cause:
+        raise InputError(f"{name}: is no array ({cause}); give rows of one length") from cause
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise InputError(f"{name}: {np.ma.count_masked(given)} are masked; give an array without them")
+    return np.asarray(given)
+
+
+def as_row(values: npt.ArrayLike, name: str, *, count: int | None = None) -> FloatArray:
+    """Return `values` as a finite (n,) array, one number as n of them or, where n is not known, as one."""
+    array = as_floats(values, name)
+    if array.ndim == 0:
+        array = np.full(count or 1, array)
+    if array.ndim != 1 or len(array) != (len(array) if count is None else count):
+        raise InputError(
+            f"{name}: has shape {array.shape}; give a row of numbers, ({'n' if count is None else count},)"
+        )
+    return require_finite(array, name)
+
+
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
     """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
 
@@ -38,7 +74,7 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     InputError
         If the array has another shape, too few rows, or a value that is not finite.
     """
-    array = _as_floats(points, name)
+    array = as_floats(points, name)
     if array.ndim == 1 and dim is not None and array.shape == (dim,):
         array = array[np.newaxis]
     columns = array.shape[1] if array.ndim == 2 else 0
@@ -48,6 +84,11 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     if len(array) < least:
         raise InputError(f"{name}: has {len(array)} points; at least {least} are needed")
     return require_finite(array, name)
+
+
+def as_sites(points: npt.ArrayLike, name: str, *, dim: int | None = None, least: int = 0) -> FloatArray:
+    """Return `points` as `as_points` does, if they are of a size to calculate with: data, not places to evaluate at."""
+    return require_size(as_points(points, name, dim=dim, least=least), name)
 
 
 def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> FloatArray:
@@ -62,20 +103,20 @@ def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> F
     return array
 
 
-def _as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
-    try:
-        given = np.asanyarray(array)
-        floats = None if given.dtype.kind == "c" else np.require(given, np.float64, ["C", "A", "W", "E"])
-    except (TypeError, ValueError) as cause:
-        raise InputError(f"{name}: not an array of numbers ({cause}); give an array of real numbers") from cause
-    if floats is None:
-        raise InputError(f"{name}: are complex; give real numbers, real and imaginary parts as two columns")
-    return floats
+def _no_numbers(array: npt.NDArray[Any]) -> str:
+    """Return why an array has no real numbers, and what to do, or nothing."""
+    if array.dtype.kind == "c":
+        return "are complex; give real numbers, real and imaginary parts as two columns"
+    if array.dtype.kind in "mMUS":
+        return f"are {'times' if array.dtype.kind in 'mM' else 'text'}; give an array of real numbers"
+    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
+        return f"{np.ma.count_masked(array)} are masked; give an array without them"
+    return ""
 
 
 def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, columns: bool = False) -> FloatArray:
     """Return `values` as a finite (count,) array, or (count, m) where there may be `columns`, or raise `InputError`."""
-    array = _as_floats(values, name)
+    array = as_floats(values, name)
     if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
@@ -91,7 +132,7 @@ def require_one_column(field: object, caller: str) -> None:
 
 def as_labels(labels: npt.ArrayLike, count: int, kinds: int, name: str = "labels") -> npt.NDArray[np.uint8]:
     """Return `labels` as (count,) whole numbers from 0 to `kinds` - 1, or raise `InputError`."""
-    array = np.asarray(labels)
+    array = as_array(labels, name)
     if array.shape != (count,) or array.dtype.kind not in "bui":
         raise InputError(
             f"{name}: is {array.dtype} of shape {array.shape}; give one whole number per triangle, ({count},)"
@@ -111,7 +152,7 @@ def as_weights(weights: npt.ArrayLike, count: int, name: str = "weights") -> Flo
 
 def as_rows(rows: npt.ArrayLike, count: int, name: str = "groups") -> npt.NDArray[np.int64]:
     """Return `rows` as (count,) whole numbers from 0 to `count` - 1, or raise `InputError`."""
-    array = np.asarray(rows)
+    array = as_array(rows, name)
     if array.shape != (count,) or array.dtype.kind not in "ui" or np.any((array < 0) | (array >= count)):
         raise InputError(
             f"{name}: is {array.dtype} of shape {array.shape}; give one row number from 0 to {count - 1} each"
@@ -134,7 +175,7 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
 
 def as_viewpoint(viewpoint: npt.ArrayLike, count: int) -> FloatArray:
     """Return the place that each of `count` points was seen from (count, 3), given one or one each."""
-    array = _as_floats(viewpoint, "viewpoint")
+    array = as_floats(viewpoint, "viewpoint")
     if array.shape not in {(3,), (count, 3)}:
         raise InputError(f"viewpoint: has shape {array.shape}; give one place (3,), or one for each point ({count}, 3)")
     return np.broadcast_to(require_finite(array, "viewpoint"), (count, 3))
@@ -194,15 +235,15 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel
 
 def as_bounds(bounds: npt.ArrayLike, dim: int, name: str = "bounds") -> FloatArray:
     """Return `bounds` as a (2, dim) array, lower corner then upper corner, or raise `InputError`."""
-    array = as_points(bounds, name, dim=dim)
+    array = as_sites(bounds, name, dim=dim)
     if len(array) != 2 or np.any(array[1] < array[0]):
-        raise InputError(f"{name}: give the lower corner, then the upper corner, shape (2, {dim})")
+        raise InputError(f"{name}: are no two corners of a box; give the lower, then the upper one, shape (2, {dim})")
     return array
 
 
 def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
     """Return the (d,) steps of a spacing given as one number or one an axis, or raise `InputError`."""
-    step = _as_floats(spacing, "spacing")
+    step = as_floats(spacing, "spacing")
     if step.shape not in {(), (dimension,)}:
         raise InputError(f"spacing: has shape {step.shape}; give one number, or one per axis")
     for each in step.ravel():
@@ -218,7 +259,7 @@ def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
     InputError
         If it holds anything else, or has no voxel.
     """
-    voxels: npt.NDArray[Any] = np.asarray(data)
+    voxels = as_array(data, name)
     if voxels.dtype.kind not in "buif":
         raise InputError(f"{name}: has {voxels.dtype} values; give real numbers")
     if voxels.ndim == 0 or voxels.size == 0:
@@ -238,7 +279,7 @@ def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
 
 def as_mask(mask: npt.ArrayLike, shape: tuple[int, ...], name: str = "mask") -> npt.NDArray[np.bool_]:
     """Return `mask` as an array of bool of the given shape, or raise `InputError`."""
-    array = np.asarray(mask)
+    array = as_array(mask, name)
     if array.shape != shape or array.dtype != np.bool_:
         raise InputError(f"{name}: is {array.dtype} of shape {array.shape}; give one bool per voxel, shape {shape}")
     return array
@@ -274,18 +315,18 @@ def as_number(value: float, name: str) -> float:
 
 
 def require_positive(value: float, name: str) -> float:
-    """Return `value` as a float if it is finite and above zero, else raise `InputError`."""
+    """Return `value` as a float if it is above zero and of a size to calculate with, else raise `InputError`."""
     number = _as_float(value)
-    if not (np.isfinite(number) and number > 0):
-        raise InputError(f"{name}: is {value}; give a number above zero")
+    if not 1 / LARGEST <= number <= LARGEST:
+        raise InputError(f"{name}: is {value}; give a number above zero, {1 / LARGEST:.0e} to {LARGEST:.0e}")
     return number
 
 
-def _as_float(value: float) -> float:
+def _as_float(value: object) -> float:
     """Return `value` as a float, NaN where it is no number at all."""
     try:
-        return float(value)
-    except (TypeError, ValueError):
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
         return np.nan
 
 

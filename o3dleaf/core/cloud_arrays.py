@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, require_cloud, require_size
+from o3dleaf.core.checks import FloatArray, as_sites, require_cloud
 
 if TYPE_CHECKING:
     import open3d as o3d
@@ -31,7 +31,7 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     InputError
         If there are fewer than `least` points, or one is not finite, or they are beyond 1e±50.
     """
-    return require_size(as_points(raw_points(cloud, name), name, dim=3, least=least), name)
+    return as_sites(raw_points(cloud, name), name, dim=3, least=least)
 
 
 def raw_points(cloud: CloudLike, name: str = "cloud") -> npt.ArrayLike:

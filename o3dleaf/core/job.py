@@ -9,15 +9,17 @@
         mesh: Path = argument("Mesh to paint.", reads=True)
         output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
         color: str = option("green", "Color of the paint.", choices=("green", "brown"))
-        width: float | None = option(None, "Width of the brush; by default that of the mesh", unit="the mesh's unit")
+        width: Positive | None = option(None, "Width of the brush; by default that of the mesh", unit="the mesh's unit")
+        stripes: Path | None = option(None, "Where to paint them.", reads=True)
+        angle: Finite = option(0.0, "Of the stripes", unit="degrees", needs=("stripes",))
 
         def work(self) -> int: ...
 
 The line of a field is all that there is to an option: `o3dleaf.commands.cli` makes the command line of it, `Job.check`
-refuses what it does not allow, and nothing hands it on by name. `Job.estimate` says what it will need of memory, from
-its options and the heads of its files; more than there is is refused before the work too. Nothing heavy is imported
-here, nor in a module that declares a job: ``o3dleaf --help`` imports them all. Tables of suffixes and choices are named
-as ``module:NAME``.
+refuses what it does not allow, what its annotation does not, and what cannot act as the others are; nothing hands it on
+by name. `Job.estimate` says what it will need of memory, from its options and the heads of its files; more than there
+is is refused before the work too. Nothing heavy is imported here, nor in a module that declares a job: ``o3dleaf
+--help`` imports them all. Tables of suffixes and choices are named as ``module:NAME``.
 """
 
 from abc import ABC, abstractmethod
@@ -27,7 +29,12 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
+from o3dleaf.core.arguments.allowed import require
+from o3dleaf.core.arguments.annotations import rules_of
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_apart, require_writable
+from o3dleaf.core.checks import require_choice
+from o3dleaf.core.errors import InputError
 
 if TYPE_CHECKING:
     from o3dleaf.core.memory.budget import MemoryNeed
@@ -60,6 +67,10 @@ class Option:
         Whether it names a file, or files, to be read.
     writes : tuple of str or "module:NAME", optional
         Whether it names a file to be written, and the suffixes that it may have; an empty tuple allows any.
+    needs : tuple of str
+        Options, or properties of the job, without any of which it cannot act; those that the job has not do not count.
+    unless : tuple of str
+        Options, or properties of the job, beside which it cannot act.
     """
 
     text: str
@@ -70,6 +81,8 @@ class Option:
     choices: Names = ()
     reads: bool = False
     writes: Names | None = None
+    needs: tuple[str, ...] = ()
+    unless: tuple[str, ...] = ()
 
 
 def option(default: Any, text: str, *flags: str, unit: str | None = None, **more: Any) -> Any:
@@ -127,16 +140,39 @@ class Job(ABC):
 
     def check(self) -> None:
         """Raise `InputError`, before any work, for what would fail after it; a job adds what it knows."""
-        from o3dleaf.core.checks import require_choice  # noqa: PLC0415 - NumPy, which the help does without
-
         written = self.outputs()
         require_apart((path for path, _ in written), self.inputs())
         for path, suffixes in written:
             require_writable(path, table(suffixes))
+        rules = rules_of(type(self).__init__)
         for name, (_, known) in options_of(type(self)).items():
+            if name in rules:
+                require(getattr(self, name), spelled(name, known), rules[name])
             for value in _each(getattr(self, name)):
                 if known.choices:
                     require_choice(value, table(known.choices), spelled(name, known))
+        self.check_acting()
+
+    def check_acting(self) -> None:
+        """Raise `InputError` for an option that was given and cannot act, as the others are."""
+        known = options_of(type(self))
+        words = {name: spelled(name, one) for name, (_, one) in known.items()}
+        for name, (_, one) in known.items():
+            needed = [other for other in one.needs if hasattr(self, other)]
+            if not self.has(name):
+                continue
+            if needed and not any(map(self.has, needed)):
+                names = " or ".join(words.get(other, other.replace("_", " ")) for other in needed)
+                raise InputError(f"{words[name]}: cannot act without {names}; give {names}, or leave it out")
+            for other in filter(self.has, one.unless):
+                beside = words.get(other, other.replace("_", " "))
+                raise InputError(f"{words[name]}, {beside}: cannot act together; leave one of them out")
+
+    def has(self, name: str) -> bool:
+        """Return whether an option was given, so that it is not at its default, or a property of the job is true."""
+        value = getattr(self, name, None)
+        field, _ = options_of(type(self)).get(name, (None, None))
+        return bool(value) if field is None else value != field.default
 
     def inputs(self) -> list[Path]:
         """Return the files that are read."""
@@ -192,7 +228,7 @@ class LongJob(Job):
 class UnitOption:
     """The unit of files that do not say theirs."""
 
-    unit: str | None = option(None, "Unit of the coordinates: m, cm, mm, um or nm.")
+    unit: Unit | None = option(None, "Unit of the coordinates: m, cm, mm, um or nm.", unless=("saved_model",))
 
 
 @dataclass(frozen=True, kw_only=True)

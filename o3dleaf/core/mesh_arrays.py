@@ -7,9 +7,11 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_points, require_size
+from o3dleaf.core.checks import FloatArray, as_array, as_sites
 from o3dleaf.core.errors import InputError
 
+LAST_VERTEX = 2**53
+"""Float64 tells whole numbers apart up to this one."""
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 MeshLike: TypeAlias = o3d.geometry.TriangleMesh | o3d.t.geometry.TriangleMesh | tuple[npt.ArrayLike, npt.ArrayLike]
@@ -52,17 +54,14 @@ def mesh_arrays(mesh: MeshLike) -> tuple[FloatArray, IntArray]:
 
 def _as_vertices(vertices: npt.ArrayLike) -> FloatArray:
     """Return a copy of vertices (n, 3), or raise `InputError`."""
-    if np.size(vertices) == 0:
+    if as_array(vertices, "mesh vertices").size == 0:
         return np.empty((0, 3))
-    return require_size(as_points(vertices, "mesh vertices", dim=3), "mesh vertices").copy()
+    return as_sites(vertices, "mesh vertices", dim=3).copy()
 
 
 def _as_corners(triangles: npt.ArrayLike) -> IntArray:
     """Return a copy of triangles (m, 3), vertex numbers, or raise `InputError`."""
-    try:
-        given = np.asarray(triangles)
-    except ValueError as cause:
-        raise InputError(f"mesh triangles: are no array ({cause}); give three vertex numbers a row") from cause
+    given = as_array(triangles, "mesh triangles")
     if given.size == 0:
         return np.empty((0, 3), dtype=np.int64)
     if given.ndim != 2 or given.shape[1] != 3:
@@ -73,6 +72,8 @@ def _as_corners(triangles: npt.ArrayLike) -> IntArray:
     whole = given.dtype.kind in "iu" or (given.dtype.kind == "f" and bool(np.all(given == np.floor(given))))
     if not whole:
         raise InputError(f"mesh triangles: are {given.dtype} and no whole numbers; give vertex numbers")
+    if np.abs(given).max() > LAST_VERTEX:
+        raise InputError(f"mesh triangles: refer to vertex {np.abs(given).max():.3g}; the file may be damaged")
     return given.astype(np.int64, order="C")  # the layout that loops are compiled for
 
 

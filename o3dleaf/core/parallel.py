@@ -16,6 +16,8 @@ from typing import Any
 
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.progress import is_heard, report
 
@@ -82,7 +84,8 @@ def get_num_threads() -> int:
     return _pool.threads
 
 
-def set_num_threads(threads: int) -> None:
+@checked
+def set_num_threads(threads: Count) -> None:
     """Set the number of threads for compiled loops (default: all cores); results do not depend on it.
 
     Raises

@@ -20,10 +20,18 @@ def check_unit(unit: str | None) -> str | None:
     """Return the canonical name of a unit of length (None: no unit stated), or raise `UnitError`."""
     if unit is None:
         return None
-    name = unit.replace("µ", "u").replace("μ", "u")
-    if name not in METERS:
+    if not is_unit(unit):
         raise UnitError(f"unit: unknown {unit!r}; choose one of {', '.join(METERS)}")
-    return name
+    return _plain_name(unit)
+
+
+def is_unit(name: str) -> bool:
+    """Return whether a unit of length has that name."""
+    return _plain_name(name) in METERS
+
+
+def _plain_name(unit: str) -> str:
+    return unit.replace("µ", "u").replace("μ", "u")
 
 
 def unit_scale(source: str | None, target: str | None) -> float:

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.checks import require_file, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds import e57, las, text
@@ -23,10 +25,11 @@ WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
 
+@checked
 def read_point_cloud(
     path: str | PathLike[str],
     *,
-    least: int = 3,
+    least: Whole = 3,
     finite: bool = True,
     columns: str | Sequence[str] | None = None,
 ) -> o3d.geometry.PointCloud:

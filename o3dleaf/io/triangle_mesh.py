@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import require_file, require_object_first
 from o3dleaf.core.errors import InputError
@@ -81,6 +82,7 @@ def count_triangles(path: Path) -> int:
     return size // (TRIANGLE.itemsize if suffix == ".stl" and is_binary(file) else TEXT_BYTES.get(suffix, size + 1))
 
 
+@checked
 def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     """Return a mesh with the labels of its triangles, where the file has them.
 
@@ -113,6 +115,7 @@ def read_mesh(path: str | PathLike[str]) -> LabelledMesh:
     return LabelledMesh(_open3d_mesh(data), data.labels, data.names, data.unit)
 
 
+@checked
 def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ...] | None = None) -> None:
     """Write a mesh to a file, by the suffix of its name; a failure leaves nothing new behind.
 

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray
@@ -98,6 +99,7 @@ class FitQuality:
     unit: str | None
 
     @classmethod
+    @checked
     def of(cls, blade: Blade, scan: CloudLike) -> "FitQuality":
         """Measure how well a blade holds its scan.
 

@@ -8,6 +8,8 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Share
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.labelled_mesh import LabelledMesh
@@ -24,6 +26,7 @@ from o3dleaf.leaf.meshing import MeshPlan, extract_flat_tile
 from o3dleaf.leaf.textured_blade import Texture
 
 
+@checked
 class MultiscaleLeaf(MeasuredLeaf):
     r"""Implicit function of the whole leaf in world coordinates; the surface is G(x) = 0, G > 0 is leaf.
 
@@ -80,19 +83,21 @@ class MultiscaleLeaf(MeasuredLeaf):
         parts = {"frame": blade.frame, "height_map": blade.height_map, "outline": blade.outline}
         return {"texture": self.texture, "offset": blade.offset} | parts
 
+    @checked
     def save(self, path: str | PathLike[str]) -> None:
         """Write the leaf as one model file, which `o3dleaf.load` reads."""
         write_model(self, path)
 
+    @checked
     def plan_mesh(
         self,
-        spacing: float,
+        spacing: Positive,
         region: npt.ArrayLike | None = None,
         *,
         closed: bool = False,
         method: str = "cubes",
-        simplify: float | None = None,
-        remesh_tile: float | None = None,
+        simplify: Share | None = None,
+        remesh_tile: Positive | None = None,
     ) -> MeshPlan:
         """Polygonize one tile of the texture and count what the outline contains of it; nothing else is made yet.
 
@@ -123,14 +128,15 @@ class MultiscaleLeaf(MeasuredLeaf):
         reshaped: dict[str, Any] = {"simplify": simplify, "remesh_tile": remesh_tile}
         return MeshPlan(self, spacing, region, closed=closed, method=method, **reshaped)
 
+    @checked
     def extract_mesh(
         self,
-        spacing: float,
+        spacing: Positive,
         region: npt.ArrayLike | None = None,
         *,
         closed: bool = False,
         method: str = "cubes",
-        remesh: float | None = None,
+        remesh: Positive | None = None,
     ) -> o3d.geometry.TriangleMesh:
         """Return the surface of the leaf as a triangle mesh in world coordinates; see `plan_mesh`.
 
@@ -143,15 +149,16 @@ class MultiscaleLeaf(MeasuredLeaf):
         with extracting:
             return plan.extract(remesh=remesh).mesh
 
+    @checked
     def write_mesh(
         self,
         path: str | PathLike[str],
-        spacing: float,
+        spacing: Positive,
         region: npt.ArrayLike | None = None,
         *,
         closed: bool = False,
         method: str = "cubes",
-        remesh: float | None = None,
+        remesh: Positive | None = None,
     ) -> None:
         """Write the surface of the leaf to a PLY, STL or OBJ file, whole or not at all; see `plan_mesh`.
 
@@ -175,15 +182,17 @@ class MultiscaleLeaf(MeasuredLeaf):
             else:
                 write_mesh(plan.extract(remesh=remesh), path)
 
-    def extract_tile(self, spacing: float) -> LabelledMesh:
+    @checked
+    def extract_tile(self, spacing: Positive) -> LabelledMesh:
         """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.
 
         Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
         """
         return extract_flat_tile(self.texture, self.scale, spacing, self.unit)
 
+    @checked
     def extract_levels(
-        self, spacing: float, levels: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
+        self, spacing: Positive, levels: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
     ) -> LabelledMesh:
         """Return one mesh of the whole leaf, without a crack, coarse but for windows: fine where a droplet lands.
 

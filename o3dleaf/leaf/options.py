@@ -4,15 +4,13 @@ A field made by `option` is an option of the commands too; the others are for Py
 """
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Finite, NotNegative, Positive, SmoothingValue
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import number_or_word, option, words_of
-
-if TYPE_CHECKING:
-    from o3dleaf.fitting.rbf.smoothing import SmoothingValue
-
 
 FRAMES = ("surface", "paper")
 OF_FRAME = {
@@ -22,12 +20,17 @@ OF_FRAME = {
 """Options that one frame alone looks at."""
 
 
+OF_VOLUME: dict[str, Any] = {"needs": ("volume",)}
+"""Of options of the micro-structure: a model has its own already."""
+
+
 def _period(text: str) -> Any:
     """Return the two lengths of a text, or its word."""
     values = [number_or_word(word) for word in words_of(text)]
     return values[0] if len(values) == 1 else tuple(values)
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class BladeOptions:
     """Options for the macro-scale blade; by default everything is chosen from the scan.
@@ -81,17 +84,19 @@ class BladeOptions:
         "The blade as a 'surface' of its own, for any leaf, or as in the 'paper': heights over a plane.",
         choices=FRAMES,
     )
-    smoothing: "SmoothingValue | Literal['robust']" = "robust"
+    smoothing: SmoothingValue | Literal["robust"] = "robust"
     up: Any = None
     base: Any = None
-    piece: int | None = option(None, "Which piece of the scan is the leaf, the largest being 1.")
+    piece: Count | None = option(None, "Which piece of the scan is the leaf, the largest being 1.")
     one_sheet: bool = option(True, "Take passes that disagree, or both sides of a thin leaf, for one surface.")
     keep_petiole: bool = option(False, "Keep the petiole, or a stub of the stem, as part of the blade.")
-    fill_holes: float | None = option(
-        None, "Fill holes up to this width (those no larger than the scan's gaps if not given)", unit="scan-unit"
+    fill_holes: NotNegative | None = option(
+        None, "Fill holes up to this width (by default those no larger than the scan's gaps)", unit="scan-unit"
     )
-    rim_radius: float | None = option(None, "Let the thickness fall over this distance from the rim", unit="scan-unit")
-    alpha: float | None = option(
+    rim_radius: Positive | None = option(
+        None, "Let the thickness fall over this distance from the rim", unit="scan-unit"
+    )
+    alpha: Positive | None = option(
         None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"
     )
     offset: str = option(
@@ -101,6 +106,7 @@ class BladeOptions:
     )
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class TextureOptions:
     """Options for the micro-structure from a micro-CT volume.
@@ -118,20 +124,24 @@ class TextureOptions:
         Mirrored tiles, and rows of tiles that are shifted along by this share of a tile; see `TiledField`.
     """
 
-    level: float | str = option(
-        "valley", "Intensity of the surface: a number, 'valley' or 'otsu'.", kind=str, parse=number_or_word
+    level: Finite | str = option(
+        "valley", "Intensity of the surface: a number, 'valley' or 'otsu'.", kind=str, parse=number_or_word, **OF_VOLUME
     )
-    rho: "SmoothingValue" = option(
+    rho: SmoothingValue = option(
         "gcv",
         "Smoothing of the micro-structure: the paper's rho, in ct-unit³, 'gcv' or 'gcv-per-ball'.",
         kind=str,
         parse=number_or_word,
+        **OF_VOLUME,
+        unless=("saved_leaf",),
     )
     period: Any = option(
         None,
         "Size of a tile, 'ALONG ACROSS' in ct-unit, or 'best': the one whose opposite sides match best.",
         kind=str,
         parse=_period,
+        **OF_VOLUME,
+        unless=("saved_leaf",),
     )
-    flip: str | None = option(None, "Mirror every second tile: along, across or both.")
-    shift: float = option(0.0, "Shift each row of tiles along by this share of a tile, like bricks.")
+    flip: str | None = option(None, "Mirror every second tile: along, across or both.", **OF_VOLUME)
+    shift: Finite = option(0.0, "Shift each row of tiles along by this share of a tile, like bricks.", **OF_VOLUME)

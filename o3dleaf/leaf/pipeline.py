@@ -5,6 +5,8 @@ from functools import partial
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import UnitError
@@ -42,12 +44,13 @@ is_far = partial(detect_outliers, max_gap=np.inf, max_ratio=np.inf, std_ratio=10
 neighbors (the real wheat leaf loses one point of 6,312)."""
 
 
+@checked
 @single_threaded_blas()
 def create_blade(
     scan: CloudLike,
     midrib: CloudLike | None = None,
     *,
-    unit: str = "mm",
+    unit: Unit = "mm",
     options: BladeOptions | None = None,
 ) -> Blade:
     """Build the macro-scale blade from a laser scan (paper, section 2.4).
@@ -77,6 +80,7 @@ def create_blade(
     return build(points, None if midrib is None else points_of(midrib, "midrib", least=2), unit, options)
 
 
+@checked
 def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> TiledField:
     """Build the tiled micro-structure from a micro-CT volume (paper, sections 2.5 and 2.6).
 
@@ -125,12 +129,13 @@ def memory_for_blade(points: int) -> MemoryNeed:
     return need_of(measured.BLADE_POINT * points, f"blade: {points:,} points", "thin the scan, by voxel_down_sample")
 
 
+@checked
 def create_multiscale_leaf(
     scan: CloudLike,
     volume: Volume | TiledField | PatchBlend,
     midrib: CloudLike | None = None,
     *,
-    unit: str = "mm",
+    unit: Unit = "mm",
     blade: BladeOptions | None = None,
     texture: TextureOptions | None = None,
 ) -> MultiscaleLeaf:

@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, NotNegative, Positive, Whole
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
@@ -24,14 +26,15 @@ GRAIN = 0.4
 """Standard deviation of the reconstruction filter that correlates the noise, in voxels."""
 
 
+@checked
 def wheat_ct(
     *,
-    seed: int = 0,
-    spacing: float = 24.0,
-    size: tuple[float, float, float] = (1680.0, 1680.0, 480.0),
-    noise: float = 0.01,
-    drift: float = 0.1,
-    ridges: float | None = None,
+    seed: Whole = 0,
+    spacing: Positive = 24.0,
+    size: tuple[Positive, Positive, Positive] = (1680.0, 1680.0, 480.0),
+    noise: NotNegative = 0.01,
+    drift: Finite = 0.1,
+    ridges: Positive | None = None,
 ) -> tuple[Volume, WheatPatch]:
     """Return a synthetic micro-CT volume of a wheat blade, and the noise-free truth as a Field.
 

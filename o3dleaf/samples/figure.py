@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
@@ -36,6 +38,7 @@ class Jet(NamedTuple):
     bend: FloatArray
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Figure(Meshed):
     r"""A figure of one piece without a handle: the zero set of capsules that run together.
@@ -55,7 +58,7 @@ class Figure(Meshed):
     """
 
     parts: tuple[tuple[float, ...], ...] = DEFAULT_PARTS
-    blend: float = 0.012
+    blend: Positive = 0.012
 
     def __repr__(self) -> str:
         return f"Figure({len(self.parts)} parts, blend={self.blend:g})"

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import O3DLeafError
@@ -36,7 +38,8 @@ data, under the licence of the project. The truth behind each file is a Field th
 """  # noqa: E501 - a row of a table is one line
 
 
-def write_samples(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
+@checked
+def write_samples(folder: str | PathLike[str], *, seed: Whole = 0) -> list[Path]:
     """Write the sample scan, midrib and micro-CT volume with a README that holds their checksums.
 
     Parameters

@@ -4,6 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import NotNegative, Positive
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.samples.mesh_solid import MeshSolid
 from o3dleaf.samples.meshed import level_mesh
@@ -12,7 +14,8 @@ STEPS = 6
 """Steps of the mesh across what is narrow; its triangles are the truth, so that they need not be finer."""
 
 
-def fins(thickness: float = 0.04) -> MeshSolid:
+@checked
+def fins(thickness: Positive = 0.04) -> MeshSolid:
     """Return three round-edged plates through a ball, like the fins of a radiator.
 
     Parameters
@@ -34,7 +37,8 @@ def fins(thickness: float = 0.04) -> MeshSolid:
     return _solid(level, box, thickness)
 
 
-def gap(width: float = 0.04) -> MeshSolid:
+@checked
+def gap(width: Positive = 0.04) -> MeshSolid:
     """Return a block with a slot down to below its middle, like two fingers that nearly touch.
 
     Parameters
@@ -55,7 +59,8 @@ def gap(width: float = 0.04) -> MeshSolid:
     return _solid(level, box, width)
 
 
-def fold(distance: float = 0.04) -> MeshSolid:
+@checked
+def fold(distance: Positive = 0.04) -> MeshSolid:
     """Return a plate folded onto itself, like a leaf that is rolled in.
 
     Parameters
@@ -75,7 +80,8 @@ def fold(distance: float = 0.04) -> MeshSolid:
     return _solid(level, box, distance)
 
 
-def bumps(height: float = 0.01, wave: float = 0.15) -> MeshSolid:
+@checked
+def bumps(height: NotNegative = 0.01, wave: Positive = 0.15) -> MeshSolid:
     """Return a ball of radius 0.5 with bumps all over.
 
     Parameters

@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Whole
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.samples.sheet import WheatBlade
@@ -31,14 +33,15 @@ class ScanSample(NamedTuple):
         return f"ScanSample({points}, {len(self.midrib)} control points of the midrib, truth {self.truth!r})"
 
 
+@checked
 def wheat_scan(
     *,
-    seed: int = 0,
-    count: int = 6300,
-    noise: float = 0.1,
-    misregistration: float = 0.15,
-    holes: int = 6,
-    outliers: int = 0,
+    seed: Whole = 0,
+    count: Count = 6300,
+    noise: NotNegative = 0.1,
+    misregistration: NotNegative = 0.15,
+    holes: Whole = 6,
+    outliers: Whole = 0,
 ) -> ScanSample:
     """Return a synthetic laser scan of a wheat leaf about 200 mm long and 11 mm wide, in millimeters.
 

@@ -7,6 +7,8 @@ import numpy.typing as npt
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import KDTree
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.samples.domain import evaluate
 
@@ -17,6 +19,7 @@ SEEDS = (801, 41)
 STEPS = 60
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class WheatBlade:
     r"""A zero-thickness wheat blade, as a Field: ``half_thickness`` less the distance to it, in millimeters.
@@ -44,15 +47,15 @@ class WheatBlade:
         Half the thickness of the leaf whose outside is F < 0, in millimeters.
     """
 
-    length: float = 200.0
-    width: float = 11.3
+    length: Positive = 200.0
+    width: Positive = 11.3
     base: FloatArray = field(default_factory=lambda: np.array([360.0, 730.0, 96.0]))
     rise: float = np.radians(55.0)
     droop: float = np.radians(-70.0)
     swing: float = np.radians(25.0)
     twist: float = np.radians(80.0)
-    half_thickness: float = 0.1
-    unit: str = "mm"
+    half_thickness: Positive = 0.1
+    unit: Unit = "mm"
     bounds: FloatArray = field(init=False)
     area: float = field(init=False)
     _axis: CubicHermiteSpline = field(init=False, repr=False)

@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import KDTree
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import NotNegative, Positive
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
@@ -18,6 +20,7 @@ ROUNDING = 1e-15
 """Of squared distances: without it the last of Newton's steps, the best ones, would not seem to descend."""
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class WavySheet(Meshed):
     r"""All points within half a thickness of a wavy rectangle: two faces, a round rim, one closed surface.
@@ -37,11 +40,11 @@ class WavySheet(Meshed):
         Height and length of the waves.
     """
 
-    length: float = 1.0
-    width: float = 0.7
-    thickness: float = 0.0576
-    amplitude: float = 0.05
-    wave: float = 0.5
+    length: Positive = 1.0
+    width: Positive = 0.7
+    thickness: Positive = 0.0576
+    amplitude: NotNegative = 0.05
+    wave: Positive = 0.5
 
     @property
     def box(self) -> FloatArray:

@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Whole
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK, evaluate
@@ -115,7 +117,8 @@ class Solid(ABC):
         """Return the (n, 3) gradients at (n, 3) points: unit vectors, inward along the way to the closest point."""
         return evaluate(self._inside, self.bounds, points)[1]
 
-    def sample(self, count: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+    @checked
+    def sample(self, count: Whole, seed: Whole = 0) -> tuple[FloatArray, FloatArray]:
         """Return `count` points of the surface, uniform by area and independent, and their outward unit normals.
 
         Parameters
@@ -144,6 +147,7 @@ class Solid(ABC):
         return -distance, -np.where(on[:, np.newaxis], normals @ TURN.T, way)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Sphere(Solid):
     """A sphere.
@@ -153,7 +157,7 @@ class Sphere(Solid):
     radius : float
     """
 
-    radius: float = 0.5
+    radius: Positive = 0.5
 
     @property
     def box(self) -> FloatArray:
@@ -173,6 +177,7 @@ class Sphere(Solid):
         return _directions(rng.normal(size=(count, 3)), np.array([1.0, 0.0, 0.0]))[0] * self.radius
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Torus(Solid):
     """A torus about its own third axis.
@@ -183,8 +188,8 @@ class Torus(Solid):
         Of the circle in its middle, and of the tube around it.
     """
 
-    radius: float = 0.4
-    tube: float = 0.15
+    radius: Positive = 0.4
+    tube: Positive = 0.15
 
     @property
     def box(self) -> FloatArray:
@@ -215,6 +220,7 @@ class Torus(Solid):
         return np.column_stack([far * np.cos(around), far * np.sin(around), self.tube * np.sin(angle)])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Block(Solid):
     """A block with sharp edges and corners.

@@ -104,7 +104,7 @@ CASES = {
     ),
     "a line without a number": (("{words}",), "line 3: '1 2 three' has no number in column 3, z"),
     "columns of a file that names its own": (("{scan}", "--columns", "x y z"), "leave columns out"),
-    "an unknown unit": (("{scan}", "--scan-unit", "inch"), "unknown 'inch'"),
+    "an unknown unit": (("{scan}", "--scan-unit", "inch"), "is 'inch'"),
     "a spacing of nothing": (("{scan}", "--spacing", "0"), "spacing"),
     "a spacing larger than the leaf": (("{scan}", "--spacing", "500"), "spacing"),
     "one larger than the paper's": (("{scan}", "--frame", "paper", "--spacing", "500"), "spacing"),
@@ -112,11 +112,14 @@ CASES = {
     "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
     "no threads": (("{scan}", "--threads", "0"), "threads"),
     "a solid of a blade without thickness": (("{scan}", "--closed"), "give ct"),
-    "one window in two ways": (("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"), "one of them"),
+    "one window in two ways": (
+        ("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"),
+        "cannot act together",
+    ),
     "a fine window of four numbers": (("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2"), "five numbers"),
     "a fine window in a window": (
         ("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2 0.1", "--region", "1", "1", "2", "2"),
-        "the whole leaf",
+        "region, fine: cannot act together",
     ),
     "a grid of an unknown kind": (("{scan}", "--ct", "{ct}", "--grid", "grid.txt"), "suffix"),
     "an unknown part of a grid": (("{scan}", "--ct", "{ct}", "--grid-of", "colour"), "colour"),
@@ -154,8 +157,8 @@ def test_bad_input_gets_one_line_and_leaves_nothing(run, case, files, bad, tmp_p
         (("--period", "100 0"), "period"),
         (("--level", "best"), "level"),
         (("--level", "nan"), "level"),
-        (("--rho", "-1"), "smoothing"),
-        (("--rho", "most"), "smoothing"),
+        (("--rho", "-1"), "rho"),
+        (("--rho", "most"), "rho"),
         (("--flip", "up"), "flip"),
         (("--shift", "0.123"), "shift"),
         (("--simplify", "3"), "simplify"),
@@ -251,7 +254,10 @@ def test_a_patch_tells_its_seam_and_writes_a_block(run, files, tmp_path):
     assert result.returncode == 0, result.stderr
     assert "seam energy" in result.stdout
     assert mesh_report(read_triangle_mesh(tmp_path / "t.ply")).watertight
-    assert "both or neither" in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
+    assert (
+        "cannot act without tile-solid"
+        in run("patch", files / "ct.tif", "-o", tmp_path / "m.o3l", "--spacing", 24).stderr
+    )
 
 
 def test_a_scan_in_text_is_the_same_scan(run, files, tmp_path):

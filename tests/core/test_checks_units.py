@@ -88,7 +88,7 @@ def test_weights_are_above_zero():
 def test_bounds_are_a_lower_and_an_upper_corner():
     np.testing.assert_array_equal(checks.as_bounds([[0, 0], [1, 0]], 2), [[0, 0], [1, 0]])
     for bad in ([[0, 0]], [[1, 0], [0, 1]], [[0, 0], [1, 1], [2, 2]]):
-        with pytest.raises(InputError, match=r"lower corner, then the upper corner, shape \(2, 2\)"):
+        with pytest.raises(InputError, match=r"lower, then the upper one, shape \(2, 2\)"):
             checks.as_bounds(bad, 2)
 
 

@@ -137,7 +137,7 @@ def as_ball_size(points_per_ball: int | tuple[int, int], overlap: float) -> tupl
     if not 1 <= least <= most:
         raise InputError(f"points_per_ball: is {points_per_ball}; give (least, most) with 1 <= least <= most")
     if not 1 < overlap < 10:
-        raise InputError(f"overlap: is {overlap}; give a factor above 1, such as 1.1")
+        raise InputError(f"overlap: is {overlap}; give a factor above 1 and below 10, such as 1.1")
     return least, most
 
 

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Positive
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
@@ -19,6 +21,7 @@ from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 FIT_BLOCK = 16
 
 
+@checked
 @dataclass(frozen=True)
 class MovingLeastSquares:
     r"""One polynomial p a ball, fitted to the oriented points by least squares with Wendland's weight w of the ball.
@@ -41,8 +44,8 @@ class MovingLeastSquares:
     """
 
     degree: int = 3
-    step: float = 1.0
-    points_per_ball: int = 50
+    step: Positive = 1.0
+    points_per_ball: Count = 50
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalPolynomials":
         """Fit every ball of the cover. Where points do not determine a term, as on a plane, it is left out."""

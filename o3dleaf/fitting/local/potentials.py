@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue
 from o3dleaf.core.checks import FloatArray, as_number, require_choice, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
@@ -32,12 +34,13 @@ from o3dleaf.fitting.local.oriented_loops import (
 )
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue, Spectrum, choose_by_gcv
+from o3dleaf.fitting.rbf.smoothing import Spectrum, choose_by_gcv
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 
 FIT_BLOCK = 16
 
 
+@checked
 @dataclass(frozen=True)
 class Hermite:
     r"""Splines of values and gradients at once, Hermite interpolation in the sense of Duchon's energy E.
@@ -63,14 +66,15 @@ class Hermite:
     kernel: str | Polyharmonic = "quintic"
     degree: int | None = None
     smoothing: SmoothingValue = 0.0
-    step: float = 1.0
-    points_per_ball: int = 50
+    step: Positive = 1.0
+    points_per_ball: Count = 50
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalPotentials":
         """Fit every ball of the cover."""
         return _fit_potentials(self, cover, data, HERMITE, require_positive(self.step, "step"))
 
 
+@checked
 @dataclass(frozen=True)
 class CurlFree:
     r"""A curl-free field that fits the normals, and its potential put onto zero at the points.
@@ -96,7 +100,7 @@ class CurlFree:
     degree: int | None = None
     smoothing: SmoothingValue = 0.0
     exact: bool = True
-    points_per_ball: int = 50
+    points_per_ball: Count = 50
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalPotentials":
         """Fit every ball of the cover."""

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover
@@ -21,7 +22,7 @@ from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
-from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, SplineModel, as_smoothing
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel, as_smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
 
 BATCH_SIZE = 4

@@ -10,8 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Finite, Positive, SmoothingValue, Unit
 from o3dleaf.core.checks import (
     FloatArray,
+    as_array,
     as_bounds,
     as_mask,
     as_number,
@@ -38,7 +41,6 @@ from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
 from o3dleaf.fitting.pu.lattice_blend import blend_on_lattice
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.io.model_file import write_model
 
 OVERLAP = 1.1
@@ -81,6 +83,7 @@ class PUInterpolant(Blended):
         return f"PUInterpolant({self.bounds.shape[1]}-D, {count}{unit})"
 
     @classmethod
+    @checked
     def fit(  # noqa: PLR0913 - the options of a spline, of a cover and of a field
         cls,
         points: npt.ArrayLike,
@@ -90,13 +93,13 @@ class PUInterpolant(Blended):
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
         rho: SmoothingValue | None = None,
-        points_per_ball: int | tuple[int, int] | None = None,
+        points_per_ball: Count | tuple[Count, Count] | None = None,
         overlap: float = OVERLAP,
         weights: npt.ArrayLike | None = None,
         groups: npt.ArrayLike | None = None,
         normals: npt.ArrayLike | None = None,
         local: Fitter | FitBall | None = None,
-        unit: str | None = None,
+        unit: Unit | None = None,
         bounds: npt.ArrayLike | None = None,
     ) -> "PUInterpolant":
         r"""Cover the data with balls and fit each of them.
@@ -170,15 +173,16 @@ class PUInterpolant(Blended):
         return fitted
 
     @classmethod
+    @checked
     def fit_oriented(
         cls,
         points: npt.ArrayLike,
         normals: npt.ArrayLike,
         *,
         local: str | Fitter = "auto",
-        points_per_ball: int | tuple[int, int] | None = None,
+        points_per_ball: Count | tuple[Count, Count] | None = None,
         overlap: float = OVERLAP,
-        unit: str | None = None,
+        unit: Unit | None = None,
         bounds: npt.ArrayLike | None = None,
     ) -> "PUInterpolant":
         r"""Fit points on a surface and the outward normals there, without points beside it: F = 0, ∇F = −n.
@@ -235,22 +239,23 @@ class PUInterpolant(Blended):
         return cls(cover, index, local, check_unit(unit), data_hash)
 
     @classmethod
+    @checked
     def fit_lattice(  # noqa: PLR0913 - the options of a lattice besides those of a spline, of a cover and of a field
         cls,
         values: npt.ArrayLike,
         *,
-        spacing: float | npt.ArrayLike,
+        spacing: Positive | npt.ArrayLike,
         origin: npt.ArrayLike | None = None,
         transform: npt.ArrayLike | None = None,
-        isovalue: float = 0.0,
+        isovalue: Finite = 0.0,
         mask: npt.ArrayLike | None = None,
         kernel: str | Polyharmonic = "cubic",
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
         rho: SmoothingValue | None = None,
-        points_per_ball: int | tuple[int, int] = POINTS_PER_BALL,
+        points_per_ball: Count | tuple[Count, Count] = POINTS_PER_BALL,
         overlap: float = OVERLAP,
-        unit: str | None = None,
+        unit: Unit | None = None,
         bounds: npt.ArrayLike | None = None,
     ) -> "PUInterpolant":
         r"""Fit the voxels of a volume, by balls that sit alike on its lattice and share one factorization.
@@ -373,11 +378,12 @@ class PUInterpolant(Blended):
         if not isinstance(self.local, LocalSplines):
             raise InputError("diagnostics: the local fits are no splines; fit values, with local=None")
         count = len(self.cover.radii)
-        asked = np.arange(count) if balls is None else np.atleast_1d(np.asarray(balls))
-        if asked.dtype.kind not in "iu" or np.any((asked < 0) | (asked >= count)):
-            raise InputError(f"balls: are {asked}; give whole numbers from 0 to {count - 1}")
+        asked = np.arange(count) if balls is None else np.atleast_1d(as_array(balls, "balls"))
+        if asked.dtype.kind not in "iu" or asked.ndim != 1 or np.any((asked < 0) | (asked >= count)):
+            raise InputError(f"balls: are {asked.tolist()}; give whole numbers from 0 to {count - 1}")
         return diagnose_balls(self.cover, self.local, asked.astype(np.int64))
 
+    @checked
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
         write_model(self, path)

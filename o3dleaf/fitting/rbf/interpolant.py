@@ -7,7 +7,9 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, as_values, as_weights, warn_of_contradictions
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, SmoothingValue, Unit
+from o3dleaf.core.checks import FloatArray, as_points, as_sites, as_values, as_weights, warn_of_contradictions
 from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit
@@ -16,7 +18,7 @@ from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_any_kernel, as_degree, 
 from o3dleaf.fitting.rbf.shaped.dense_system import DenseSystem, as_rows_of
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.shaped.shaped_loops import evaluate_shaped
-from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, Spectrum, as_smoothing
+from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, as_smoothing
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 from o3dleaf.io.model_file import write_model
 
@@ -72,18 +74,19 @@ class RBFInterpolant:
         return None if self.weights.ndim == 1 else len(self.weights)
 
     @classmethod
+    @checked
     def fit(
         cls,
         points: npt.ArrayLike,
         values: npt.ArrayLike,
         *,
         kernel: str | Polyharmonic | Shaped = "cubic",
-        epsilon: float | None = None,
+        epsilon: Positive | None = None,
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
         rho: SmoothingValue | None = None,
         weights: npt.ArrayLike | None = None,
-        unit: str | None = None,
+        unit: Unit | None = None,
     ) -> "RBFInterpolant":
         """Fit the spline to `values` at `points`.
 
@@ -125,7 +128,7 @@ class RBFInterpolant:
         DataWarning
             If the points cannot determine the usual tail, or coincide with different values where nothing is smoothed.
         """
-        sites = as_points(points, least=1)
+        sites = as_sites(points, "points", least=1)
         data = as_values(values, len(sites), columns=True)
         point_weights = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
         phi, scale = as_any_kernel(kernel, sites.shape[1], epsilon)
@@ -162,6 +165,7 @@ class RBFInterpolant:
             warn_of_contradictions(sites, data, stacklevel=2)
         return cls(phi, chosen, bounds, check_unit(unit), center, radius, local, coefficients, tail, exponents)
 
+    @checked
     def save(self, path: str | PathLike[str]) -> None:
         """Write the interpolant as one model file, which `o3dleaf.load` reads."""
         write_model(self, path)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, require_choice, require_positive
 from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import PROFILES, Shaped, as_shaped
@@ -107,6 +108,7 @@ class Polyharmonic:
         return value * np.log(np.where(radius > 0, radius, 1.0)) if self.logarithmic else value
 
 
+@checked
 def polyharmonic(m: int, d: int) -> Polyharmonic:
     """Return the polyharmonic spline of order m in d dimensions, φ = ±r^(2m−d) [log r if 2m − d is even].
 

@@ -3,19 +3,16 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import Shaped
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
-
-SmoothingValue = float | Literal["gcv", "gcv-per-ball"]
-"""A number >= 0, or "gcv" to have it chosen by generalized cross-validation, for all balls or for each of its own."""
 
 CHOICES = ("gcv", "gcv-per-ball")
 

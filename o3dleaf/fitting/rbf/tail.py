@@ -9,6 +9,9 @@ from o3dleaf.core.errors import InputError
 
 IntArray = npt.NDArray[np.int64]
 
+MAX_DEGREE = 20
+"""Monomials of higher degree cannot be told apart in double precision, and there are thousands of them."""
+
 
 def tail_exponents(dimension: int, degree: int) -> IntArray:
     """Return the (q, d) exponents of all monomials of total degree <= `degree`, lowest degree first.
@@ -18,10 +21,10 @@ def tail_exponents(dimension: int, degree: int) -> IntArray:
     Raises
     ------
     InputError
-        If the degree is below −1.
+        If the degree is below −1, or above `MAX_DEGREE`.
     """
-    if degree < -1:
-        raise InputError(f"degree: is {degree}; give -1 (no tail), 0, 1, 2, ...")
+    if not -1 <= degree <= MAX_DEGREE:
+        raise InputError(f"degree: is {degree}; give -1 (no tail), 0, 1, 2, ..., at most {MAX_DEGREE}")
     rows = [
         [axes.count(axis) for axis in range(dimension)]
         for total in range(degree + 1)

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.blade.distortion import Distortion
@@ -107,7 +109,8 @@ class Blade(ABC):
         del x
         return self.lift_with_jacobian(flat).pull_back(gradient)
 
-    def window(self, x: npt.ArrayLike, size: float) -> FloatArray:
+    @checked
+    def window(self, x: npt.ArrayLike, size: Positive) -> FloatArray:
         """Return the region (2, 2), `size` wide along and across, around the point of the blade under a world point.
 
         Parameters

@@ -6,6 +6,8 @@ from scipy import fft
 from scipy.ndimage import distance_transform_edt, label
 from scipy.optimize import minimize
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import single_threaded_blas
@@ -20,9 +22,10 @@ MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 """Ridges are looked for with wavelengths from 4 voxels to 1/2.5 of the patch."""
 
 
+@checked
 def align_blade(
     volume: Volume,
-    level: str | float = "valley",
+    level: str | Finite = "valley",
     *,
     up: npt.ArrayLike | None = None,
     along: npt.ArrayLike | None = None,

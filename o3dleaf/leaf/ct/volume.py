@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_voxels
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, Unit
+from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_points, as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold
 
 
+@checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Volume:
     r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
@@ -39,14 +42,14 @@ class Volume:
     data: npt.NDArray[Any]
     spacing: FloatArray
     origin: FloatArray
-    unit: str | None = None
+    unit: Unit | None = None
 
     def __init__(
         self,
         data: npt.NDArray[Any],
         spacing: npt.ArrayLike,
         origin: npt.ArrayLike = (0.0, 0.0, 0.0),
-        unit: str | None = None,
+        unit: Unit | None = None,
     ) -> None:
         object.__setattr__(self, "data", _as_voxels(data))
         object.__setattr__(self, "spacing", as_spacing(spacing))
@@ -75,7 +78,8 @@ class Volume:
         half = 0.5 * self.spacing
         return self.voxel_bounds + np.stack([-half, half])
 
-    def threshold(self, method: str | float = "valley") -> float:
+    @checked
+    def threshold(self, method: str | Finite = "valley") -> float:
         """Return the intensity that separates leaf from air.
 
         Parameters
@@ -103,9 +107,10 @@ class Volume:
             )
         return level
 
+    @checked
     def to_samples(
         self,
-        level: str | float = "valley",
+        level: str | Finite = "valley",
         *,
         mask: npt.ArrayLike | None = None,
         transform: npt.ArrayLike | None = None,
@@ -139,9 +144,7 @@ class Volume:
             If the level is outside the data's range or no voxel is left.
         """
         surface = self.threshold(level)
-        keep = np.ones(self.shape, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
-        if keep.shape != self.shape:
-            raise InputError(f"mask: has shape {keep.shape}; give one bool per voxel, shape {self.shape}")
+        keep = np.ones(self.shape, dtype=bool) if mask is None else as_mask(mask, self.shape)
         points = np.argwhere(keep) * self.spacing + self.origin
         values = self.data[keep].astype(np.float64) - surface
         if transform is not None:

@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, as_bounds, as_points, require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
@@ -31,6 +33,7 @@ from o3dleaf.surface.mesh.clip import discard_triangles, trim_to_manifold
 from o3dleaf.surface.mesh.components import largest_components
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class HeightMapBlade(Blade):
     r"""The blade as a surface over its flattened plane: S = m(y₁) + y₂ A(y₁) + H(y₁, y₂) V(y₁) inside an outline.
@@ -167,7 +170,8 @@ class HeightMapBlade(Blade):
         """Return about `count` (along, across) on a square grid inside the outline, and the scan's own."""
         return np.concatenate([super()._places(count), self.outline.points])
 
-    def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
+    @checked
+    def extract_mesh(self, spacing: Positive, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet, triangulated at `spacing` and clipped by the outline.
 
         Parameters

@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline, make_interp_spline
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Unit
+from o3dleaf.core.checks import FloatArray, as_points, as_row
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks
@@ -50,16 +52,17 @@ class LeafFrame:
     notes: tuple[str, ...] = ()
 
     @classmethod
+    @checked
     def fit(
         cls,
         points: CloudLike,
         midrib: CloudLike,
         *,
-        radius: float | None = None,
+        radius: Positive | None = None,
         up: npt.ArrayLike | None = None,
         base: npt.ArrayLike | None = None,
         degree: int = 3,
-        unit: str | None = None,
+        unit: Unit | None = None,
     ) -> "LeafFrame":
         """Fit the axis through the midrib's control points and the normals by PCA of the scan around them.
 
@@ -119,7 +122,7 @@ class LeafFrame:
 
     def stations(self, t: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points m(t) and the unit vectors T, A, V (along, across, up), each (n, 3), at arc lengths (n,)."""
-        frames, _ = self._stations(np.atleast_1d(np.asarray(t, dtype=np.float64)))
+        frames, _ = self._stations(as_row(t, "t"))
         return frames[:, 0], frames[:, 1], frames[:, 2], frames[:, 3]
 
     def to_leaf(self, x: npt.ArrayLike) -> FloatArray:

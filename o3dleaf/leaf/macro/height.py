@@ -7,11 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Order, SmoothingValue, Unit
+from o3dleaf.core.checks import FloatArray, as_points, as_sites
+from o3dleaf.fitting.cover.cover import as_ball_size
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.macro.robust import RobustChoice, choose_robustly, choose_with_balls
 
 KERNEL = "cubic"
@@ -35,6 +37,7 @@ class HeightMap:
     choice: RobustChoice | None = None
 
     @classmethod
+    @checked
     def fit(
         cls,
         leaf_points: npt.ArrayLike,
@@ -42,9 +45,9 @@ class HeightMap:
         kernel: str | Polyharmonic = KERNEL,
         smoothing: SmoothingValue | Literal["robust"] | None = None,
         rho: SmoothingValue | None = None,
-        points_per_ball: tuple[int, int] = POINTS_PER_BALL,
+        points_per_ball: tuple[Count, Count] = POINTS_PER_BALL,
         overlap: float = OVERLAP,
-        unit: str | None = None,
+        unit: Unit | None = None,
     ) -> "HeightMap":
         """Fit H to the scan in leaf coordinates.
 
@@ -68,9 +71,10 @@ class HeightMap:
         InputError
             If there are too few points or they are not finite.
         """
-        points = as_points(leaf_points, "leaf_points", dim=3, least=3)
+        points = as_sites(leaf_points, "leaf_points", dim=3, least=3)
         plane, heights = np.ascontiguousarray(points[:, :2]), np.ascontiguousarray(points[:, 2])
         phi, choice, weights = as_kernel(kernel, 2), None, None
+        points_per_ball = as_ball_size(points_per_ball, overlap)
         is_robust = smoothing == "robust" or (smoothing is None and rho is None)
         value = None if smoothing == "robust" else smoothing
         choosing, fitting = progress.split(20 if is_robust else 0, 1)
@@ -116,7 +120,8 @@ class HeightMap:
         inside = np.clip(points, *self.bounds)
         return np.where(points == inside, self.interpolant.gradient(inside), 0.0)
 
-    def jet(self, plane: npt.ArrayLike, order: int = 2) -> FloatArray:
+    @checked
+    def jet(self, plane: npt.ArrayLike, order: Order = 2) -> FloatArray:
         """Return H, H₁, H₂ and, for order 2, H₁₁, H₁₂, H₂₂ at (n, 2) points, (n, 3) or (n, 6).
 
         Raises

@@ -12,7 +12,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
+from o3dleaf.core.checks import FloatArray, as_points, as_sites, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
@@ -26,6 +28,7 @@ MAX_FRAGMENTS = 0.01
 """Share of the shrunk outline's area that may lie in other components than the largest."""
 
 
+@checked
 class AlphaShape:
     """The union of the Delaunay triangles of planar points whose circumradius is at most α, in one piece.
 
@@ -43,7 +46,7 @@ class AlphaShape:
         Number of edge-connected components at this α, the kept one included.
     """
 
-    def __init__(self, points: npt.ArrayLike, alpha: float | None = None) -> None:
+    def __init__(self, points: npt.ArrayLike, alpha: Positive | None = None) -> None:
         """Build the α-shape of (n, 2) points; without `alpha` it is the least that makes one piece of all the points.
 
         Raises
@@ -51,7 +54,7 @@ class AlphaShape:
         InputError
             If there are fewer than three points, they lie on a line, or no triangle is as small as α.
         """
-        self.points = as_points(points, dim=2, least=3)
+        self.points = as_sites(points, "points", dim=2, least=3)
         try:
             delaunay = Delaunay(self.points)
         except QhullError as cause:

@@ -8,7 +8,9 @@ import numpy.typing as npt
 import shapely
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_number, as_points, require_positive
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import NotNegative, Positive, Unit
+from o3dleaf.core.checks import FloatArray, as_number, as_points, as_sites, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
@@ -60,6 +62,7 @@ class Hole:
         return f"hole of {self.width:.3g} across at u {self.place[0]:.4g}, v {self.place[1]:.4g}: {fate}"
 
 
+@checked
 class Margin:
     """The outline of the leaf in the chart (u, v): a smooth closed curve where the leaf ends.
 
@@ -86,27 +89,28 @@ class Margin:
         ring: npt.ArrayLike,
         hole_rings: tuple[npt.ArrayLike, ...] = (),
         *,
-        spacing: float,
+        spacing: Positive,
         holes: tuple[Hole, ...] = (),
         notes: tuple[str, ...] = (),
-        unit: str | None = None,
+        unit: Unit | None = None,
     ) -> None:
-        self.points = as_points(points, dim=2)
-        self.ring = as_points(ring, "ring", dim=2, least=3)
-        self.hole_rings = tuple(as_points(hole, "hole_rings", dim=2, least=3) for hole in hole_rings)
+        self.points = as_sites(points, "points", dim=2)
+        self.ring = as_sites(ring, "ring", dim=2, least=3)
+        self.hole_rings = tuple(as_sites(hole, "hole_rings", dim=2, least=3) for hole in hole_rings)
         self.spacing, self.holes, self.notes, self.unit = float(spacing), tuple(holes), tuple(notes), unit
         self.polygon = shapely.Polygon(self.ring, self.hole_rings)
         shapely.prepare(self.polygon)
 
     @classmethod
+    @checked
     def fit(
         cls,
         uv: npt.ArrayLike,
         *,
-        spacing: float | None = None,
-        fill_holes: float | None = None,
-        noise: float = 0.0,
-        unit: str | None = None,
+        spacing: Positive | None = None,
+        fill_holes: NotNegative | None = None,
+        noise: NotNegative = 0.0,
+        unit: Unit | None = None,
     ) -> "Margin":
         """Fit the margin of a sample of the leaf.
 
@@ -135,7 +139,7 @@ class Margin:
         ReconstructionError
             If no area is left.
         """
-        points = as_points(uv, "uv", dim=2, least=3)
+        points = as_sites(uv, "uv", dim=2, least=3)
         given = None if fill_holes is None else as_number(fill_holes, "fill_holes")
         least = 0.0 if spacing is None else require_positive(spacing, "spacing")
         region = cover_sample(np.unique(points, axis=0), 0.0 if given is None else given)

@@ -9,6 +9,8 @@ import numpy.typing as npt
 import open3d as o3d
 import shapely
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh
@@ -30,6 +32,7 @@ BLOCK = 1 << 12
 NO_TAPER = np.empty((0, 3))
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ParametricBlade(Blade):
     r"""A surface over its chart, lengths on it those of the chart as nearly as can be, and heights along its normal.
@@ -53,7 +56,7 @@ class ParametricBlade(Blade):
 
     surface: ChartSurface
     outline: Outline
-    rim_radius: float | None = None
+    rim_radius: Positive | None = None
     notes: tuple[str, ...] = ()
 
     open_edges: ClassVar[OpenEdges] = "cut"
@@ -130,7 +133,8 @@ class ParametricBlade(Blade):
             curvature *= self.taper.values(plane)
         return radii_of(curvature, self.surface.length)
 
-    def extract_mesh(self, spacing: float, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
+    @checked
+    def extract_mesh(self, spacing: Positive, region: npt.ArrayLike | None = None) -> o3d.geometry.TriangleMesh:
         """Return the blade as one open sheet of triangles that end on its outline.
 
         Parameters

@@ -10,7 +10,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_weights
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Order, Unit
+from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_sites, as_weights
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
@@ -52,16 +54,17 @@ class ChartSurface:
     unit: str | None = None
 
     @classmethod
+    @checked
     def fit(
         cls,
         parameters: npt.ArrayLike,
         points: npt.ArrayLike,
         *,
-        smoothing: float,
+        smoothing: NotNegative,
         weights: npt.ArrayLike | None = None,
-        unit: str | None = None,
+        unit: Unit | None = None,
         bounds: npt.ArrayLike | None = None,
-        points_per_ball: int | tuple[int, int] = POINTS_PER_BALL,
+        points_per_ball: Count | tuple[Count, Count] = POINTS_PER_BALL,
     ) -> "ChartSurface":
         """Fit S to points at given parameters, by least squares and the energy of the kernel.
 
@@ -84,8 +87,8 @@ class ChartSurface:
         InputError
             If the input has a wrong shape or is not finite.
         """
-        sites = as_points(parameters, "parameters", dim=2, least=3)
-        space = as_points(points, "points", dim=3)
+        sites = as_sites(parameters, "parameters", dim=2, least=3)
+        space = as_sites(points, "points", dim=3)
         if len(space) != len(sites):
             raise InputError(f"points: are {len(space)}, parameters {len(sites)}; give one for each")
         tight = np.array([sites.min(axis=0), sites.max(axis=0)])
@@ -137,7 +140,8 @@ class ChartSurface:
             blocks.append(self.cover.centers[ball] + self.cover.radii[ball] * unit)
         return np.concatenate(blocks)
 
-    def jet(self, uv: npt.ArrayLike, order: int = 2) -> tuple[FloatArray, ...]:
+    @checked
+    def jet(self, uv: npt.ArrayLike, order: Order = 2) -> tuple[FloatArray, ...]:
         """Return S (n, 3), its first derivatives (n, 2, 3) by u and v, and its second ones (n, 3, 3), uu, uv and vv.
 
         Parameters
@@ -184,6 +188,7 @@ class ChartSurface:
 
         return sample_surface(self.balls, self.bounds, self.sample_step, near)
 
+    @checked
     def feet(
         self, x: npt.ArrayLike, start: npt.ArrayLike | None = None, *, samples: Samples | None = None
     ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:

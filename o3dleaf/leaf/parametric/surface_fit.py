@@ -10,13 +10,13 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.macro.robust import HUBER

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from os import PathLike
 from typing import Any
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
@@ -64,6 +65,7 @@ CLASSES: dict[str, Callable[..., Any]] = {
 """What makes the objects of files, by their names there; the last name is that of version 0.1."""
 
 
+@checked
 def load(path: str | PathLike[str]) -> Any:
     """Return the interpolant, tiled field or leaf of a model file that ``save`` wrote.
 

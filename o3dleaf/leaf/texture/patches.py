@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, as_values, require_choice, require_positive
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
+from o3dleaf.core.checks import FloatArray, as_points, as_row, require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
@@ -39,6 +41,7 @@ def smooth_step(u: FloatArray) -> FloatArray:
     return np.stack([s**3 * (10 - 15 * s + 6 * s**2), 30 * (s * (1 - s)) ** 2, 60 * s * (1 - s) * (1 - 2 * s)])
 
 
+@checked
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class PatchBlend(LayerField):
     r"""Tiled patches that pass into one another along the leaf, or from its lower to its upper side.
@@ -66,7 +69,7 @@ class PatchBlend(LayerField):
 
     textures: tuple["TiledField | PatchBlend", ...]
     breaks: FloatArray
-    fade: float
+    fade: Positive
     axis: str
     period: FloatArray
     cell: FloatArray
@@ -77,7 +80,7 @@ class PatchBlend(LayerField):
         self,
         textures: Sequence["TiledField | PatchBlend"],
         breaks: npt.ArrayLike,
-        fade: float | None = None,
+        fade: Positive | None = None,
         *,
         axis: str = "along",
         period: npt.ArrayLike | None = None,
@@ -118,7 +121,7 @@ class PatchBlend(LayerField):
         along = AXES[require_choice(axis, AXES, "axis")]
         default = FADE_SHARE * (float(size[0]) if along == 0 else high - low)
         reach = require_positive(default if fade is None else fade, "fade")
-        places = as_values(np.atleast_1d(np.asarray(breaks, dtype=np.float64)), len(given) - 1, "breaks")
+        places = as_row(breaks, "breaks", count=len(given) - 1)
         if np.any(np.diff(places) < 2 * reach):
             raise InputError(
                 f"breaks: {places.tolist()} do not increase by at least twice the fade, {2 * reach:.4g}; fade less"
@@ -174,6 +177,7 @@ class PatchBlend(LayerField):
         patch = int(np.searchsorted(self.breaks, start))
         return (patch, self.local.textures[patch].tile_key(p))
 
+    @checked
     def save(self, path: str | PathLike[str]) -> None:
         """Write the blend as one model file, which `o3dleaf.load` reads."""
         write_model(self, path)

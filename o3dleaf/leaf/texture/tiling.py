@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_number, require_choice, require_one_column
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, NotNegative
+from o3dleaf.core.checks import FloatArray, as_array, as_floats, as_number, require_choice, require_one_column
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
@@ -32,6 +34,7 @@ TOLERANCE = 1e-12
 Period = npt.ArrayLike | str | Sequence[float | str]
 
 
+@checked
 @dataclass(frozen=True, init=False, eq=False, repr=False)
 class TiledField(LayerField):
     r"""Copies of a patch over the plane, blended where they meet.
@@ -72,7 +75,7 @@ class TiledField(LayerField):
     cell: FloatArray
     fade: FloatArray
     flip: str | None
-    shift: float
+    shift: Finite
     index: BallIndex
 
     def __init__(
@@ -83,7 +86,7 @@ class TiledField(LayerField):
         *,
         fade: npt.ArrayLike | None = None,
         flip: str | None = None,
-        shift: float = 0.0,
+        shift: Finite = 0.0,
     ) -> None:
         """Tile `field`.
 
@@ -148,7 +151,8 @@ class TiledField(LayerField):
             state |= {"offset": self.offset, "fade": self.fade, "flip": self.flip, "shift": self.shift}
         return state
 
-    def seam_energy(self, width: float = 0.0) -> SeamEnergy:
+    @checked
+    def seam_energy(self, width: NotNegative = 0.0) -> SeamEnergy:
         r"""Measure the mismatch of the tiles at their seams: a pure number for each seam, and in total.
 
         .. math:: E = \frac{\langle (\bar F_A - \bar F_B)^2 \rangle}{2 \operatorname{Var} \bar F},
@@ -197,6 +201,7 @@ class TiledField(LayerField):
         """(2, d) the domain: all of the plane, and the patch's own extent across it."""
         return self.index.domain
 
+    @checked
     def save(self, path: str | PathLike[str]) -> None:
         """Write the tiled field as one model file, which `o3dleaf.load` reads."""
         write_model(self, path)
@@ -272,7 +277,11 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     """Return the period along each axis, None where the best is wanted, or raise `InputError`."""
     if period is None:
         return float(extent[0]), float(extent[1])
-    wished = [period, period] if isinstance(period, str) else list(np.atleast_1d(np.array(period, dtype=object)))
+    wished = (
+        [period, period]
+        if isinstance(period, str)
+        else list(np.atleast_1d(np.array(as_array(period, "period"), dtype=object)))
+    )
     text = [wish for wish in wished if isinstance(wish, str)]
     if len(wished) != 2 or any(wish != "best" for wish in text):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across, or 'best'")
@@ -286,7 +295,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
 
 def _as_pair(value: npt.ArrayLike, name: str, *, least: float = 0.0) -> FloatArray:
     """Return one number for both axes, or one each, as (2,), or raise `InputError`."""
-    pair = np.asarray(value, dtype=np.float64)
+    pair = as_floats(value, name)
     if pair.shape not in {(), (2,)} or not np.all(np.isfinite(pair)) or np.any(pair < least):
         raise InputError(f"{name}: is {value!r}; give two lengths, along and across")
     return np.broadcast_to(pair, 2).copy()

@@ -9,6 +9,8 @@ from typing import IO
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, as_values, require_choice, require_object_first
 from o3dleaf.core.errors import InputError, UnitError
@@ -69,13 +71,14 @@ RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
 """What scalars cannot be called."""
 
 
+@checked
 def export_mesh(
     mesh: AnyMesh,
     path: str | PathLike[str],
     *,
     labels: npt.ArrayLike | None = None,
-    unit: str | None = None,
-    to_unit: str | None = None,
+    unit: Unit | None = None,
+    to_unit: Unit | None = None,
     consumer: str | None = None,
     scalars: Mapping[str, npt.ArrayLike] | None = None,
 ) -> None:

@@ -7,6 +7,8 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.checks import as_bounds, require_object_first, require_positive
 from o3dleaf.core.parallel import blocks
@@ -19,14 +21,15 @@ SLAB = 1 << 20
 """Grid points evaluated at once, about: whole planes."""
 
 
+@checked
 def export_distance(
     mesh: AnyMesh,
     path: str | PathLike[str],
-    spacing: float,
+    spacing: Positive,
     bounds: npt.ArrayLike | None = None,
     *,
-    unit: str | None = None,
-    to_unit: str | None = None,
+    unit: Unit | None = None,
+    to_unit: Unit | None = None,
 ) -> None:
     """Write the signed distance to a closed mesh at the whole multiples of `spacing` in a box; negative inside.
 

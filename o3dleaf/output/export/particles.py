@@ -7,6 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive, Unit, Whole
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_object_first, require_positive
 from o3dleaf.core.errors import InputError
@@ -30,6 +32,7 @@ SUFFIXES = (".ply", ".csv", ".vtp")
 """Formats of particles."""
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Particles:
     """Points with what each of them stands for.
@@ -51,7 +54,7 @@ class Particles:
     normals: FloatArray | None
     sizes: FloatArray
     labels: LabelArray | None = None
-    unit: str | None = None
+    unit: Unit | None = None
 
     def __repr__(self) -> str:
         where = "inside" if self.normals is None else "on a surface"
@@ -59,13 +62,14 @@ class Particles:
         return f"Particles({len(self.points):,} {where}{unit})"
 
 
+@checked
 def sample_particles(
     mesh: AnyMesh,
-    spacing: float,
+    spacing: Positive,
     *,
     labels: npt.ArrayLike | None = None,
-    unit: str | None = None,
-    seed: int = 0,
+    unit: Unit | None = None,
+    seed: Whole = 0,
 ) -> Particles:
     """Return particles on a surface, no two of one face nearer than `spacing`, none missing where one has room.
 
@@ -169,7 +173,8 @@ def _middles(k: int) -> FloatArray:
     return np.stack([first / k, second / k, 1 - (first + second) / k], axis=1)
 
 
-def fill_particles(mesh: AnyMesh, step: float, *, unit: str | None = None) -> Particles:
+@checked
+def fill_particles(mesh: AnyMesh, step: Positive, *, unit: Unit | None = None) -> Particles:
     """Return particles inside a closed mesh, at the middles of the cubes of edge `step` of one lattice of the world.
 
     Inside is decided exactly in the plane: a column of the lattice passes the mesh an odd number of times below a point
@@ -260,7 +265,8 @@ def columns_through(
     return column[order], height[order]
 
 
-def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit: str | None = None) -> None:
+@checked
+def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit: Unit | None = None) -> None:
     """Write particles: binary PLY or VTP with every digit, or CSV; the file appears whole or not at all.
 
     Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label, where there are labels. Lengths,

@@ -6,6 +6,8 @@ from os import PathLike
 from pathlib import Path
 
 from o3dleaf.core import journal
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
@@ -91,13 +93,14 @@ class Drawn:
     left_out: dict[str, str]
 
 
+@checked
 def draw_figures(
     leaf: MultiscaleLeaf | Blade,
     folder: str | PathLike[str],
     *,
     scan: CloudLike | None = None,
     volume: Volume | None = None,
-    level: float | str = "valley",
+    level: Finite | str = "valley",
     formats: Iterable[str] = ("png", "pdf"),
     only: Iterable[str] | None = None,
 ) -> Drawn:

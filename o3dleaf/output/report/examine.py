@@ -5,6 +5,8 @@ from functools import cached_property
 from os import PathLike
 from typing import Any
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file, write_json
 from o3dleaf.core.checks import FloatArray, require_object_first
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
@@ -75,13 +77,14 @@ class Examination:
             temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
+@checked
 def write_report(
     mesh: MeshLike,
     path: str | PathLike[str],
     *,
     field: Field | None = None,
     cloud: CloudLike | None = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     require: str = "",
     title: str = "Mesh",
 ) -> CheckResult:

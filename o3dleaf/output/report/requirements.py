@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.errors import InputError
 from o3dleaf.output.report.words import in_words, quantity_of
 from o3dleaf.surface.mesh.mesh_report import MeshReport
@@ -214,6 +215,7 @@ def _number(text: str) -> float:
         return np.nan
 
 
+@checked
 def check_report(report: MeshReport, require: str) -> CheckResult:
     """Return whether a mesh is what it must be, requirement by requirement.
 

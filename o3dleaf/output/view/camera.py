@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Finite, Positive
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, is_used
@@ -17,6 +19,7 @@ EYE = 3.0
 """Distance of the eye in a perspective view, in widths of the picture."""
 
 
+@checked
 @dataclass(frozen=True)
 class View:
     """A way to look at a mesh.
@@ -44,12 +47,12 @@ class View:
     """
 
     direction: tuple[float, float, float] | None = None
-    tilt: float = 20.0
-    turn: float = 0.0
+    tilt: Finite = 20.0
+    turn: Finite = 0.0
     perspective: bool = False
     smooth: bool = True
-    supersampling: int = 3
-    text: float = 1.0
+    supersampling: Count = 3
+    text: Positive = 1.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,7 @@ class Camera:
             return rays_from(eye, way)
         return rays_from(plane + eye, -self.toward)
 
+    @checked
     def project(self, points: npt.ArrayLike, size: tuple[int, int]) -> FloatArray:
         """Return the (n, 2) pixel positions (column, row) of (n, 3) points of the world."""
         apart = as_points(points, dim=3) - self.target

@@ -11,6 +11,8 @@ import shapely
 from matplotlib.colors import to_rgb
 from scipy.spatial import cKDTree
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
@@ -54,13 +56,14 @@ GREY, INK, BLUE, VIOLET = "#b9bdb8", "#27302a", "#0072b2", "#8a2be2"
 """Of gaps, the margin, points off the blade and points beside it."""
 
 
+@checked
 def render_distortion(
     blade: Blade,
     path: str | PathLike[str] | None = None,
     *,
     measure: str = "area",
     flat: bool = False,
-    spacing: float | None = None,
+    spacing: Positive | None = None,
     **options: Any,
 ) -> npt.NDArray[np.uint8]:
     """Return a picture of a blade in the colors of its distortion, and write it to a file if a path is given.
@@ -105,6 +108,7 @@ def render_distortion(
     return render((vertices, triangles), path, scalars=scalars, **{"unit": blade.unit} | options)
 
 
+@checked
 def render_residuals(
     blade: Blade,
     scan: CloudLike,
@@ -112,7 +116,7 @@ def render_residuals(
     *,
     signed: bool = False,
     flat: bool = False,
-    spacing: float | None = None,
+    spacing: Positive | None = None,
     fit: FitQuality | None = None,
     size: tuple[int, int] = (1600, 1000),
     view: View | None = None,

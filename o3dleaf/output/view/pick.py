@@ -6,6 +6,7 @@ from os import PathLike
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
@@ -39,6 +40,7 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
     return control_points(points, _pick(points))
 
 
+@checked
 def write_midrib(control: FloatArray, path: str | PathLike[str]) -> None:
     """Write control points (k, 3) as a PLY point cloud, whole or not at all."""
     target = require_writable(path, (".ply",))

@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.image import imsave
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
@@ -32,6 +34,7 @@ LETTER = 0.47
 ENGINES = ("cpu", "open3d", "auto")
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Inset:
     """A second mesh, drawn larger in a panel of its own: a window of the micro-structure.
@@ -57,13 +60,14 @@ class Inset:
     at: npt.ArrayLike | None = None
     view: View = field(default_factory=lambda: View(tilt=48.0, turn=32.0))
     scalars: npt.ArrayLike | Scalars | None = None
-    unit: str | None = None
+    unit: Unit | None = None
 
     def __repr__(self) -> str:
         title = f"{self.title!r}, " if self.title else ""
         return f"Inset({title}{type(self.mesh).__name__}, unit {self.unit})"
 
 
+@checked
 def render(
     mesh: Drawable,
     path: str | PathLike[str] | None = None,
@@ -72,7 +76,7 @@ def render(
     insets: Sequence[Inset | Drawable] = (),
     scalars: npt.ArrayLike | Scalars | None = None,
     scale_bar: bool = True,
-    unit: str | None = None,
+    unit: Unit | None = None,
     title: str | None = None,
     view: View | None = None,
     engine: str = "cpu",

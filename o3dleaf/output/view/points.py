@@ -7,6 +7,8 @@ import numpy.typing as npt
 import open3d as o3d
 from scipy.spatial import cKDTree
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
@@ -19,6 +21,7 @@ NEIGHBORS = 12
 """Points by which the plane of the cloud about each one is estimated."""
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Points:
     """A point cloud to draw: a scan, control points, a curve that is sampled closely.
@@ -33,7 +36,7 @@ class Points:
     """
 
     points: CloudLike
-    radius: float | None = None
+    radius: Positive | None = None
     color: str | None = None
 
     def __repr__(self) -> str:

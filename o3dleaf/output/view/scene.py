@@ -10,6 +10,7 @@ import open3d as o3d
 from matplotlib import colormaps
 from matplotlib.colors import is_color_like, to_rgb
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, require_choice, require_finite
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.memory import measured
@@ -42,6 +43,7 @@ TONE = 0.68
 """Full light is brighter than white paper: toned down, the colors stay those of the bar."""
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Scalars:
     """Numbers on a mesh or a point cloud that are shown as colors.

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from shapely import affinity
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import require_choice
 from o3dleaf.samples.leaves.leaf_shape import LeafShape, Tube
 from o3dleaf.samples.leaves.outlines import eat, lobed_outline, long_outline, oval_outline
@@ -14,6 +15,7 @@ AXIS_STEP = 0.5
 """Distance of the points of a stalk's axis, in millimeters."""
 
 
+@checked
 def leaf_shape(kind: str, **parameters: float) -> LeafShape:
     """Return a leaf of known shape; lengths in millimeters, angles in degrees.
 

@@ -9,6 +9,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, require_choice, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
@@ -98,6 +99,7 @@ class Scanning:
             raise InputError(f"scan: noise is {self.noise}, passes {self.passes}; give noise ≥ 0 and at least one pass")
 
 
+@checked
 def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     """Return a scan of a leaf of known shape.
 

@@ -9,6 +9,8 @@ import shapely
 from scipy.spatial import KDTree
 from shapely.geometry import Polygon
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, as_points, require_positive
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.samples.domain import evaluate
@@ -135,15 +137,18 @@ class LeafShape:
         """Return which of (n, 2) places lie in the outline."""
         return np.asarray(shapely.contains_xy(self.outline, as_points(plane, "plane", dim=2)))
 
-    def margin_places(self, step: float) -> list[FloatArray]:
+    @checked
+    def margin_places(self, step: Positive) -> list[FloatArray]:
         """Return the places (k, 2) of each ring of the margin, exterior first, at most `step` apart."""
         return rings_of(self.outline, require_positive(step, "step"))
 
-    def margin(self, step: float) -> list[FloatArray]:
+    @checked
+    def margin(self, step: Positive) -> list[FloatArray]:
         """Return the points (k, 3) of each ring of the margin, exterior first, at most `step` apart in the plane."""
         return [self.sweep.jet(ring).points for ring in self.margin_places(step)]
 
-    def mesh(self, step: float) -> tuple[FloatArray, IntArray]:
+    @checked
+    def mesh(self, step: Positive) -> tuple[FloatArray, IntArray]:
         """Return vertices (n, 3) on the surface and triangles (m, 3), counter-clockwise seen from above, of a step."""
         plane, triangles = triangulate(self.outline, require_positive(step, "step"))
         return self.sweep.jet(plane).points, triangles

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.samples.files import write_points
 from o3dleaf.samples.leaves.kinds import LEAF_KINDS, leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import scan_leaf
@@ -13,7 +15,8 @@ NOISE = 0.2
 """Of the scans, in spacings: what a laser scanner leaves."""
 
 
-def write_leaf_scans(folder: str | PathLike[str], *, seed: int = 0) -> list[Path]:
+@checked
+def write_leaf_scans(folder: str | PathLike[str], *, seed: Whole = 0) -> list[Path]:
     """Write a scan of each kind of leaf, ``leaf_KIND.ply``, in millimeters: `scan_leaf` with a noise of 0.2 spacings.
 
     Parameters

@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_values, require_choice
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive
+from o3dleaf.core.checks import FloatArray, as_row, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
@@ -54,13 +56,14 @@ class OffsetConstraints(NamedTuple):
         return f"OffsetConstraints({len(self.sites):,} sites)"
 
 
+@checked
 def offset_constraints(
     cloud: CloudLike,
-    distance: float | npt.ArrayLike | None = None,
+    distance: Positive | npt.ArrayLike | None = None,
     *,
-    every: int = EVERY,
+    every: Count = EVERY,
     sides: str = "both",
-    floor: float = FLOOR,
+    floor: NotNegative = FLOOR,
 ) -> OffsetConstraints:
     """Return sites x_i ± d_i n_i with values ∓d_i that stay on their own side of every other sheet.
 
@@ -101,7 +104,7 @@ def offset_constraints(
     x, n, chosen_sides = whole.points, whole.require_normals(), SIDES[require_choice(sides, SIDES, "sides")]
     if distance is None:
         distance = (DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE) * whole.spacing
-    wanted = as_values(np.broadcast_to(np.asarray(distance, dtype=np.float64), len(x)), len(x), "distance")
+    wanted = as_row(distance, "distance", count=len(x))
     if np.any(wanted <= 0):
         raise InputError(f"distance: {np.sum(wanted <= 0)} are not above zero; give a length, for instance the spacing")
     step = np.minimum(wanted[:, np.newaxis], ROOM * _empty_balls(x, n, 3 * float(wanted.max())))

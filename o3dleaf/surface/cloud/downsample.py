@@ -3,6 +3,8 @@
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.surface.cloud.cells import Cells
@@ -17,7 +19,8 @@ LEAST_GROWTH = 1.02
 """Of voxels from one size to the next that is tried: four percent fewer points."""
 
 
-def voxel_down_sample(cloud: CloudLike, voxel_size: float) -> OrientedCloud:
+@checked
+def voxel_down_sample(cloud: CloudLike, voxel_size: Positive) -> OrientedCloud:
     """Return the means of a cloud's points in each voxel whose normals face one way, each with its weight.
 
     As Open3D's `voxel_down_sample`, except that points whose normals face away from those of the first point in their

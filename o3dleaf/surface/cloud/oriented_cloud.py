@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_normals, as_weights
+from o3dleaf.core.checks import FloatArray, as_normals, as_row, as_weights, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
@@ -106,7 +106,8 @@ class OrientedCloud:
             counts = as_weights(weights, len(points))
         made = cls(points, unit, counts)
         if spacing is not None:
-            each = np.broadcast_to(spacing, len(points)) if np.ndim(spacing) == 0 else spacing
+            each = as_row(spacing, "spacing", count=len(points))
+            require_positive(float(each.max()), "spacing")
             given = as_weights(each, len(points), "spacing")
             vars(made).update(point_spacing=given, spacing=float(np.median(given)))
         return made

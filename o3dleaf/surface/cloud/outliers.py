@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Limit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
@@ -21,8 +23,9 @@ MIN_CLUSTER = 24
 """Fewer points than this are no piece of a surface: three times the neighbors that a plane is fitted to."""
 
 
+@checked
 def detect_outliers(
-    cloud: CloudLike, *, max_gap: float = MAX_GAP, max_ratio: float = MAX_RATIO, std_ratio: float = np.inf
+    cloud: CloudLike, *, max_gap: Limit = MAX_GAP, max_ratio: Limit = MAX_RATIO, std_ratio: Limit = np.inf
 ) -> npt.NDArray[np.bool_]:
     """Return which points of a cloud (n,) belong to no surface.
 

@@ -9,8 +9,11 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import (
     FloatArray,
+    as_floats,
     as_mask,
     as_points,
     as_viewpoint,
@@ -45,12 +48,13 @@ Estimate = Callable[[OrientedCloud], npt.ArrayLike]
 Orient = Callable[[OrientedCloud], Orientation]
 
 
+@checked
 def preprocess_point_cloud(
     cloud: CloudLike,
     *,
     normals: npt.ArrayLike | None = None,
     viewpoint: npt.ArrayLike | None = None,
-    voxel_size: float | None = None,
+    voxel_size: Positive | None = None,
     outliers: Detect | None = detect_outliers,
     branchings: Branch | None = find_branchings,
     estimate: Estimate | None = None,
@@ -238,9 +242,9 @@ def _by_side(cloud: OrientedCloud) -> OrientedCloud:
 
 def _as_rows(array: npt.ArrayLike, name: str) -> FloatArray:
     """Return an (n, 3) float64 array, of which values may be NaN."""
-    rows = np.asarray(array)
+    rows = as_floats(array, name)
     as_points(np.zeros(rows.shape), name, dim=3)
-    return np.asarray(rows, dtype=np.float64)
+    return rows
 
 
 def _weights_of(cloud: CloudLike, count: int) -> FloatArray:

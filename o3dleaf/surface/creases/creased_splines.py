@@ -6,6 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue
 from o3dleaf.core.checks import FloatArray, as_number
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
@@ -16,7 +18,7 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
 from o3dleaf.fitting.local.splines import LocalSplines, Splines, fit_splines
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.fitting.rbf.smoothing import Smoothing, SmoothingValue, SplineModel
+from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray, tail_exponents
 from o3dleaf.surface.creases import crease_loops, sheets
 from o3dleaf.surface.creases.composition_loops import ComposedBalls
@@ -33,6 +35,7 @@ SHARES = (4, 1, 2, 8)
 """About how long neighbors, sheets, the comparison of splits and the fit take."""
 
 
+@checked
 @dataclass(frozen=True)
 class CreasedSplines:
     r"""Splines of values that keep sharp creases: one for each smooth sheet of a ball, combined by minima and maxima.
@@ -60,12 +63,12 @@ class CreasedSplines:
     Boolean combinations of local fits (Ricci 1973).
     """
 
-    angle: Literal["auto"] | float = "auto"
+    angle: Literal["auto"] | Positive = "auto"
     kernel: str | Polyharmonic = "cubic"
     degree: int | None = None
     smoothing: SmoothingValue | None = None
     rho: SmoothingValue | None = None
-    points_per_ball: int | tuple[int, int] = POINTS_PER_BALL
+    points_per_ball: Count | tuple[Count, Count] = POINTS_PER_BALL
 
     def fit(self, cover: Cover, data: ScatteredData) -> "LocalSplines | LocalCreasedSplines":
         """Fit every ball of the cover, split into its sheets where cross-validation supports it."""

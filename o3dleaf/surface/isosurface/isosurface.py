@@ -4,6 +4,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.checks import FloatArray, as_bounds, as_number, as_points, as_step, require_choice, require_one_column
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.field import Field
@@ -15,11 +17,12 @@ from o3dleaf.surface.isosurface.level_samples import sample_level
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
 
 
+@checked
 def extract_isosurface(
     field: Field,
-    spacing: float | npt.ArrayLike,
+    spacing: Positive | npt.ArrayLike,
     bounds: npt.ArrayLike | None = None,
-    isovalue: float = 0.0,
+    isovalue: Finite = 0.0,
     *,
     method: str = "cubes",
     closed: bool | None = None,

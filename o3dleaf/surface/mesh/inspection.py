@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, Unit
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import MeshLike
@@ -36,13 +38,14 @@ class Inspection:
         return f"Inspection({self.report!r}, {self.defects!r}, {self.deviation!r})"
 
 
+@checked
 def inspect_mesh(
     mesh: MeshLike,
     field: Field | None = None,
     cloud: CloudLike | None = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     *,
-    isovalue: float = 0.0,
+    isovalue: Finite = 0.0,
 ) -> Inspection:
     """Return report, defects and deviations of a mesh, for the price of one; the arguments are `mesh_report`'s.
 

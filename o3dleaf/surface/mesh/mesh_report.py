@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
@@ -147,13 +149,14 @@ class MeshReport:
         return asdict(self)
 
 
+@checked
 def mesh_report(
     mesh: MeshLike,
     field: Field | None = None,
     cloud: CloudLike | None = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     *,
-    isovalue: float = 0.0,
+    isovalue: Finite = 0.0,
 ) -> MeshReport:
     """Return the figures of a mesh: its pieces, defects, angles and sizes, and how far it is from what it shows.
 

@@ -6,10 +6,11 @@ from typing import Any, Literal
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, SmoothingValue, Unit
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.constraints import OffsetConstraints, offset_constraints
 from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -24,6 +25,7 @@ Constrain = Callable[[OrientedCloud], OffsetConstraints]
 """An oriented cloud to constraints off the surface."""
 
 
+@checked
 def fit_surface(
     cloud: CloudLike,
     *,
@@ -31,10 +33,10 @@ def fit_surface(
     smoothing: SmoothingValue | None = None,
     local: str | Fitter = "rbf",
     constraints: Constrain = offset_constraints,
-    creases: Literal["auto", False] | float = "auto",
-    points_per_ball: int | tuple[int, int] | None = None,
-    margin: float | None = None,
-    unit: str | None = None,
+    creases: Literal["auto", False] | Positive = "auto",
+    points_per_ball: Count | tuple[Count, Count] | None = None,
+    margin: NotNegative | None = None,
+    unit: Unit | None = None,
 ) -> PUInterpolant:
     """Return the field of an oriented cloud: about the signed distance, larger inside, zero on the surface.
 

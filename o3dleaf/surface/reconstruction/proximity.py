@@ -6,6 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
@@ -28,7 +30,8 @@ Mask = Callable[[FloatArray], BoolArray]
 """A function of places (n, 3) that returns a mask (n,)."""
 
 
-def distance_mask(cloud: CloudLike, *, factor: float = REACH) -> Mask:
+@checked
+def distance_mask(cloud: CloudLike, *, factor: Positive = REACH) -> Mask:
     """Return the function that tests which places (n, 3) lie within `factor` spacings of a point, of its own.
 
     What `extract_isosurface` takes as `within` so that the surface reaches as far as `trim_to_data` needs, and no

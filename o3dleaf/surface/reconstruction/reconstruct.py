@@ -10,6 +10,8 @@ import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core import journal, progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue, Unit
 from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import CloudWarning
@@ -19,7 +21,6 @@ from o3dleaf.core.memory.budget import MemoryNeed, in_words, need_of
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.fitting.rbf.smoothing import SmoothingValue
 from o3dleaf.surface.cloud.constraints import offset_constraints
 from o3dleaf.surface.cloud.downsample import adaptive_down_sample
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -42,16 +43,17 @@ INVERTED = 1e-3
 """Share of the surface that may face away from its data without a word: what noise does to single vertices."""
 
 
+@checked
 def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each of which can be replaced
     pcd: CloudLike,
-    spacing: float | None = None,
+    spacing: Positive | None = None,
     rho: SmoothingValue | None = "gcv",
     *,
     smoothing: SmoothingValue | None = None,
     local: str | Fitter = "rbf",
-    creases: Literal["auto", False] | float = "auto",
-    points_per_ball: int | tuple[int, int] | None = None,
-    unit: str | None = None,
+    creases: Literal["auto", False] | Positive = "auto",
+    points_per_ball: Count | tuple[Count, Count] | None = None,
+    unit: Unit | None = None,
     viewpoint: npt.ArrayLike | None = None,
     prepare: Callable[..., CloudLike] = preprocess_point_cloud,
     merge: Callable[[OrientedCloud], CloudLike] | None = adaptive_down_sample,

@@ -7,6 +7,8 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import journal, progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import NotNegative, Positive
 from o3dleaf.core.checks import FloatArray, as_number, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning, InputError, ReconstructionError
@@ -48,13 +50,14 @@ MIN_POINTS = 24
 """A piece also goes if fewer points are nearest to it: so few are strays, no surface."""
 
 
+@checked
 def trim_to_data(
     mesh: MeshLike,
     cloud: CloudLike,
     *,
-    factor: float = FACTOR,
-    margin: float = MARGIN,
-    noise: float | None = None,
+    factor: Positive = FACTOR,
+    margin: NotNegative = MARGIN,
+    noise: NotNegative | None = None,
 ) -> o3d.geometry.TriangleMesh:
     r"""Return a mesh without what no data support: cut off past the rim of open data, untouched where they are closed.
 

@@ -10,6 +10,7 @@ import open3d as o3d
 from matplotlib import colormaps
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, as_points, require_choice, require_finite, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
@@ -65,6 +66,7 @@ class VertexSupport:
         return f"VertexSupport({len(self.distance):,} vertices, spacing {self.spacing:.3g})"
 
 
+@checked
 def vertex_support(
     mesh: MeshLike | npt.ArrayLike,
     cloud: CloudLike,
@@ -119,6 +121,7 @@ def vertex_support(
     return VertexSupport(distance, weight / FULL, residual, spacing)
 
 
+@checked
 def color_by_support(
     mesh: MeshLike,
     support: VertexSupport,

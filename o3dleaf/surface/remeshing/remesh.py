@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.checks import FloatArray, as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
@@ -41,13 +43,14 @@ COARSENING = 1.1
 
 
 @with_or_without_labels
+@checked
 def remesh(
     mesh: LabelledMesh,
-    target_edge: float,
+    target_edge: Positive,
     field: Field | None = None,
     *,
-    isovalue: float = 0.0,
-    deviation: float | None = None,
+    isovalue: Finite = 0.0,
+    deviation: Positive | None = None,
 ) -> LabelledMesh:
     r"""Return a mesh of nearly equilateral triangles, every vertex of it on the surface.
 

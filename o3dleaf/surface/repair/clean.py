@@ -7,6 +7,8 @@ from functools import partial
 import numpy as np
 import open3d as o3d
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import NotNegative, Whole
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.memory import measured
 from o3dleaf.core.memory.budget import require_memory
@@ -89,16 +91,17 @@ class Cleaning:
 
 
 @with_or_without_labels
+@checked
 def clean_mesh(
     mesh: LabelledMesh,
     *,
-    merge: float = 0.0,
-    smallest_component: float = 0.0,
-    smallest_area: float = 0.0,
-    fewest_triangles: int = 0,
-    largest_hole: float = 0.0,
-    smallest_height: float = 0.0,
-    fold_angle: float = FOLD_ANGLE,
+    merge: NotNegative = 0.0,
+    smallest_component: NotNegative = 0.0,
+    smallest_area: NotNegative = 0.0,
+    fewest_triangles: Whole = 0,
+    largest_hole: NotNegative = 0.0,
+    smallest_height: NotNegative = 0.0,
+    fold_angle: NotNegative = FOLD_ANGLE,
     untangle: bool = False,
     orient: bool = True,
 ) -> LabelledMesh:

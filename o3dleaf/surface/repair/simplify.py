@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Share
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.memory import measured
@@ -18,13 +20,14 @@ FIRST_STEP, LAST_STEP = float(np.log(4.0)), 0.1
 
 
 @with_or_without_labels
+@checked
 def simplify_mesh(
     mesh: LabelledMesh,
     *,
-    target_triangles: int | None = None,
-    target_edge: float | None = None,
-    deviation: float | None = None,
-    quality: float = 0.3,
+    target_triangles: Count | None = None,
+    target_edge: Positive | None = None,
+    deviation: NotNegative | None = None,
+    quality: Share = 0.3,
 ) -> LabelledMesh:
     """Return a mesh of fewer triangles by quadric edge collapse; border, lines between labels and topology stay.
 

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
@@ -21,11 +23,12 @@ FORMATS = (tiff, *TAKING_LAYOUT, itk, scanco, points)
 SUFFIXES = tuple(suffix for each in FORMATS for suffix in each.SUFFIXES)
 
 
+@checked
 def read_volume(
     path: str | PathLike[str],
     *,
     spacing: npt.ArrayLike | None = None,
-    unit: str | None = None,
+    unit: Unit | None = None,
     origin: npt.ArrayLike | None = None,
     layout: str | VoxelLayout | None = None,
 ) -> Volume:

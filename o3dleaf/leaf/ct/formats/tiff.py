@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.units import METERS, check_unit
@@ -50,6 +51,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     return np.asarray(pages).reshape(_three(stack.shape)), lattice
 
 
+@checked
 def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
     """Write a volume as an ImageJ TIFF stack with its spacing, origin and unit, whole or not at all.
 
