@@ -97,9 +97,11 @@ def test_the_blade_of_the_real_leaf(wheat, blade):
     check_blade(blade, wheat[0])
 
 
-@pytest.mark.parametrize("frame", FRAMES)
-def test_the_blade_of_the_real_leaf_without_a_midrib(wheat, frame):
-    check_blade(create_blade(wheat[0], options=BladeOptions(frame=frame)), wheat[0])
+@pytest.mark.parametrize(("frame", "every"), [("surface", 2), ("paper", 1)])
+def test_the_blade_of_the_real_leaf_without_a_midrib(wheat, frame, every):
+    """Of half the points a surface is fitted in half the time; their outline, as the paper finds it, has holes."""
+    scan = wheat[0].uniform_down_sample(every)
+    check_blade(create_blade(scan, options=BladeOptions(frame=frame)), scan)
 
 
 def test_the_height_map_of_the_real_leaf_is_not_steep(paper_blade):

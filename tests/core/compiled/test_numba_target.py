@@ -1,6 +1,7 @@
 """What is compiled now, what is loaded and what was called before make no difference to a result, and nor do others."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -67,18 +68,16 @@ print(missed)
 """
 
 
-@pytest.fixture
-def call(tmp_path):
+def caller(folder):
     """Return a function that calls some loops in a process of its own, and returns results and what it compiled."""
-    (tmp_path / "some_loops.py").write_text(LOOPS)
 
     def run(*words, **environment):
-        path = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+        path = os.pathsep.join([str(folder), *filter(None, sys.path)])
         command = [sys.executable, "-c", CALLS, *words]
         done = subprocess.run(
             command,
             env=os.environ | {"PYTHONPATH": path} | environment,
-            cwd=tmp_path,
+            cwd=folder,
             capture_output=True,
             text=True,
             check=True,
@@ -87,6 +86,29 @@ def call(tmp_path):
         return bits, int(compiled)
 
     return run
+
+
+@pytest.fixture
+def call(tmp_path):
+    (tmp_path / "some_loops.py").write_text(LOOPS)
+    return caller(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A folder with the loops and the code that a first call of them has left, and what that returned."""
+    folder = tmp_path_factory.mktemp("compiled")
+    (folder / "some_loops.py").write_text(LOOPS)
+    bits, compiled = caller(folder)()
+    assert compiled == 1
+    return folder, bits
+
+
+@pytest.fixture
+def call_again(compiled, tmp_path):
+    """Return a function that calls the loops in a copy of that folder, and what the first call returned."""
+    shutil.copytree(compiled[0], tmp_path, dirs_exist_ok=True)
+    return caller(tmp_path), compiled[1]
 
 
 def test_compiled_loaded_and_called_in_any_order_give_the_same_bits(call, tmp_path):
@@ -99,38 +121,42 @@ def test_compiled_loaded_and_called_in_any_order_give_the_same_bits(call, tmp_pa
     assert compiled == loaded == anew
 
 
-def test_where_nothing_can_be_written_it_compiles(call, tmp_path):
+def test_where_nothing_can_be_written_it_compiles(call, compiled, tmp_path):
     """Numba itself raises at import."""
     (tmp_path / "file").touch()
     hidden = {"HOME": str(tmp_path / "file"), "XDG_CACHE_HOME": str(tmp_path / "file")}
     (tmp_path / "__pycache__").touch()
-    bits, compiled = call(NUMBA_CACHE_DIR="", **hidden)
-    assert compiled == 1
-    assert bits == call(NUMBA_CACHE_DIR=str(tmp_path / "elsewhere"))[0]
+    assert call(NUMBA_CACHE_DIR="", **hidden) == (compiled[1], 1)
 
 
-def test_a_file_for_another_source_is_not_loaded(call, tmp_path):
+def test_a_file_for_another_source_is_not_loaded(call_again, tmp_path):
     """The name is the same, and a function that is only called has changed."""
-    assert call()[1] == 1
+    call, _ = call_again
     (tmp_path / "some_loops.py").write_text(LOOPS.replace("/ 7", "/ 9"))
     assert call()[1] == 1
     assert call()[1] == 0
 
 
-def test_a_file_that_another_numba_wrote_is_not_loaded(call, tmp_path):
-    bits, _ = call()
+def test_a_file_that_another_numba_wrote_is_not_loaded(call_again, tmp_path):
+    call, bits = call_again
     for path in tmp_path.rglob("*.code"):
         path.write_bytes(path.read_bytes().replace(b"Numba 0.6", b"Numba 0.7", 1))
     assert call() == (bits, 1)
 
 
-def test_a_damaged_file_is_not_loaded(call, tmp_path):
-    bits, _ = call()
+def test_a_damaged_file_is_not_loaded(call_again, tmp_path):
+    call, bits = call_again
     for path in tmp_path.rglob("*.code"):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 255
         path.write_bytes(content)
     assert call() == (bits, 1)
+
+
+def test_a_copy_of_the_folder_is_as_good(call_again):
+    """Else none of those before would say anything."""
+    call, bits = call_again
+    assert call() == (bits, 0)
 
 
 def product(a, b):
