@@ -296,6 +296,8 @@ def main():
     parser.add_argument("--jobs", nargs="+", help="by default all")
     parser.add_argument("--moments", type=int, help="of each job; by default 50 kills and 20 signals")
     given = parser.parse_args()
+    # A shell that starts this in the background has it ignore Ctrl-C, and its children, too: not so here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     wrong = 0
     with tempfile.TemporaryDirectory(prefix="o3dleaf-faults-") as folder:
         home = Path(folder)

@@ -1,5 +1,6 @@
 """`o3dleaf info`: the contents of a file."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,8 @@ class InfoJob(UnitOption, Job):
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""
-        is_volume = self.file.is_dir() or self.file.suffix.lower() in VOLUMES
+        # Of a name that is none, too.
+        is_volume = os.path.isdir(self.file) or self.file.suffix.lower() in VOLUMES  # noqa: PTH112
         contents = self.volume() if is_volume else self.geometry()
         if self.json is not None:
             write_json(contents, self.json)

@@ -66,23 +66,24 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     if suffixes and target.suffix.lower() not in suffixes:
         raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
-    _remove_abandoned(target.resolve().parent)
+    _remove_abandoned(_resolved(target).parent)
     return target
 
 
 def make_folder(folder: str | PathLike[str]) -> Path:
-    """Return the folder, made if it was not there, or raise `InputError`."""
+    """Return the folder, made if it was not there; raise `InputError` where it cannot be made or written to."""
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InputError(f"{target}: the folder cannot be created ({cause.strerror}); choose another") from cause
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{shown(target)}: the folder cannot be created ({_why(cause)}); choose another") from cause
+    _beside(target / "new").unlink()
     return target
 
 
 def require_free(path: str | PathLike[str], size: int) -> None:
     """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
-    free = shutil.disk_usage(Path(path).resolve().parent).free
+    free = shutil.disk_usage(_resolved(Path(path)).parent).free
     if free < size:
         raise O3DLeafError(
             f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
@@ -92,11 +93,11 @@ def require_free(path: str | PathLike[str], size: int) -> None:
 
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
     """Raise `InputError` if a file to be written (None: none) is one of those that are read, or written twice."""
-    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
+    read, written = {_resolved(path) for path in inputs if path is not None}, set[Path]()
     for path in outputs:
         if path is None:
             continue
-        target = path.resolve()
+        target = _resolved(path)
         if target in read:
             raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
         if target in written:
@@ -121,8 +122,8 @@ def _beside(target: Path) -> Path:
         mode = target.stat().st_mode
     except FileNotFoundError:
         mode = stat.S_IFREG | 0o666
-    except OSError as cause:
-        raise InputError(f"{target}: cannot be written ({cause.strerror}); choose another name") from cause
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{shown(target)}: cannot be written ({_why(cause)}); choose another name") from cause
     # A rename replaces whatever has the name, /dev/null and read-only files too, and root may do anything: the mode
     # says what the owner meant.
     if not stat.S_ISREG(mode):
@@ -142,6 +143,25 @@ def _beside(target: Path) -> Path:
     os.umask(mask)
     Path(name).chmod(0o666 & ~mask)
     return Path(name)
+
+
+def shown(path: Path) -> str:
+    """Return a path as a message may show it, in one line."""
+    text = str(path)
+    return text if text.isprintable() else repr(text)
+
+
+def _resolved(path: Path) -> Path:
+    """Return where a path leads, or raise `InputError` where it leads in a circle or is no name."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError) as cause:
+        raise InputError(f"{shown(path)}: is no place for a file ({_why(cause)}); choose another name") from cause
+
+
+def _why(cause: Exception) -> str:
+    """Return the reason of an error, without the name that it has as well."""
+    return (cause.strerror if isinstance(cause, OSError) else None) or str(cause)
 
 
 def _node() -> str:

@@ -1,6 +1,7 @@
 """Files in, `Volume` out: TIFF stacks and folders of slices, NumPy arrays, and what SimpleITK reads."""
 
 import gzip
+import os
 import re
 import zlib
 from os import PathLike
@@ -81,7 +82,7 @@ def read_volume(
 
 def _read_any(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     """(x, y, z) voxels and stated lattice of a file of any known format."""
-    if path.is_dir():
+    if os.path.isdir(path):  # noqa: PTH112 - of a name that is none, too
         pages, lattice = _read_slices(path)
         return swap_page_order(pages), lattice
     name = require_file(path).name.lower()
