@@ -51,7 +51,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         temporary.replace(target.resolve())
     except OSError as cause:
         raise O3DLeafError(
-            f"{target}: could not be written ({cause.strerror}); free space or choose another"
+            f"{shown(target)}: could not be written ({cause.strerror}); free space or choose another"
         ) from cause
     finally:
         temporary.unlink(missing_ok=True)
@@ -64,7 +64,7 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     """
     target = Path(path)
     if suffixes and target.suffix.lower() not in suffixes:
-        raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
+        raise InputError(f"{shown(target)}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
     _remove_abandoned(_resolved(target).parent)
     return target
@@ -86,7 +86,7 @@ def require_free(path: str | PathLike[str], size: int) -> None:
     free = shutil.disk_usage(_resolved(Path(path)).parent).free
     if free < size:
         raise O3DLeafError(
-            f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
+            f"{shown(Path(path))}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
             "free some, choose another disk, or coarsen the spacing"
         )
 
@@ -99,9 +99,9 @@ def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
             continue
         target = _resolved(path)
         if target in read:
-            raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
+            raise InputError(f"{shown(path)}: is an input and is not overwritten; choose another name for the output")
         if target in written:
-            raise InputError(f"{path}: would be written twice; give every output a name of its own")
+            raise InputError(f"{shown(path)}: would be written twice; give every output a name of its own")
         written.add(target)
 
 
@@ -128,15 +128,17 @@ def _beside(target: Path) -> Path:
     # says what the owner meant.
     if not stat.S_ISREG(mode):
         kind = next(word for test, word in KINDS if test(mode))
-        raise InputError(f"{target}: is a {kind}, and only a file can be written; give the name of a file")
+        raise InputError(f"{shown(target)}: is a {kind}, and only a file can be written; give the name of a file")
     if not mode & 0o222:
-        raise InputError(f"{target}: exists already and is read-only; choose another name")
+        raise InputError(f"{shown(target)}: exists already and is read-only; choose another name")
     folder = target.resolve().parent
     try:
         prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix.lower(), dir=folder)
     except OSError as cause:
-        raise InputError(f"{target}: the folder cannot be written to ({cause.strerror}); choose another") from cause
+        raise InputError(
+            f"{shown(target)}: the folder cannot be written to ({cause.strerror}); choose another"
+        ) from cause
     os.close(handle)
     # mkstemp makes files private; the result gets the permissions that any new file would.
     mask = os.umask(0)

@@ -316,9 +316,9 @@ def require_file(path: str | PathLike[str]) -> Path:
             f"{shown(file)}: no such file ({getattr(cause, 'strerror', cause)}); check the path"
         ) from cause
     if not stat.S_ISREG(state.st_mode):
-        raise InputError(f"{file}: is a folder, a pipe or a device, no such file as can be read; check the path")
+        raise InputError(f"{shown(file)}: is a folder, a pipe or a device, no such file as can be read; check the path")
     if state.st_size == 0:
-        raise InputError(f"{file}: the file is empty; export it again")
+        raise InputError(f"{shown(file)}: the file is empty; export it again")
     if not os.access(file, os.R_OK):
-        raise InputError(f"{file}: may not be read by you; ask its owner, or copy it")
+        raise InputError(f"{shown(file)}: may not be read by you; ask its owner, or copy it")
     return file
