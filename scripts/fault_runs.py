@@ -52,9 +52,9 @@ def prepare(home):
     from o3dleaf.samples.files import write_samples  # noqa: PLC0415 - heavy
 
     write_samples(home / "samples")
-    points, _ = Torus().sample(20_000, seed=0)
+    points, _ = Torus().sample(4_000, seed=0)
     o3d.io.write_point_cloud(home / "torus.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
-    mesh = o3d.geometry.TriangleMesh.create_torus(radial_resolution=200, tubular_resolution=100)
+    mesh = o3d.geometry.TriangleMesh.create_torus(radial_resolution=40, tubular_resolution=20)
     write_mesh(mesh, home / "torus_mesh.ply")
     samples = home / "samples"
     return {
@@ -66,7 +66,7 @@ def prepare(home):
         "streaming": (
             [
                 "leaf", samples / "wheat_scan.ply", "--ct", samples / "wheat_ct_24um.tif", "--midrib",
-                samples / "wheat_midrib.ply", "--spacing", "0.2", "-o", "out.ply", "--model", "out.o3l",
+                samples / "wheat_midrib.ply", "--spacing", "0.4", "-o", "out.ply", "--model", "out.o3l",
             ],
             ["out.ply", "out.o3l"],
         ),
@@ -296,6 +296,8 @@ def main():
     parser.add_argument("--jobs", nargs="+", help="by default all")
     parser.add_argument("--moments", type=int, help="of each job; by default 50 kills and 20 signals")
     given = parser.parse_args()
+    # A shell that starts this in the background has it ignore Ctrl-C, and its children, too: not so here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     wrong = 0
     with tempfile.TemporaryDirectory(prefix="o3dleaf-faults-") as folder:
         home = Path(folder)

@@ -28,10 +28,11 @@ class InfoJob(UnitOption, Job):
     @property
     def volume_file(self) -> bool:
         """Whether it is a volume, and neither mesh nor cloud."""
+        from o3dleaf.core.checks import is_folder
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
-        return self.file.is_dir() or self.file.name.lower().endswith(volumes)
+        return is_folder(self.file) or self.file.name.lower().endswith(volumes)
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""

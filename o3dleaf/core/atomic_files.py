@@ -51,7 +51,7 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
         temporary.replace(target.resolve())
     except OSError as cause:
         raise O3DLeafError(
-            f"{target}: could not be written ({cause.strerror}); free space or choose another"
+            f"{shown(target)}: could not be written ({cause.strerror}); free space or choose another"
         ) from cause
     finally:
         temporary.unlink(missing_ok=True)
@@ -64,43 +64,44 @@ def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) 
     """
     target = Path(path)
     if suffixes and target.suffix.lower() not in suffixes:
-        raise InputError(f"{target}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
+        raise InputError(f"{shown(target)}: unknown suffix {target.suffix!r}; choose one of {', '.join(suffixes)}")
     _beside(target).unlink()
-    _remove_abandoned(target.resolve().parent)
+    _remove_abandoned(_resolved(target).parent)
     return target
 
 
 def make_folder(folder: str | PathLike[str]) -> Path:
-    """Return the folder, made if it was not there, or raise `InputError`."""
+    """Return the folder, made if it was not there; raise `InputError` where it cannot be made or written to."""
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
-    except OSError as cause:
-        raise InputError(f"{target}: the folder cannot be created ({cause.strerror}); choose another") from cause
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{shown(target)}: the folder cannot be created ({_why(cause)}); choose another") from cause
+    _beside(target / "new").unlink()
     return target
 
 
 def require_free(path: str | PathLike[str], size: float) -> None:
     """Raise `O3DLeafError` if the disk of `path` has less than `size` bytes left: before the work, not after it."""
-    free = shutil.disk_usage(Path(path).resolve().parent).free
+    free = shutil.disk_usage(_resolved(Path(path)).parent).free
     if free < size:
         raise O3DLeafError(
-            f"{path}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
+            f"{shown(Path(path))}: needs {size / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free; "
             "free some, choose another disk, or coarsen the spacing"
         )
 
 
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
     """Raise `InputError` if a file to be written (None: none) is one of those that are read, or written twice."""
-    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
+    read, written = {_resolved(path) for path in inputs if path is not None}, set[Path]()
     for path in outputs:
         if path is None:
             continue
-        target = path.resolve()
+        target = _resolved(path)
         if target in read:
-            raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
+            raise InputError(f"{shown(path)}: is an input and is not overwritten; choose another name for the output")
         if target in written:
-            raise InputError(f"{path}: would be written twice; give every output a name of its own")
+            raise InputError(f"{shown(path)}: would be written twice; give every output a name of its own")
         written.add(target)
 
 
@@ -121,27 +122,48 @@ def _beside(target: Path) -> Path:
         mode = target.stat().st_mode
     except FileNotFoundError:
         mode = stat.S_IFREG | 0o666
-    except OSError as cause:
-        raise InputError(f"{target}: cannot be written ({cause.strerror}); choose another name") from cause
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{shown(target)}: cannot be written ({_why(cause)}); choose another name") from cause
     # A rename replaces whatever has the name, /dev/null and read-only files too, and root may do anything: the mode
     # says what the owner meant.
     if not stat.S_ISREG(mode):
         kind = next(word for test, word in KINDS if test(mode))
-        raise InputError(f"{target}: is a {kind}, and only a file can be written; give the name of a file")
+        raise InputError(f"{shown(target)}: is a {kind}, and only a file can be written; give the name of a file")
     if not mode & 0o222:
-        raise InputError(f"{target}: exists already and is read-only; choose another name")
+        raise InputError(f"{shown(target)}: exists already and is read-only; choose another name")
     folder = target.resolve().parent
     try:
         prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
         handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix.lower(), dir=folder)
     except OSError as cause:
-        raise InputError(f"{target}: the folder cannot be written to ({cause.strerror}); choose another") from cause
+        raise InputError(
+            f"{shown(target)}: the folder cannot be written to ({cause.strerror}); choose another"
+        ) from cause
     os.close(handle)
     # mkstemp makes files private; the result gets the permissions that any new file would.
     mask = os.umask(0)
     os.umask(mask)
     Path(name).chmod(0o666 & ~mask)
     return Path(name)
+
+
+def shown(path: Path) -> str:
+    """Return a path as a message may show it, in one line."""
+    text = str(path)
+    return text if text.isprintable() else repr(text)
+
+
+def _resolved(path: Path) -> Path:
+    """Return where a path leads, or raise `InputError` where it leads in a circle or is no name."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError) as cause:
+        raise InputError(f"{shown(path)}: is no place for a file ({_why(cause)}); choose another name") from cause
+
+
+def _why(cause: Exception) -> str:
+    """Return the reason of an error, without the name that it has as well."""
+    return (cause.strerror if isinstance(cause, OSError) else None) or str(cause)
 
 
 def _node() -> str:

@@ -1,5 +1,7 @@
 """The only input validation of the package: each check returns a clean array or raises `InputError`."""
 
+import os
+import stat
 import warnings
 from collections.abc import Iterable
 from os import PathLike
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.atomic_files import shown
 from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
@@ -344,11 +347,24 @@ def require_object_first(thing: object, caller: str, word: str) -> None:
         raise InputError(f"{caller}: takes the {word} first, then the path")
 
 
+def is_folder(path: str | PathLike[str]) -> bool:
+    """Return whether a path is a folder; a name that none can have is not, where `Path.is_dir` raises."""
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 def require_file(path: str | PathLike[str]) -> Path:
     """Return `path` as a `Path` if it is a file that holds something, else raise `InputError`."""
     file = Path(path)
-    if not file.is_file():
-        raise InputError(f"{file}: no such file; check the path")
-    if file.stat().st_size == 0:
-        raise InputError(f"{file}: the file is empty; export it again")
+    try:
+        state = file.stat()
+    except (OSError, ValueError) as cause:
+        raise InputError(
+            f"{shown(file)}: no such file ({getattr(cause, 'strerror', cause)}); check the path"
+        ) from cause
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError(f"{shown(file)}: is a folder, a pipe or a device, no such file as can be read; check the path")
+    if state.st_size == 0:
+        raise InputError(f"{shown(file)}: the file is empty; export it again")
+    if not os.access(file, os.R_OK):
+        raise InputError(f"{shown(file)}: may not be read by you; ask its owner, or copy it")
     return file

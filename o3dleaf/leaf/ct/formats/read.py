@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks import is_folder, require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.leaf.ct.formats import bare, hdf5, itk, ome_zarr, points, scanco, slices, tiff
@@ -94,7 +94,7 @@ def _read_voxels(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Sta
     read = _reader_of(path)
     if read in TAKING_LAYOUT:
         array, stated = read.read(path, layout)
-    elif read is itk and path.is_dir():
+    elif read is itk and is_folder(path):
         layout.require_only(("dataset",), path)
         array, stated = itk.read_series(path, layout.dataset)
     else:
@@ -108,9 +108,9 @@ def _read_voxels(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Sta
 
 def _reader_of(path: Path) -> Any:
     """Return the module that reads a file or folder."""
-    if path.is_dir() and path.suffix.lower() not in ome_zarr.SUFFIXES:
+    if is_folder(path) and path.suffix.lower() not in ome_zarr.SUFFIXES:
         return itk if not slices.slices_in(path) and itk.has_series(path) else slices
-    name = path.name.lower() if path.is_dir() else require_file(path).name.lower()
+    name = path.name.lower() if is_folder(path) else require_file(path).name.lower()
     known = [each for each in FORMATS if name.endswith(each.SUFFIXES)]
     if not known:
         raise InputError(
