@@ -16,8 +16,14 @@ from o3dleaf.core.errors import DataWarning, InputError
 
 FloatArray = npt.NDArray[np.float64]
 
-LARGEST = 1e50
-"""Size of a cloud's coordinates beyond which, and one over which, sixth powers of lengths leave float64."""
+LARGEST = 1e30
+"""Size of a cloud's coordinates beyond which, and one over which, tenth powers of lengths leave float64."""
+
+
+FARTHEST = 1e100
+"""Size of coordinates beyond which, and one over which, squares of their distances leave float64."""
+FAR_BOXES = 1e6
+"""Sizes of a surface from which on a place is too far to tell the foot of it."""
 
 
 def as_floats(array: npt.ArrayLike, name: str) -> FloatArray:
@@ -89,9 +95,21 @@ def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = 
     return require_finite(array, name)
 
 
-def as_sites(points: npt.ArrayLike, name: str, *, dim: int | None = None, least: int = 0) -> FloatArray:
+def as_sites(
+    points: npt.ArrayLike, name: str, *, dim: int | None = None, least: int = 0, largest: float = LARGEST
+) -> FloatArray:
     """Return `points` as `as_points` does, if they are of a size to calculate with: data, not places to evaluate at."""
-    return require_size(as_points(points, name, dim=dim, least=least), name)
+    return require_size(as_points(points, name, dim=dim, least=least), name, largest=largest)
+
+
+def require_near(places: FloatArray, bounds: FloatArray, name: str) -> FloatArray:
+    """Return places (n, d) if none is farther from a box than `FAR_BOXES` times its size, else raise `InputError`."""
+    low, high = bounds
+    reach = FAR_BOXES * float((high - low).max())
+    far = np.any((places < low - reach) | (places > high + reach), axis=1)
+    if far.any():
+        raise InputError(f"{name}: {far.sum():,} lie {FAR_BOXES:.0e} times its size away from it; give places nearby")
+    return places
 
 
 def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> FloatArray:
@@ -124,6 +142,14 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
     return require_finite(array, name)
+
+
+def as_answers(answers: Any, count: int) -> npt.NDArray[Any]:
+    """Return what a field answered at `count` points, finite (count,), or raise `InputError`."""
+    values = as_array(answers, "field values")
+    if values.dtype.kind not in "buif" or values.shape != (count,):
+        raise InputError(f"field values: are {values.dtype} of shape {values.shape}; let it return one number a point")
+    return require_finite(values, "field values")
 
 
 def require_one_column(field: object, caller: str) -> None:
@@ -344,7 +370,7 @@ def require_choice(value: str, choices: Iterable[str], name: str) -> str:
 def require_object_first(thing: object, caller: str, word: str) -> None:
     """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
     if isinstance(thing, str | PathLike):
-        raise InputError(f"{caller}: takes the {word} first, then the path")
+        raise InputError(f"{caller}: takes the {word} first, then the path; swap them")
 
 
 def is_folder(path: str | PathLike[str]) -> bool:

@@ -29,7 +29,7 @@ def points_of(cloud: CloudLike, name: str = "points", *, least: int = 0) -> Floa
     Raises
     ------
     InputError
-        If there are fewer than `least` points, or one is not finite, or they are beyond 1e±50.
+        If there are fewer than `least` points, or one is not finite, or they are beyond 1e±30.
     """
     return as_sites(raw_points(cloud, name), name, dim=3, least=least)
 

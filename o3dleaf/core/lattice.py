@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_bounds, as_step, require_finite, require_positive
+from o3dleaf.core.checks import FloatArray, as_answers, as_bounds, as_step, require_positive
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.parallel import blocks
@@ -159,7 +159,7 @@ def sample_lattice(
             points = np.empty((last - first, stop - start, len(lattice.shape)))
             points[..., :-1] = columns[first:last, np.newaxis]
             points[..., -1] = depth[start:stop]
-            values = np.asarray(field(points.reshape(-1, len(lattice.shape))))
-            samples[first:last, start:stop] = require_finite(values, "field values").reshape(points.shape[:2])
+            values = as_answers(field(points.reshape(-1, len(lattice.shape))), points[..., 0].size)
+            samples[first:last, start:stop] = values.reshape(points.shape[:2])
         progress.report(last * len(depth), samples.size)
     return samples.reshape(lattice.shape)

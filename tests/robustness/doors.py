@@ -122,7 +122,7 @@ def _fields() -> dict[str, Door]:
         ("samples.WheatPatch", lambda w: w.patch, QUERIES),
     ):
         for called in ("__call__", "gradient"):
-            made[f"{name}.{called}"] = method(of, called, points=where)
+            made[f"{name}.{called}"] = method(of, called, **{"x" if of is leaf else "points": where})
     return made
 
 
@@ -292,6 +292,20 @@ DOORS: dict[str, Door] = {
         closed=FLAG,
         slow=True,
     ),
+    "MultiscaleLeaf.signed_distance": method(leaf, "signed_distance", x=ON_LEAF, closed=FLAG, slow=True),
+    "MultiscaleLeaf.closest_points": method(leaf, "closest_points", x=ON_LEAF, closed=FLAG, slow=True),
+    "MultiscaleLeaf.project": method(leaf, "project", x=ON_LEAF, slow=True),
+    "MultiscaleLeaf.mean_curvature": method(leaf, "mean_curvature", x=ON_LEAF, slow=True),
+    "MultiscaleLeaf.write_grid": method(
+        leaf,
+        "write_grid",
+        path=written_to("out.vti"),
+        spacing=STEP,
+        bounds=BOX.optional,
+        what=one_of("field"),
+        closed=FLAG,
+        slow=True,
+    ),
     "OrientedCloud.of": door(
         o3l.OrientedCloud.of,
         cloud=CLOUD,
@@ -339,6 +353,7 @@ DOORS: dict[str, Door] = {
     "PUInterpolant.diagnostics": method(
         lambda w: w.pu, "diagnostics", balls=VALUES.like(lambda w: np.array([0, 1])).without("one less").optional
     ),
+    "PUInterpolant.on_lattice": method(lambda w: w.pu, "on_lattice", bounds=BOX, spacing=STEP),
     "PUInterpolant.save": method(lambda w: w.pu, "save", path=written_to("out.o3l")),
     "PUInterpolant.hessian": method(lambda w: w.pu, "hessian", points=QUERIES),
     "ParametricBlade": door(
@@ -544,14 +559,14 @@ DOORS: dict[str, Door] = {
         isovalue=NUMBER.like(0.0),
         method=one_of("cubes"),
         closed=FLAG.optional,
-        seeds=CLOUD.optional,
+        seeds=CLOUD.but("times 1e-200").optional,
         within=CALLABLE.optional,
         sharpen=FLAG,
         features=FLAG,
     ),
     "fill_particles": door(o3l.fill_particles, mesh=MESH, step=LENGTH.like(0.2), unit=maybe_unit),
     "find_inverted_regions": door(o3l.find_inverted_regions, mesh=MESH, cloud=ORIENTED),
-    "find_midrib": door(o3l.find_midrib, cloud=scan),
+    "find_midrib": door(o3l.find_midrib, cloud=CLOUD.like(lambda w: w.long_strip)),
     "fit_surface": door(
         o3l.fit_surface,
         cloud=ORIENTED,
@@ -566,7 +581,11 @@ DOORS: dict[str, Door] = {
         slow=True,
     ),
     "inspect_mesh": door(o3l.inspect_mesh, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
-    "interpolate_attributes": door(o3l.interpolate_attributes, cloud=CLOUD, places=QUERIES),
+    "interpolate_attributes": door(
+        o3l.interpolate_attributes,
+        cloud=QUERIES.like(lambda w: w.points).but("a NaN", "an infinity", "minus infinity"),
+        places=QUERIES,
+    ),
     "load": door(o3l.load, path=read_from("good.o3l")),
     "mesh_report": door(o3l.mesh_report, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
     "offset_constraints": door(
@@ -737,26 +756,9 @@ DOORS: dict[str, Door] = {
     "samples.write_samples": door(samples.write_samples, folder=written_to("samples"), seed=WHOLE, slow=True),
     # view
     "view.Camera.project": method(lambda w: w.camera, "project", points=QUERIES, size=SIDE),
-    "view.Inset": door(
-        view.Inset,
-        mesh=MESH,
-        title=TITLE.optional,
-        at=VECTOR.optional,
-        view=VIEW,
-        scalars=VALUES.like(lambda w: np.arange(len(w.mesh[0])) + 0.0).optional,
-        unit=maybe_unit,
-    ),
-    "view.Points": door(view.Points, points=CLOUD, radius=maybe_length, color=WORD.like("green").optional),
-    "view.Scalars": door(
-        view.Scalars,
-        values=VALUES.without("one less"),
-        label=TITLE,
-        color_map=one_of("viridis"),
-        limits=tuple_of(0.0, 1.0).optional,
-    ),
     "view.View": door(
         view.View,
-        direction=tuple_of(0.0, 0.0, 1.0).optional,
+        direction=tuple_of(0.0, 0.0, 1.0).but("an infinity").optional,
         tilt=NUMBER.like(20.0),
         turn=NUMBER.like(0.0),
         perspective=FLAG,

@@ -351,7 +351,7 @@ class NoField:
     columns = None
 
     def __init__(self, answer: Callable[[Any], Any], bounds: Any = ((-1, -1, -1), (1, 1, 1))) -> None:
-        self.answer, self.bounds = answer, bounds
+        self.answer, self.bounds = answer, bounds if bounds is None else np.array(bounds, dtype=float)
 
     def __call__(self, points: Any) -> Any:
         return self.answer(points)

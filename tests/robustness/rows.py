@@ -18,7 +18,9 @@ from robustness.kinds import Kind
 STARRED = {"leaf_shape": "parameters", "scan_leaf": "options", "render_distortion": "options"}
 """Arguments with two stars; what stands for them is handed over under a name that there is not."""
 SECONDS = 20
-"""What takes longer hangs."""
+"""Of the processor: what takes longer hangs."""
+WAITING = 15
+"""Times that long a loaded machine may keep it waiting."""
 
 
 DEEPEST = 7
@@ -59,13 +61,17 @@ def limited(seconds: float = SECONDS) -> Iterator[None]:
     def stop(*_: Any) -> None:
         raise HangError
 
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    clocks = {signal.ITIMER_PROF: (signal.SIGPROF, seconds), signal.ITIMER_REAL: (signal.SIGALRM, WAITING * seconds)}
+    before = {number: signal.signal(number, stop) for number, _ in clocks.values()}
+    for clock, (_, after) in clocks.items():
+        signal.setitimer(clock, after)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for clock in clocks:
+            signal.setitimer(clock, 0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def spoiled(kind: Kind, which: str, change: str, world: Any) -> Any:

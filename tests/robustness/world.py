@@ -110,6 +110,11 @@ class World:
         return single(np.column_stack([20 * np.sin(along / 20), across, 20 * np.cos(along / 20) - 20]))
 
     @cached_property
+    def long_strip(self) -> np.ndarray:
+        """As the strip, a sixth as wide."""
+        return single(self.strip * [1.0, 1 / 6, 1.0])
+
+    @cached_property
     def midrib(self) -> np.ndarray:
         along = np.linspace(0, 9, 15)
         return single(np.column_stack([20 * np.sin(along / 20), 0 * along, 20 * np.cos(along / 20) - 20]))

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_normals, as_points, as_rows, as_values, as_weights, require_size
+from o3dleaf.core.checks import FARTHEST, FloatArray, as_normals, as_rows, as_sites, as_values, as_weights
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
@@ -17,8 +17,6 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 POINTS_PER_BALL = (200, 400)
 """Of splines of values, and of fits that do not say."""
-FARTHEST = 1e100
-"""Size of coordinates beyond which, and one over which, squares of their distances leave float64."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,7 @@ class ScatteredData:
         normals: npt.ArrayLike | None = None,
     ) -> "ScatteredData":
         """Return data of any arrays, or raise `InputError`; normals may have any length above 0."""
-        sites = require_size(as_points(points, least=1), "points", largest=FARTHEST)
+        sites = as_sites(points, "points", least=1, largest=FARTHEST)
         return cls(
             sites,
             as_values(values, len(sites), columns=True),
@@ -67,7 +65,7 @@ class ScatteredData:
     @classmethod
     def on_surface(cls, points: npt.ArrayLike, normals: npt.ArrayLike) -> "ScatteredData":
         """Return oriented points of a surface, where the value is zero."""
-        sites = require_size(as_points(points, least=1), "points", largest=FARTHEST)
+        sites = as_sites(points, "points", least=1, largest=FARTHEST)
         return cls(sites, np.zeros(len(sites)), normals=as_normals(normals, sites))
 
     @cached_property

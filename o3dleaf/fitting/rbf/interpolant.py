@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue, Unit
-from o3dleaf.core.checks import FloatArray, as_points, as_sites, as_values, as_weights, warn_of_contradictions
+from o3dleaf.core.checks import FARTHEST, FloatArray, as_points, as_sites, as_values, as_weights, warn_of_contradictions
 from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit
@@ -128,7 +128,7 @@ class RBFInterpolant:
         DataWarning
             If the points cannot determine the usual tail, or coincide with different values where nothing is smoothed.
         """
-        sites = as_sites(points, "points", least=1)
+        sites = as_sites(points, "points", least=1, largest=FARTHEST)
         data = as_values(values, len(sites), columns=True)
         point_weights = np.ones(len(sites)) if weights is None else as_weights(weights, len(sites))
         phi, scale = as_any_kernel(kernel, sites.shape[1], epsilon)

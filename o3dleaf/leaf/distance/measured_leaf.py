@@ -5,6 +5,7 @@ from os import PathLike
 
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.distance.distance import SurfaceIndex
@@ -45,6 +46,7 @@ class MeasuredLeaf(TexturedBlade):
             )
         return SurfaceIndex.build(self, closed=closed)
 
+    @checked
     def signed_distance(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n,) distances of (n, 3) world points to the leaf's surface, in `unit`; negative inside.
 
@@ -69,6 +71,7 @@ class MeasuredLeaf(TexturedBlade):
         """
         return self.index_of(closed=closed).signed_distance(x)
 
+    @checked
     def closest_points(self, x: npt.ArrayLike, *, closed: bool = False) -> FloatArray:
         """Return the (n, 3) points of the leaf's surface that `signed_distance` measures to."""
         return self.index_of(closed=closed).closest_points(x)
@@ -99,6 +102,7 @@ class MeasuredLeaf(TexturedBlade):
         """
         return mean_curvature(self, x)
 
+    @checked
     def write_grid(
         self,
         path: str | PathLike[str],

@@ -56,6 +56,8 @@ def find_midrib(cloud: CloudLike) -> FloatArray:
         If the blade is less than `MIN_ASPECT` times as long as wide, its petiole not counted.
     """
     points = points_of(cloud, "cloud", least=MIN_POINTS)
+    if not np.ptp(points, axis=0).any():
+        raise InputError("midrib: all points lie in one place; give the points of a whole leaf")
     control = _first_axis(points)
     length = _length(control)
     width = 2 * half_width(points, control)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Order, Unit
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_sites, as_weights
+from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_sites, as_weights, require_near
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
@@ -140,6 +140,9 @@ class ChartSurface:
             blocks.append(self.cover.centers[ball] + self.cover.radii[ball] * unit)
         return np.concatenate(blocks)
 
+    def _near(self, uv: npt.ArrayLike, name: str) -> FloatArray:
+        return require_near(as_points(uv, name, dim=2), self.bounds, name)
+
     @checked
     def jet(self, uv: npt.ArrayLike, order: Order = 2) -> tuple[FloatArray, ...]:
         """Return S (n, 3), its first derivatives (n, 2, 3) by u and v, and its second ones (n, 3, 3), uu, uv and vv.
@@ -150,7 +153,7 @@ class ChartSurface:
         order : {0, 1, 2}
             The highest of the derivatives.
         """
-        jets = jets_of(self.balls, as_points(uv, "uv", dim=2), order)
+        jets = jets_of(self.balls, self._near(uv, "uv"), order)
         return tuple(part for part in (jets[:, 0], jets[:, 1:3], jets[:, 3:6])[: order + 1])
 
     def normals(self, uv: npt.ArrayLike) -> FloatArray:
@@ -166,7 +169,7 @@ class ChartSurface:
 
     def curvatures(self, uv: npt.ArrayLike) -> FloatArray:
         """Return the principal curvatures (n, 2), positive where S bends towards its normal, least first."""
-        jets = jets_of(self.balls, as_points(uv, "uv", dim=2), 2)
+        jets = jets_of(self.balls, self._near(uv, "uv"), 2)
         found = np.empty((len(jets), 2))
         lift_loops.curvatures(jets, found)
         return found
@@ -202,9 +205,10 @@ class ChartSurface:
         samples : Samples, optional
             Where to look for them; near the surface's sites by default.
         """
-        points = as_points(x, "x", dim=3)
+        sites = self.sites
+        points = require_near(as_points(x, "x", dim=3), np.stack([sites.min(axis=0), sites.max(axis=0)]), "x")
         if start is None:
             found = closest_feet(self.balls, points, self._near_sites if samples is None else samples)
         else:
-            found = feet_from(self.balls, points, as_points(start, "start", dim=2), self.sample_step)
+            found = feet_from(self.balls, points, self._near(start, "start"), self.sample_step)
         return found.plane, found.heights, found.converged

@@ -10,9 +10,10 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import require_choice
-from o3dleaf.core.cloud_arrays import CloudLike
+from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.ct.threshold import METHODS
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -132,6 +133,10 @@ def draw_figures(
     """
     suffixes, wanted = check_request(formats, only)
     target = make_folder(folder)
+    if scan is not None:
+        points_of(scan, "scan", least=3)
+    if isinstance(level, str):
+        require_choice(level, METHODS, "level")
     blade, whole = (leaf.blade, leaf) if isinstance(leaf, MultiscaleLeaf) else (leaf, None)
     subject = Subject(blade if isinstance(blade, HeightMapBlade) else None, whole, scan, volume, level)
     captions: list[str] = []

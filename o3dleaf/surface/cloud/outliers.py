@@ -49,7 +49,7 @@ def detect_outliers(
     Raises
     ------
     InputError
-        If a coordinate is not finite, or beyond 1e±50.
+        If a coordinate is not finite, or beyond 1e±30.
 
     References
     ----------
@@ -59,6 +59,8 @@ def detect_outliers(
     with searching:
         near = OrientedCloud.of(cloud).neighbors
     with linking:
+        if near.distance.shape[1] < 2:  # a point alone has no neighbor
+            return np.zeros(len(near.distance), dtype=bool)
         distance = np.ascontiguousarray(near.distance[:, 1 : NEIGHBORS + 1])
         row = np.ascontiguousarray(near.row[:, 1 : NEIGHBORS + 1])
         outlier = _in_small_clusters(distance, row, max_gap) | _are_isolated(distance[:, -1], row, max_ratio)

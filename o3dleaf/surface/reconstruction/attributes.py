@@ -7,7 +7,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_points, require_cloud
+from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike, point_attributes, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
@@ -50,10 +50,11 @@ def interpolate_attributes(cloud: CloudLike, places: npt.ArrayLike) -> dict[str,
         If an attribute does not have one row for each point.
     """
     require_cloud(cloud, "cloud")
+    points = as_floats(raw_points(cloud), "cloud")
+    as_points(np.zeros(points.shape), "cloud", dim=3)
     attributes, targets = point_attributes(cloud), as_points(places, "places", dim=3)
     if not attributes or not len(targets):
         return {}
-    points = np.asarray(raw_points(cloud), dtype=np.float64)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
     distance = cKDTree(targets).query(points[finite], workers=-1)[0]
     near = finite[distance <= STRAY * np.median(distance)] if len(finite) else finite
