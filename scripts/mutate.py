@@ -2,9 +2,10 @@
 
 python scripts/mutate.py [CHAPTER ...] [--count N] [--seed S] [--json FILE]
 
-Chapters are those below, or any folder of the package; without one, all of these. The tests of a folder are those in
-the folder of the same name under tests/, what is named after the changed file first. It is done in a copy of the
-checkout, whose compiled code is kept apart for every mutant: nothing that a mutant compiled is ever loaded again.
+Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the same part
+of the story (all of tests/fitting for fitting/rbf), what is named after the changed file first, up to the first that
+fails. It is done in a copy of the checkout, whose compiled code is kept apart for every mutant: nothing that a mutant
+compiled is ever loaded again.
 
 A mutant is killed if a test fails, or if the tests take longer than three times what they take without it, and some
 for compiling. What survives is printed with its place, to be looked at: some changes change nothing (equivalent
@@ -77,13 +78,20 @@ class Checkout:
         return [mutant for file in files if file.name != "__init__.py" for mutant in mutants_of(file)]
 
     def tests(self, folders: tuple[str, ...], mutant: Mutant | None = None) -> list[str]:
-        """Return the test files of some folders, those that speak of a mutant first."""
-        files = [file for folder in folders for file in sorted((self.root / "tests" / folder).rglob("test_*.py"))]
-        if mutant is not None:
-            stem, name = mutant.path.stem.removesuffix("_loops"), mutant.scope.rpartition(".")[2] or "no name"
-            near = {file: (stem in file.stem, name in (text := file.read_text()), stem in text) for file in files}
-            files.sort(key=near.get, reverse=True)
-        return [str(file.relative_to(self.root)) for file in files]
+        """Return the test files for some folders: what speaks of a mutant, then their own, then those beside them."""
+        own = [self.root / "tests" / folder for folder in folders]
+        parts = {self.root / "tests" / Path(folder).parts[0] for folder in folders}
+        files = [file for part in sorted(parts) for file in sorted(part.rglob("test_*.py"))]
+
+        def nearness(file: Path) -> tuple[bool, ...]:
+            at_home = any(file.is_relative_to(folder) for folder in own)
+            if mutant is None:
+                return (at_home,)
+            text, stem = file.read_text(), mutant.path.stem.removesuffix("_loops")
+            name = mutant.scope.rpartition(".")[2]
+            return at_home and stem in file.stem, at_home and bool(name) and name in text, stem in text, at_home
+
+        return [str(file.relative_to(self.root)) for file in sorted(files, key=nearness, reverse=True)]
 
     def run(self, tests: list[str], limit: float | None) -> bool | None:
         """Return whether the tests pass; None if they do not end within `limit` seconds."""
@@ -126,10 +134,10 @@ def mutate(checkout: Checkout, chapter: str, folders: tuple[str, ...], count: in
         sys.exit(f"{chapter}: its tests fail without any mutant; mend them first")
     limit = PATIENCE * (time.perf_counter() - start) + COMPILING
     known = checkout.mutants(folders)
-    chosen = random.Random(seed).sample(known, min(count, len(known)))
+    random.Random(seed).shuffle(known)
     outcomes = []
     with Progress(console=Console(stderr=True)) as progress:
-        for mutant in progress.track(chosen, description=chapter):
+        for mutant in progress.track(known[:count], description=chapter):
             outcomes.append(checkout.outcome(chapter, folders, mutant, limit))
             if outcomes[-1].result == "survived":
                 progress.console.print(place(checkout, mutant), highlight=False, markup=False)
