@@ -2,9 +2,9 @@
 
 python scripts/mutate.py [CHAPTER ...] [--count N] [--seed S] [--json FILE]
 
-Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the same part
-of the story (all of tests/fitting for fitting/rbf), what is named after the changed file first, up to the first that
-fails. It is done in a copy of the checkout, whose compiled code is kept apart for every mutant: nothing that a mutant
+Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the
+same folder (tests/fitting/rbf for fitting/rbf), and of the same part of the story (tests/fitting) those that speak of
+the changed file, what is named after it first, up to the first that fails. It is done in a copy of the checkout, whose compiled code is kept apart for every mutant: nothing that a mutant
 compiled is ever loaded again.
 
 A mutant is killed if a test fails, or if the tests take longer than three times what they take without it, and some
@@ -78,7 +78,7 @@ class Checkout:
         return [mutant for file in files if file.name != "__init__.py" for mutant in mutants_of(file)]
 
     def tests(self, folders: tuple[str, ...], mutant: Mutant | None = None) -> list[str]:
-        """Return the test files for some folders: what speaks of a mutant, then their own, then those beside them."""
+        """Return the test files for some folders: what speaks of a mutant first, in the same part; their own."""
         own = [self.root / "tests" / folder for folder in folders]
         parts = {self.root / "tests" / Path(folder).parts[0] for folder in folders}
         files = [file for part in sorted(parts) for file in sorted(part.rglob("test_*.py"))]
@@ -91,7 +91,8 @@ class Checkout:
             name = mutant.scope.rpartition(".")[2]
             return at_home and stem in file.stem, at_home and bool(name) and name in text, stem in text, at_home
 
-        return [str(file.relative_to(self.root)) for file in sorted(files, key=nearness, reverse=True)]
+        near = [file for file in sorted(files, key=nearness, reverse=True) if any(nearness(file))]
+        return [str(file.relative_to(self.root)) for file in near]
 
     def run(self, tests: list[str], limit: float | None) -> bool | None:
         """Return whether the tests pass; None if they do not end within `limit` seconds."""
