@@ -2,10 +2,10 @@
 
 python scripts/mutate.py [CHAPTER ...] [--count N] [--seed S] [--json FILE]
 
-Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the
-same folder (tests/fitting/rbf for fitting/rbf), and of the same part of the story (tests/fitting) those that speak of
-the changed file, what is named after it first, up to the first that fails. It is done in a copy of the checkout, whose compiled code is kept apart for every mutant: nothing that a mutant
-compiled is ever loaded again.
+Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the same
+folder (tests/fitting/rbf for fitting/rbf), and of the same part of the story (tests/fitting) those that speak of the
+changed file; what is named after it comes first, and the first that fails ends them. It is done in a copy of the
+checkout, whose compiled code is kept apart for every mutant: nothing that a mutant compiled is ever loaded again.
 
 A mutant is killed if a test fails, or if the tests take longer than three times what they take without it, and some
 for compiling. What survives is printed with its place, to be looked at: some changes change nothing (equivalent
