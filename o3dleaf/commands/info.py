@@ -6,6 +6,7 @@ from typing import Any
 
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
+from o3dleaf.core.checks import is_folder
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
 VOLUMES = (".tif", ".tiff", ".npy", ".nrrd", ".nhdr", ".mha", ".mhd", ".nii", ".gz")
@@ -25,7 +26,7 @@ class InfoJob(UnitOption, Job):
     @property
     def volume_file(self) -> bool:
         """Whether it is a volume, and neither mesh nor cloud."""
-        return self.file.is_dir() or self.file.suffix.lower() in VOLUMES
+        return is_folder(self.file) or self.file.suffix.lower() in VOLUMES
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""

@@ -92,11 +92,12 @@ def require_free(path: str | PathLike[str], size: int) -> None:
 
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
     """Raise `InputError` if a file to be written (None: none) is one of those that are read, or written twice."""
-    read, written = {path.resolve() for path in inputs if path is not None}, set[Path]()
+    # os.path.realpath goes as far as a link does that leads to itself; Path.resolve raises.
+    read, written = {os.path.realpath(path) for path in inputs if path is not None}, set[str]()
     for path in outputs:
         if path is None:
             continue
-        target = path.resolve()
+        target = os.path.realpath(path)
         if target in read:
             raise InputError(f"{path}: is an input and is not overwritten; choose another name for the output")
         if target in written:

@@ -138,7 +138,9 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
     if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
-    return require_finite(array, name)
+    if array.size and np.abs(require_finite(array, name)).max() > FARTHEST:
+        raise InputError(f"{name}: reach {np.abs(array).max():.3g}; give them in a unit in which they stay below 1e100")
+    return array
 
 
 def as_answers(answers: Any, count: int) -> npt.NDArray[Any]:
@@ -368,6 +370,14 @@ def require_object_first(thing: object, caller: str, word: str) -> None:
     """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
     if isinstance(thing, str | PathLike):
         raise InputError(f"{caller}: takes the {word} first, then the path; swap them")
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether there is a folder of that name; there is none of a name that no file can have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
 
 
 def require_file(path: str | PathLike[str]) -> Path:

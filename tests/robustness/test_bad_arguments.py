@@ -34,7 +34,7 @@ def public_callables():
                 if prefix + name not in RECORDS:
                     yield prefix + name, thing.__init__
                 for method, function in inspect.getmembers(thing, callable):
-                    if method in {"__call__"} or not method.startswith("_"):
+                    if method == "__call__" or not method.startswith("_"):
                         yield f"{prefix}{name}.{method}", function
             elif callable(thing) and prefix + name not in RECORDS:
                 yield prefix + name, thing

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks import is_folder, require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.leaf.ct.tiff import StatedLattice, read_tiff, swap_page_order
@@ -77,7 +77,7 @@ def read_volume(
 
 def _read_any(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
     """(x, y, z) voxels and stated lattice of a file of any known format."""
-    if path.is_dir():
+    if is_folder(path):
         pages, lattice = _read_slices(path)
         return swap_page_order(pages), lattice
     name = require_file(path).name.lower()
