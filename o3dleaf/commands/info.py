@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import LAYOUT_HELP
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
+from o3dleaf.core.checks import is_folder
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
@@ -28,7 +29,6 @@ class InfoJob(UnitOption, Job):
     @property
     def volume_file(self) -> bool:
         """Whether it is a volume, and neither mesh nor cloud."""
-        from o3dleaf.core.checks import is_folder
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh

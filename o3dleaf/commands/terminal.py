@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.journal import Journal, stage
 from o3dleaf.core.progress import Listener
 
@@ -31,6 +32,7 @@ class BarJournal(Journal):
         self.bars.update(task, total=1, completed=1)
 
 
+@checked
 @contextmanager
 def show_progress(title: str | None = None, *, quiet: bool = False) -> Iterator[None]:
     """Show a progress bar on the terminal (stderr) for each stage of what is done inside, and what is noted there.

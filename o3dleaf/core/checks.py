@@ -141,7 +141,9 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
     if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
-    return require_finite(array, name)
+    if array.size and np.abs(require_finite(array, name)).max() > FARTHEST:
+        raise InputError(f"{name}: reach {np.abs(array).max():.3g}; give them in a unit in which they stay below 1e100")
+    return array
 
 
 def as_answers(answers: Any, count: int) -> npt.NDArray[Any]:

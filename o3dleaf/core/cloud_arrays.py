@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_sites, require_cloud
+from o3dleaf.core.checks import FloatArray, as_array, as_sites, require_cloud
 
 if TYPE_CHECKING:
     import open3d as o3d
@@ -47,7 +47,7 @@ def raw_points(cloud: CloudLike, name: str = "cloud") -> npt.ArrayLike:
     if hasattr(points, "point"):
         points = points.point.positions.cpu().numpy()
     elif hasattr(points, "points"):
-        points = np.asarray(points.points)
+        points = as_array(points.points, name)
     return cast(npt.ArrayLike, points)
 
 

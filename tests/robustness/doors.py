@@ -30,6 +30,7 @@ from robustness.kinds import (
     WHOLE,
     WORD,
     Kind,
+    folder_at,
     read_from,
     tuple_of,
     with_normals,
@@ -49,16 +50,19 @@ class Door:
         In the order of the signature.
     slow : bool
         Whether an answer takes so long that only what is refused is tried every time.
+    lacks : bool
+        Whether NaN in an answer stands for what it lacks.
     """
 
     find: Callable[[Any], Callable[..., Any]]
     arguments: dict[str, Kind]
     slow: bool = False
+    lacks: bool = False
 
 
-def door(thing: Callable[..., Any], *, slow: bool = False, **arguments: Kind) -> Door:
+def door(thing: Callable[..., Any], *, slow: bool = False, lacks: bool = False, **arguments: Kind) -> Door:
     """Return the door that is `thing`."""
-    return Door(lambda _: thing, arguments, slow)
+    return Door(lambda _: thing, arguments, slow, lacks)
 
 
 def method(of: Callable[[Any], Any], name: str, *, slow: bool = False, **arguments: Kind) -> Door:
@@ -72,6 +76,7 @@ def one_of(*words: str) -> Kind:
 
 
 ROW = VALUES.like([1.0, 2.0, 3.0]).but("a scalar", "one less", "none").without("by columns")
+SAVED = written_to("out.o3l").but("strange suffix", "without a suffix")
 LIMIT = LENGTH.but("infinity")
 TABLE = OBJECT.without("a list").but("an array")
 maybe_unit = UNIT.optional
@@ -154,17 +159,17 @@ DOORS: dict[str, Door] = {
     "Blade.distortion": method(lambda w: w.leaf.blade, "distortion", plane=PLACES.optional),
     "BladeOptions": door(
         o3l.BladeOptions,
-        frame=one_of("surface"),
+        frame=one_of("surface").later,
         smoothing=smoothing,
-        up=VECTOR.optional,
-        base=VECTOR.optional,
+        up=VECTOR.later.optional,
+        base=VECTOR.later.optional,
         piece=WHOLE.like(1).optional,
         one_sheet=FLAG,
         keep_petiole=FLAG,
         fill_holes=SIZE.optional,
         rim_radius=maybe_length,
         alpha=maybe_length,
-        offset=one_of("up"),
+        offset=one_of("up").later,
     ),
     "ChartSurface.fit": door(
         o3l.ChartSurface.fit,
@@ -277,7 +282,7 @@ DOORS: dict[str, Door] = {
         offset=one_of("up"),
         blade=OBJECT.like(lambda w: w.leaf.blade).optional,
     ),
-    "MultiscaleLeaf.save": method(leaf, "save", path=written_to("out.o3l")),
+    "MultiscaleLeaf.save": method(leaf, "save", path=SAVED),
     "MultiscaleLeaf.plan_mesh": method(
         leaf, "plan_mesh", **MESHING, simplify=NUMBER.like(0.5).optional, remesh_tile=maybe_length, slow=True
     ),
@@ -321,7 +326,7 @@ DOORS: dict[str, Door] = {
         weights=VALUES.like(lambda w: np.ones(300)).optional,
         groups=VALUES.like(lambda w: np.arange(300)).optional,
         normals=NORMALS.optional,
-        local=OBJECT.optional,
+        local=OBJECT.without("a function", "its class").optional,
         unit=maybe_unit,
         bounds=BOX.optional,
     ),
@@ -342,7 +347,7 @@ DOORS: dict[str, Door] = {
         .but("one dimension more"),
         spacing=STEP.like(0.25),
         origin=VECTOR.optional,
-        transform=BOX.like(np.eye(4)).optional,
+        transform=BOX.like(np.eye(4)).without("upside down").optional,
         isovalue=NUMBER.like(0.0),
         mask=VALUES.like(lambda w: np.ones((9, 9, 9), bool)).without("all equal").optional,
         **PU,
@@ -354,12 +359,12 @@ DOORS: dict[str, Door] = {
         lambda w: w.pu, "diagnostics", balls=VALUES.like(lambda w: np.array([0, 1])).without("one less").optional
     ),
     "PUInterpolant.on_lattice": method(lambda w: w.pu, "on_lattice", bounds=BOX, spacing=STEP),
-    "PUInterpolant.save": method(lambda w: w.pu, "save", path=written_to("out.o3l")),
+    "PUInterpolant.save": method(lambda w: w.pu, "save", path=SAVED),
     "PUInterpolant.hessian": method(lambda w: w.pu, "hessian", points=QUERIES),
     "ParametricBlade": door(
         o3l.ParametricBlade,
         surface=OBJECT.like(lambda w: w.leaf.blade.surface),
-        outline=OBJECT.like(lambda w: w.leaf.blade.outline),
+        outline=OBJECT.like(lambda w: w.leaf.blade.outline).later,
         rim_radius=maybe_length,
         notes=TABLE.like(()),
     ),
@@ -371,12 +376,12 @@ DOORS: dict[str, Door] = {
     "PatchBlend": door(
         o3l.PatchBlend,
         textures=OBJECT.like(lambda w: [w.texture, w.texture]).without("a list"),
-        breaks=VALUES.like([4.0]).without("one less", "none"),
+        breaks=VALUES.like([4.0]).but("a scalar").without("one less", "none"),
         fade=maybe_length,
         axis=one_of("along"),
-        period=VECTOR.like((2.0, 2.0)).optional,
+        period=VECTOR.like((2.0, 2.0)).but("one dimension more", "a scalar").optional,
     ),
-    "PatchBlend.save": method(patch_blend, "save", path=written_to("out.o3l")),
+    "PatchBlend.save": method(patch_blend, "save", path=SAVED),
     "RBFInterpolant.fit": door(
         o3l.RBFInterpolant.fit,
         points=SITES,
@@ -389,27 +394,27 @@ DOORS: dict[str, Door] = {
         weights=VALUES.like(lambda w: np.ones(300)).optional,
         unit=maybe_unit,
     ),
-    "RBFInterpolant.save": method(lambda w: w.rbf, "save", path=written_to("out.o3l")),
+    "RBFInterpolant.save": method(lambda w: w.rbf, "save", path=SAVED),
     "RBFInterpolant.hessian": method(lambda w: w.rbf, "hessian", points=QUERIES),
     "TextureOptions": door(
         o3l.TextureOptions,
-        level=NUMBER,
+        level=NUMBER.later,
         rho=SIZE,
-        period=VECTOR.like((2.0, 2.0)).optional,
-        flip=one_of("along").optional,
+        period=VECTOR.like((2.0, 2.0)).later.optional,
+        flip=one_of("along").later.optional,
         shift=NUMBER.like(0.0),
     ),
     "TiledField": door(
         o3l.TiledField,
         field=OBJECT.like(lambda w: w.texture.field),
-        period=VECTOR.like((2.0, 2.0)).optional,
-        offset=VECTOR.like((0.0, 0.0)).optional,
-        fade=VECTOR.like((0.2, 0.2)).optional,
+        period=VECTOR.like((2.0, 2.0)).but("one dimension more", "a scalar").optional,
+        offset=VECTOR.like((0.0, 0.0)).but("a scalar").optional,
+        fade=VECTOR.like((0.2, 0.2)).but("a scalar").optional,
         flip=one_of("along").optional,
         shift=NUMBER.like(0.0),
     ),
     "TiledField.seam_energy": method(lambda w: w.texture, "seam_energy", width=SIZE.like(0.0)),
-    "TiledField.save": method(lambda w: w.texture, "save", path=written_to("out.o3l")),
+    "TiledField.save": method(lambda w: w.texture, "save", path=SAVED),
     "Volume": door(
         o3l.Volume,
         data=VALUES.like(lambda w: w.volume.data)
@@ -425,7 +430,7 @@ DOORS: dict[str, Door] = {
         "to_samples",
         level=NUMBER.like(50.0),
         mask=VALUES.like(lambda w: np.ones(w.volume.shape, bool)).without("all equal").optional,
-        transform=BOX.like(np.eye(4)).optional,
+        transform=BOX.like(np.eye(4)).without("upside down").optional,
         bounds=BOX.optional,
     ),
     "Volume.crop": method(lambda w: w.volume, "crop", bounds=BOX),
@@ -516,12 +521,12 @@ DOORS: dict[str, Door] = {
     "draw_figures": door(
         o3l.draw_figures,
         leaf=OBJECT.like(lambda w: w.leaf),
-        folder=written_to("figures"),
+        folder=folder_at("figures"),
         scan=maybe_cloud,
         volume=OBJECT.like(lambda w: w.volume).optional,
         level=NUMBER.like(50.0),
-        formats=OBJECT.like(["png"]).without("a list"),
-        only=OBJECT.like(["scan"]).without("a list").optional,
+        formats=OBJECT.like(["png"]).without("a list", "an array"),
+        only=OBJECT.like(["scan"]).without("a list", "an array").optional,
         slow=True,
     ),
     "estimate_noise": door(o3l.estimate_noise, cloud=CLOUD),
@@ -596,13 +601,13 @@ DOORS: dict[str, Door] = {
         sides=one_of("both"),
         floor=SIZE.like(0.2),
     ),
-    "orient_normals": door(o3l.orient_normals, cloud=CLOUD, normals=NORMALS.optional),
+    "orient_normals": door(o3l.orient_normals, cloud=CLOUD, normals=NORMALS.but("all zero").optional),
     "point_spacing": door(o3l.point_spacing, cloud=CLOUD),
     "polyharmonic": door(o3l.polyharmonic, m=WHOLE.like(2), d=WHOLE.like(3)),
     "preprocess_point_cloud": door(
         o3l.preprocess_point_cloud,
         cloud=CLOUD.but("a NaN", "an infinity", "minus infinity"),
-        normals=NORMALS.optional,
+        normals=NORMALS.but("all zero", "a NaN", "an infinity", "minus infinity").optional,
         viewpoint=VECTOR.optional,
         voxel_size=maybe_length,
         outliers=CALLABLE.optional,
@@ -613,7 +618,7 @@ DOORS: dict[str, Door] = {
     "read_mesh": door(o3l.read_mesh, path=read_from("good.ply")),
     "read_point_cloud": door(
         o3l.read_point_cloud,
-        path=read_from("good.xyz"),
+        path=read_from("good.xyz").without("cut off"),
         least=WHOLE,
         finite=FLAG,
         columns=WORD.like("x y z").optional,
@@ -658,6 +663,7 @@ DOORS: dict[str, Door] = {
     ),
     "vertex_support": door(
         o3l.vertex_support,
+        lacks=True,
         mesh=MESH.but("vertices alone"),
         cloud=CLOUD,
         field=maybe_field,
@@ -752,8 +758,8 @@ DOORS: dict[str, Door] = {
         holes=WHOLE.like(1),
         outliers=WHOLE.like(0),
     ),
-    "samples.write_leaf_scans": door(samples.write_leaf_scans, folder=written_to("leaves"), seed=WHOLE, slow=True),
-    "samples.write_samples": door(samples.write_samples, folder=written_to("samples"), seed=WHOLE, slow=True),
+    "samples.write_leaf_scans": door(samples.write_leaf_scans, folder=folder_at("leaves"), seed=WHOLE, slow=True),
+    "samples.write_samples": door(samples.write_samples, folder=folder_at("samples"), seed=WHOLE, slow=True),
     # view
     "view.Camera.project": method(lambda w: w.camera, "project", points=QUERIES, size=SIDE),
     "view.View": door(

@@ -33,6 +33,11 @@ class Kind:
         moved = {name: self.bad[name] for name in names}
         return replace(self, bad={k: v for k, v in self.bad.items() if k not in moved}, odd={**self.odd, **moved})
 
+    @property
+    def later(self) -> "Kind":
+        """The kind of an argument that is looked at where it is used."""
+        return self.but(*self.bad)
+
     def without(self, *names: str) -> "Kind":
         """Return the kind without the values of these names."""
 
@@ -535,6 +540,11 @@ def read_from(name: str) -> Kind:
     """Return the kind of a file that is read, `name` of the world's folder."""
     files = {each: Named(pattern) for each, pattern in READ_PATH_BAD.items()}
     return Kind(lambda w: w.file(name), {**PATH_BAD, **files}, {}, {"as text": str})
+
+
+def folder_at(name: str) -> Kind:
+    """Return the kind of a folder that is written into, and made."""
+    return written_to(name).without("in no folder", "strange suffix", "without a suffix", "a folder", "as text")
 
 
 def written_to(name: str) -> Kind:

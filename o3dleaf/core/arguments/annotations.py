@@ -133,6 +133,6 @@ def _several(members: tuple[Any, ...]) -> Allowed:
     def allows(value: Any) -> bool:
         if isinstance(value, str | bytes | Mapping | type) or not isinstance(value, Iterable):
             return False
-        return rule is None or not isinstance(value, Sequence) or all(rule.allows(each) for each in value)
+        return rule is None or not isinstance(value, Sequence | np.ndarray) or all(rule.allows(each) for each in value)
 
     return Allowed(allows, "a list" if rule is None else f"a list, each of it {rule.words}")

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Unit
-from o3dleaf.core.checks import FloatArray, as_bounds, as_mask, as_points, as_voxels
+from o3dleaf.core.checks import FloatArray, as_bounds, as_floats, as_mask, as_points, as_voxels, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold
@@ -187,11 +187,11 @@ def apply_transform(transform: npt.ArrayLike, points: npt.ArrayLike) -> FloatArr
 def as_spacing(spacing: npt.ArrayLike) -> FloatArray:
     """Return one number or three as a (3,) spacing above zero, or raise `InputError`."""
     try:
-        steps = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (3,)).copy()
+        steps = np.broadcast_to(as_floats(spacing, "spacing"), (3,)).copy()
     except (TypeError, ValueError) as cause:
         raise InputError(f"spacing: is {spacing!r}; give one number or three, along (x, y, z)") from cause
-    if not (np.isfinite(steps).all() and (steps > 0).all()):
-        raise InputError(f"spacing: is {steps.tolist()}; give numbers above zero")
+    for step in steps:
+        require_positive(step, "spacing")
     return _frozen(steps)
 
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.interpolate import BSpline, make_interp_spline
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.arguments.kinds import Positive, Unit
+from o3dleaf.core.arguments.kinds import Count, Positive, Unit
 from o3dleaf.core.checks import FloatArray, as_points, as_row
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
@@ -61,7 +61,7 @@ class LeafFrame:
         radius: Positive | None = None,
         up: npt.ArrayLike | None = None,
         base: npt.ArrayLike | None = None,
-        degree: int = 3,
+        degree: Count = 3,
         unit: Unit | None = None,
     ) -> "LeafFrame":
         """Fit the axis through the midrib's control points and the normals by PCA of the scan around them.

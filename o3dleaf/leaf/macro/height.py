@@ -133,7 +133,7 @@ class HeightMap:
         inside = np.clip(points, *self.bounds)
         parts = self.interpolant.jets(inside, order)
         free = points == inside
-        columns = [parts[0], *np.where(free, parts[1], 0.0).T]
+        columns = [parts[0], *(np.where(free, parts[1], 0.0).T if order else ())]
         if order == 2:
             columns += [np.where(free[:, a] & free[:, b], parts[2][:, a, b], 0.0) for a, b in ((0, 0), (0, 1), (1, 1))]
         return np.stack(columns, axis=1)

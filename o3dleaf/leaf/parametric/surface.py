@@ -205,10 +205,12 @@ class ChartSurface:
         samples : Samples, optional
             Where to look for them; near the surface's sites by default.
         """
-        sites = self.sites
-        points = require_near(as_points(x, "x", dim=3), np.stack([sites.min(axis=0), sites.max(axis=0)]), "x")
+        points = as_points(x, "x", dim=3)
         if start is None:
             found = closest_feet(self.balls, points, self._near_sites if samples is None else samples)
         else:
             found = feet_from(self.balls, points, self._near(start, "start"), self.sample_step)
+        lost = ~np.isfinite(found.plane).all(axis=1)
+        if lost.any():
+            raise InputError(f"x: {lost.sum():,} lie too far away to tell their feet; give places near the surface")
         return found.plane, found.heights, found.converged

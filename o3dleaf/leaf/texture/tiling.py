@@ -12,7 +12,15 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, NotNegative
-from o3dleaf.core.checks import FloatArray, as_array, as_floats, as_number, require_choice, require_one_column
+from o3dleaf.core.checks import (
+    FloatArray,
+    as_array,
+    as_floats,
+    as_number,
+    require_choice,
+    require_one_column,
+    require_positive,
+)
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
@@ -285,7 +293,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     text = [wish for wish in wished if isinstance(wish, str)]
     if len(wished) != 2 or any(wish != "best" for wish in text):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across, or 'best'")
-    given = [None if isinstance(wish, str) else as_number(wish, "period") for wish in wished]
+    given = [None if isinstance(wish, str) else require_positive(wish, "period") for wish in wished]
     if any(size is not None and not size > 0 for size in given):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across")
     if any(size is not None and size > most * (1 + TOLERANCE) for size, most in zip(given, extent, strict=True)):

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive
-from o3dleaf.core.checks import FloatArray, as_row, require_choice
+from o3dleaf.core.checks import FloatArray, as_row, require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
@@ -105,6 +105,8 @@ def offset_constraints(
     if distance is None:
         distance = (DISTANCE_OF_MEANS if (whole.weights > 1).any() else DISTANCE) * whole.spacing
     wanted = as_row(distance, "distance", count=len(x))
+    for each in (wanted.min(initial=1.0), wanted.max(initial=1.0)):
+        require_positive(each, "distance")
     if np.any(wanted <= 0):
         raise InputError(f"distance: {np.sum(wanted <= 0)} are not above zero; give a length, for instance the spacing")
     step = np.minimum(wanted[:, np.newaxis], ROOM * _empty_balls(x, n, 3 * float(wanted.max())))

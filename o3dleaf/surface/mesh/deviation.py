@@ -11,7 +11,7 @@ import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, require_one_column
+from o3dleaf.core.checks import FloatArray, as_answers, require_one_column
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
@@ -112,7 +112,7 @@ def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None
     size = float(np.linalg.norm(measured.bounds[1] - measured.bounds[0])) * scale
 
     def newton(some: FloatArray) -> FloatArray:
-        above = field(some * scale) - isovalue
+        above = as_answers(field(some * scale), len(some)) - isovalue
         excess = np.abs(above)
         slope = np.linalg.norm(field.gradient(some * scale), axis=1)
         # Where the field is flat, the first step of Newton's method leads nowhere near.

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Positive
-from o3dleaf.core.checks import FloatArray, as_number, require_positive
+from o3dleaf.core.checks import FloatArray, as_answers, as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.memory import measured
@@ -99,7 +99,11 @@ def remesh(
     target: ProjectionTarget = (
         MeshTarget(vertices, triangles)
         if field is None
-        else FieldTarget(lambda points: (field(points) - level, field.gradient(points)), edge / 2, field.bounds)
+        else FieldTarget(
+            lambda points: (as_answers(field(points), len(points)) - level, field.gradient(points)),
+            edge / 2,
+            field.bounds,
+        )
     )
     charted = Charted.of(vertices, vertices, triangles, _as_labels(mesh.labels, len(triangles)))
     remeshed = remesh_charted(charted, target, edge, far)

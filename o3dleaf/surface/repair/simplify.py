@@ -75,9 +75,9 @@ def _fewest_triangles(
 ) -> int:
     """Return the number of triangles to come down to; 1 where only the deviation limits it."""
     if (target_triangles is not None) + (target_edge is not None) + (deviation is not None) == 0:
-        raise InputError("target_triangles, target_edge, deviation: give one of them")
+        raise InputError("target_triangles, target_edge, deviation: none is given; give one of them")
     if target_triangles is not None and target_edge is not None:
-        raise InputError("target_triangles, target_edge: give one target, not two")
+        raise InputError("target_triangles, target_edge: are two targets; give one")
     if deviation is not None:
         require_positive(deviation, "deviation")
     if target_edge is not None:
