@@ -101,7 +101,7 @@ class Page:
         points = scale * self.line * 0.72
         # Names of files may hold a dollar sign.
         drawn = self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", parse_math=False)
-        drawn.set_family("DejaVu Sans")
+        drawn.set_fontfamily("DejaVu Sans")
 
     def key(self, color: str, marker: str, text: str, place: float = 0.29) -> None:
         """Write a legend at the foot, `place` of its width from the left, for a marker of Matplotlib in a color."""
