@@ -102,7 +102,9 @@ class Page:
     def write(self, x: float, y: float, text: str, *, align: str = "left", scale: float = 1.0) -> None:
         """Write `text` with the middle of its line at pixel (x, y)."""
         points = scale * self.line * 0.72
-        self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", family="DejaVu Sans")
+        # Names of files may hold a dollar sign.
+        drawn = self.axes.text(x, y, text, color=INK, fontsize=points, ha=align, va="center", parse_math=False)
+        drawn.set_fontfamily("DejaVu Sans")
 
     def key(self, color: str, marker: str, text: str, place: float = 0.29) -> None:
         """Write a legend at the foot, `place` of its width from the left, for a marker of Matplotlib in a color."""

@@ -186,3 +186,8 @@ def test_no_screen_is_an_error_with_a_cure(ball, monkeypatch):
         show(ball)
     with pytest.raises(InputError, match="nothing"):
         show()
+
+
+def test_a_title_is_no_formula(ball):
+    """Names of files may hold dollar signs, between which Matplotlib would look for one."""
+    render(ball, size=SIZE, title=r"$\frac{$ leaf, 5 $ a kilogram")
