@@ -1,12 +1,12 @@
 """`o3dleaf leaf`: read a scan and a volume, build the leaf, mesh it, and write what a run leaves behind."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions
+from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions, resumed
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import write_json
@@ -15,11 +15,11 @@ from o3dleaf.core.job import (
     ColumnsOption,
     LongJob,
     Names,
+    ResumeOption,
     argument,
     corners_of,
     number_or_word,
     option,
-    options_of,
     output,
     words_of,
 )
@@ -67,7 +67,7 @@ class ScanOptions:
 
 
 @dataclass(frozen=True)
-class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, LongJob):
+class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, ResumeOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
     Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
@@ -178,6 +178,11 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""
+        with resumed(self.output, self) if self.resume else nullcontext():
+            return self.build()
+
+    def build(self) -> dict[str, Any]:
+        """Write mesh, picture, summary and model, and return the summary."""
         from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.fit_quality import FitQuality
@@ -262,11 +267,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     def line(self, summary: dict[str, Any]) -> str:
         """Return what was built."""
         return in_a_line(summary)
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Every option that the result depends on: all but the number of threads and the display."""
-        return {name: getattr(self, name) for name in options_of(type(self)) if name not in options_of(LongJob)}
 
     def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None) -> "MeshStep":
         """Return the mesh spacing that was given, or one that fits the data, and say so."""

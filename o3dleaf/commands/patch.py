@@ -1,17 +1,19 @@
 """`o3dleaf patch`: a micro-CT volume fitted once, and the options of all commands that read one."""
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, argument, option, output, table
+from o3dleaf.core.job import Job, LongJob, argument, option, output, table
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
 if TYPE_CHECKING:
     from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resume.parts import Parts
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
@@ -74,6 +76,14 @@ class CtOptions(TextureOptions):
         from o3dleaf.leaf.saved.models import load_texture
 
         return load_texture(path) if path.suffix.lower() in table(MODEL) else self.read_volume(path)
+
+
+def resumed(output: Path, job: Job) -> "AbstractContextManager[Parts]":
+    """Return the context in which a job keeps its finished parts beside the output, and takes those there are."""
+    from o3dleaf.core.resume.parts import key_of, resuming
+    from o3dleaf.leaf.saved.models import load
+
+    return resuming(output, key_of(job.inputs(), job.settings), load)
 
 
 @dataclass(frozen=True, kw_only=True)

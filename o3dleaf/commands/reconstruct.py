@@ -1,12 +1,23 @@
 """`o3dleaf reconstruct`: read a cloud, make its surface, and write what was requested."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.patch import MODEL
+from o3dleaf.commands.patch import MODEL, resumed
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
-from o3dleaf.core.job import ColumnsOption, LongJob, UnitOption, argument, number_or_word, option, output, place_of
+from o3dleaf.core.job import (
+    ColumnsOption,
+    LongJob,
+    ResumeOption,
+    UnitOption,
+    argument,
+    number_or_word,
+    option,
+    output,
+    place_of,
+)
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
@@ -27,7 +38,7 @@ CLOSED: "dict[str, Closed]" = {"auto": "auto", "yes": True, "no": False}
 
 
 @dataclass(frozen=True)
-class ReconstructJob(UnitOption, ColumnsOption, LongJob):
+class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
     """Reconstruct a surface from any point cloud: open where the data are open, closed where they are closed."""
 
     cloud: Path = argument("Any point cloud, with normals or without: PLY, XYZ, TXT, CSV, LAS, E57, ...", reads=True)
@@ -79,6 +90,11 @@ class ReconstructJob(UnitOption, ColumnsOption, LongJob):
         return [memory_for(count_points(self.cloud))]
 
     def work(self) -> "MeshReport":
+        """Make the surface, write it, and return what it is."""
+        with resumed(self.output, self) if self.resume else nullcontext():
+            return self.build()
+
+    def build(self) -> "MeshReport":
         """Make the surface, write it, and return what it is."""
         import open3d as o3d
 

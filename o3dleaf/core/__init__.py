@@ -9,6 +9,7 @@
 `compiled`       machine code for a level of processors, shipped with the package and kept on disk
 `outside_loops`  a field outside its bounds
 `lattice`        a regular lattice over a box, sampled in bounded memory
+`resume`         finished parts of long work, kept beside its result
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
 `memory`         how much memory may be used, and what needs more refused

@@ -174,6 +174,12 @@ class Job(ABC):
         field, _ = options_of(type(self)).get(name, (None, None))
         return bool(value) if field is None else value != field.default
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Every option that the result depends on: all but the threads, the memory, the display and resuming."""
+        left_out = options_of(LongJob).keys() | options_of(ResumeOption).keys()
+        return {name: getattr(self, name) for name in options_of(type(self)) if name not in left_out}
+
     def inputs(self) -> list[Path]:
         """Return the files that are read."""
         known = options_of(type(self))
@@ -222,6 +228,18 @@ class LongJob(Job):
     def lines(self, summary: Any) -> list[str]:
         """Return the lines that the terminal shows at the end; none if quiet."""
         return [] if self.quiet else super().lines(summary)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResumeOption:
+    """Whether a long job keeps what it has finished, and goes on from it."""
+
+    resume: bool = option(
+        False,
+        "Keep finished parts beside the output, and go on from those of a run that was stopped: the result is the same "
+        "to the byte. Give it from the first run on.",
+        "--resume",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

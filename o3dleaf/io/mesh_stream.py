@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -88,7 +89,12 @@ class Copies:
 
 @contextmanager
 def mesh_file(
-    path: str | PathLike[str], size: MeshSize, comments: tuple[str, ...] = (), names: tuple[str, ...] = LABELS
+    path: str | PathLike[str],
+    size: MeshSize,
+    comments: tuple[str, ...] = (),
+    names: tuple[str, ...] = LABELS,
+    *,
+    scratch: Path | None = None,
 ) -> Iterator[PlyFile]:
     """Yield a sink for a file of the path's suffix: .ply, .stl or .obj; it takes the name when it is whole.
 
@@ -99,6 +105,16 @@ def mesh_file(
     .stl    binary, float32 by the format's definition; the label as the attribute
     .obj    text, every digit of float64; faces in groups named by their labels
     ======  =========================================================================
+
+    Parameters
+    ----------
+    path : path-like
+    size : MeshSize
+    comments, names : tuple of str
+        Of the file, and of the labels.
+    scratch : Path, optional
+        A file on the same disk that the blocks go to and stay in if they do not all come: opened again, it still has
+        them.
 
     Raises
     ------
@@ -112,18 +128,32 @@ def mesh_file(
     require_free(target, sum(file_bytes(suffix, size, comments, names)))
     layout = _layout(size, comments, names)
     with whole_file(target) as temporary:
-        if suffix == ".ply":
+        if scratch is not None:
+            scratch.touch()
+            with scratch.open("r+b") as blocks:
+                surface = PlyFile(blocks, layout)
+                yield surface
+                if suffix != ".ply":
+                    _write_again(surface, temporary, suffix, comments)
+            if suffix == ".ply":
+                scratch.replace(temporary)
+        elif suffix == ".ply":
             with temporary.open("r+b") as out:
                 yield PlyFile(out, layout)
-            return
-        with tempfile.TemporaryFile(dir=temporary.parent) as scratch:
-            surface = PlyFile(scratch, layout)
-            yield surface
-            with temporary.open("wb") as out:
-                if suffix == ".stl":
-                    write_stl(out, surface, "; ".join(comments).encode("ascii", "replace"))
-                else:
-                    write_obj(out, surface, comments)
+        else:
+            with tempfile.TemporaryFile(dir=temporary.parent) as blocks:
+                surface = PlyFile(blocks, layout)
+                yield surface
+                _write_again(surface, temporary, suffix, comments)
+
+
+def _write_again(surface: PlyFile, path: Path, suffix: str, comments: tuple[str, ...]) -> None:
+    """Write a surface as STL or OBJ."""
+    with path.open("wb") as out:
+        if suffix == ".stl":
+            write_stl(out, surface, "; ".join(comments).encode("ascii", "replace"))
+        else:
+            write_obj(out, surface, comments)
 
 
 def file_bytes(

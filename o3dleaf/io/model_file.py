@@ -94,6 +94,8 @@ def read_model(
     try:
         arrays = [_array(data, block, header["format"]) for block in header["arrays"]]
         return _unpack(header["model"], arrays, classes, check)
+    except MemoryError:
+        raise
     except Exception as cause:  # whatever it is, the file made it
         raise InputError(f"{file}: is damaged, or no whole model ({cause}); save the model again") from cause
 

@@ -1,7 +1,7 @@
 """The mesh of a leaf: one tile polygonized, set down all over the blade, in memory or in a file."""
 
 import time
-from functools import cached_property
+from functools import cached_property, partial
 from os import PathLike
 
 import numpy as np
@@ -14,6 +14,7 @@ from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_p
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resume.parts import current_parts
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import unit_comment
 from o3dleaf.io.mesh_stream import Arrays, Copies, file_bytes, mesh_file
@@ -32,6 +33,9 @@ from o3dleaf.surface.repair.simplify import simplify_mesh
 
 TRIAL = 1 << 16
 """Vertices that are taken to the world to see how long all of them will take."""
+
+ROWS = "rows.ply"
+"""The rows of tiles that are finished, where work is to be resumed."""
 
 
 class MeshPlan:
@@ -173,6 +177,8 @@ class MeshPlan:
     def write(self, path: str | PathLike[str]) -> None:
         """Write the surface to a PLY, STL or OBJ file, whole or not at all; only a few tiles are in memory.
 
+        Where work is to be resumed (`o3dleaf.core.resume`), the rows of tiles that are finished are kept.
+
         Raises
         ------
         InputError
@@ -180,8 +186,15 @@ class MeshPlan:
         O3DLeafError
             If the disk has no room for it, or writing fails.
         """
-        with mesh_file(path, self.assembly, self._comments) as sink:
-            self.assembly.emit(sink, self.leaf.blade.lift)
+        parts = current_parts()
+        if parts is None:
+            with mesh_file(path, self.assembly, self._comments) as sink:
+                self.assembly.emit(sink, self.leaf.blade.lift)
+            return
+        scratch = parts.path(ROWS)
+        first = parts.state.get(ROWS, 0) if scratch.exists() else 0
+        with mesh_file(path, self.assembly, self._comments, scratch=scratch) as sink:
+            self.assembly.emit(sink, self.leaf.blade.lift, first=first, finished=partial(parts.record, ROWS))
 
     def write_and_extract(self, path: str | PathLike[str]) -> LabelledMesh:
         """Do both, `write` and `extract`, with every vertex taken to the world once."""

@@ -57,9 +57,10 @@ def test_a_new_option_of_leaf_is_one_line(tmp_path):
     assert "--shade <float> How dark the picture is, in percent of black. [default: 0.5]" in said
     done = invoke(ShadedLeafJob, tmp_path / "scan.ply", "-o", tmp_path / "leaf.ply", "--shade", 0.25, "--threads", 1)
     assert (done.exit_code, done.stdout) == (0, "shade is 0.25\n")
-    assert set(ShadedLeafJob(Path("scan.ply"), Path("leaf.ply")).settings) == {*options_of(LeafJob), "shade"} - set(
-        options_of(LongJob)
-    )
+    assert set(ShadedLeafJob(Path("scan.ply"), Path("leaf.ply")).settings) == {*options_of(LeafJob), "shade"} - {
+        *options_of(LongJob),
+        "resume",
+    }
 
 
 def test_a_command_line_becomes_the_job():

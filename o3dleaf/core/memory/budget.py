@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from o3dleaf.core.errors import MemoryBudgetError
 from o3dleaf.core.memory import machine
 from o3dleaf.core.memory.machine import Limit
-from o3dleaf.core.memory.sizes import parse_size, size_in_words
+from o3dleaf.core.memory.sizes import about, parse_size, size_in_words
 from o3dleaf.core.parallel import get_num_threads
 
 SAFETY = 1.3
@@ -65,7 +65,7 @@ class MemoryNeed:
     power: int = 2
 
     def __str__(self) -> str:
-        return f"{self.what}: about {size_in_words(self.bytes)}"
+        return f"{self.what}: {about(self.bytes)}"
 
     def require(self) -> None:
         """Raise `MemoryBudgetError` if less may be used."""
@@ -77,7 +77,7 @@ class MemoryNeed:
             if self.step is not None and room.free > 0 and self.bytes < MOST:
                 cure += f", {_rounded_up(self.step * (self.bytes / room.free) ** (1 / self.power)):.2g} or more"
             raise MemoryBudgetError(
-                f"{self.what} need about {size_in_words(self.bytes)} of memory, and {free} more may be used "
+                f"{self.what} need {about(self.bytes)} of memory, and {free} more may be used "
                 f"{room.name}; {cure}, or {room.cure}"
             )
 

@@ -92,7 +92,7 @@ def spare_addresses() -> None:
 def available() -> Limit | None:
     """Return what the machine has left, or None where it does not say."""
     free = _fields(MACHINE).get("MemAvailable")
-    if free is None and hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+    if sys.platform != "win32" and free is None and "SC_PHYS_PAGES" in os.sysconf_names:
         free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return None if free is None else Limit(free, "on this machine", "close other programs")
 

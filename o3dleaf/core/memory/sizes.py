@@ -31,8 +31,13 @@ def parse_size(size: str | int, name: str = "memory") -> int:
     return count
 
 
+def about(count: float) -> str:
+    """Return a predicted size: "about 5.3 GB"."""
+    return size_in_words(count) if count >= MOST else f"about {size_in_words(count)}"
+
+
 def size_in_words(count: float) -> str:
-    """Return bytes as a text of two or three digits: "5.3 GB"."""
+    """Return bytes as a text of two or three digits: "5.3 GB"; what is beyond all memory is "over 999 TB"."""
     if count >= MOST:
         return "over 999 TB"
     for unit, power in reversed(DECIMAL.items()):

@@ -138,7 +138,15 @@ class Assembly:
         """(2,) the column in the middle of the outline's box."""
         return np.asarray(self.footprint.box.sum(axis=0) // 2)
 
-    def emit(self, sink: Sink, to_world: Callable[[FloatArray], FloatArray], batch_size: int = BATCH_SIZE) -> None:
+    def emit(
+        self,
+        sink: Sink,
+        to_world: Callable[[FloatArray], FloatArray],
+        batch_size: int = BATCH_SIZE,
+        *,
+        first: int = 0,
+        finished: Callable[[int], None] | None = None,
+    ) -> None:
         """Make every vertex and triangle and hand them to a sink.
 
         Parameters
@@ -148,14 +156,23 @@ class Assembly:
             Takes (n, 3) flat positions to the world; called from several threads.
         batch_size : int
             Vertices that one thread takes there at once.
+        first : int
+            Rows of tiles that the sink has already.
+        finished : callable, optional
+            ``finished(rows)``, whenever the sink has one row more.
         """
         done = 0
-        for window in self._placer.windows():
+        for row, window in enumerate(self._placer.windows()):
+            if row < first:
+                done += sum(self._kept_counts(place)[0] for place in window.row)
+                continue
             numbers = {place: self._numbers(placed, place) for place, placed in window.placed.items()}
             batches = [(place, start) for place in window.row for start in range(0, len(numbers[place]), batch_size)]
             map_in_threads(partial(self._emit_vertices, sink, to_world, window, numbers, batch_size), batches)
             map_in_threads(partial(self._emit_triangles, sink, window, numbers, 2 * batch_size), window.row)
             done += sum(self._kept_counts(place)[0] for place in window.row)
+            if finished is not None:
+                finished(row + 1)
             progress.report(done, self.vertices)
 
     def names(self) -> IntArray:

@@ -19,6 +19,7 @@ from o3dleaf.core.field import Field
 from o3dleaf.core.memory import measured
 from o3dleaf.core.memory.budget import MemoryNeed, in_words, need_of
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.resume.parts import kept
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.constraints import offset_constraints
@@ -154,7 +155,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     if spacing is not None:
         memory_for_mesh(cloud, spacing).require()
     with journal.stage("fit balls"):
-        field = fit_surface(
+        fit = partial(
+            fit_surface,
             cloud,
             rho=rho,
             smoothing=smoothing,
@@ -164,6 +166,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             points_per_ball=points_per_ball,
             unit=unit,
         )
+        field = kept("fit.o3l", fit)
     with journal.stage("follow surface"):
         around = surroundings(cloud, closed)
         data = partial(surface_data, cloud, constraints, local=local)

@@ -43,7 +43,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
             _require_no(complaints, path)
             offset = stack.dataoffset if stack.dtype.isnative and stack.nbytes > 0 else None
             pages = stack.asarray() if offset is None else np.memmap(path, stack.dtype, "r", offset, stack.shape)
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as cause:
         # tifffile and its codecs raise whatever a broken file makes them.

@@ -1,0 +1,4 @@
+"""Long work that goes on where a run of it was stopped.
+
+`parts`  finished parts of a result beside its name, known by context
+"""
