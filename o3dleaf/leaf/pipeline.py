@@ -95,28 +95,37 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
     InputError, UnitError
         If the volume's histogram has no two peaks, it holds no blade, or its size is impossible.
     """
-    options = options or TextureOptions()
+    return _begin_texture(volume, options or TextureOptions())()
+
+
+def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], TiledField]:
+    """Refuse a volume that holds no patch of a blade, and return what fits one that does."""
     _require_size(float(np.max(np.ptp(volume.bounds, axis=0))), volume.unit, PATCH_WIDTH_MM, "volume", "patch")
     # The threshold lies between the two peaks, air and leaf; the blade is turned into the plane.
     with stage("threshold and align"):
         level = volume.threshold(options.level)
         transform = align_blade(volume, level)
         box = inscribed_box(volume.bounds, transform)
-    # A smoothed implicit interpolant F(z) = f_surface on the voxels.
-    with stage("fit micro-scale interpolant"):
-        field = PUInterpolant.fit_lattice(
-            volume.data,
-            spacing=volume.spacing,
-            origin=volume.origin,
-            transform=transform,
-            isovalue=level,
-            rho=options.rho,
-            unit=volume.unit,
-            bounds=box,
-        )
-    # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best period.
-    with stage("tile"):
-        return TiledField(field, options.period, flip=options.flip, shift=options.shift)
+
+    def fit() -> TiledField:
+        # A smoothed implicit interpolant F(z) = f_surface on the voxels.
+        with stage("fit micro-scale interpolant"):
+            field = PUInterpolant.fit_lattice(
+                volume.data,
+                spacing=volume.spacing,
+                origin=volume.origin,
+                transform=transform,
+                isovalue=level,
+                rho=options.rho,
+                unit=volume.unit,
+                bounds=box,
+            )
+        # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best
+        # period.
+        with stage("tile"):
+            return TiledField(field, options.period, flip=options.flip, shift=options.shift)
+
+    return fit
 
 
 def memory_for_texture(voxels: int) -> MemoryNeed:
@@ -150,11 +159,9 @@ def create_multiscale_leaf(
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.
     """
-    # Side by side: neither knows the other, and laying a sheet flat is serial.
-    micro, macro = run_together(
-        lambda: create_texture(volume, options=texture) if isinstance(volume, Volume) else volume,
-        lambda: create_blade(scan, midrib, unit=unit, options=blade),
-    )
+    # A volume is refused before the long step. Both fits side by side: laying a sheet flat is serial.
+    fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
+    micro, macro = run_together(fit, lambda: create_blade(scan, midrib, unit=unit, options=blade))
     return MultiscaleLeaf(micro, blade=macro)
 
 

@@ -157,7 +157,8 @@ def errors_between_vertices(leaf, spacings):
         on_rim = np.zeros(len(vertices), dtype=bool)
         on_rim[triangles[solid.labels == RIM]] = True
         face = triangles[~on_rim[triangles].any(axis=1)]
-        off = np.abs(leaf(vertices[face.ravel()])) / np.linalg.norm(leaf.gradient(vertices[face.ravel()]), axis=1)
+        inner = vertices[np.unique(face)]
+        off = np.abs(leaf(inner)) / np.linalg.norm(leaf.gradient(inner), axis=1)
         assert off.max() < ON_SURFACE * spacing
         errors.append(np.sqrt(np.mean(leaf(vertices[face].mean(axis=1)) ** 2)))
     return errors

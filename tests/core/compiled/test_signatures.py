@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numba import typeof
 
+from cloud_shapes import sphere
 from o3dleaf.core.compiled import signatures
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -22,7 +23,8 @@ from o3dleaf.output.view.picture import render
 render.__kwdefaults__["size"], shots.FINER = (400, 250), 0.5  # pixels do not decide what is called
 folder = sys.argv[1]
 for words in (
-    "demo --spacing 0.5 -o {0}",
+    "demo --spacing 1 -o {0}",
+    "reconstruct {0}/rough.xyz -o {0}/rough.ply",
     "reconstruct {0}/leaf.ply -o {0}/surface.ply",
     "qa {0}/surface.ply --cloud {0}/leaf.ply --html {0}/qa.html",
 ):
@@ -37,6 +39,7 @@ print("CALLED", *called(), sep="\\n")
 
 def test_it_has_all_that_the_main_jobs_call(tmp_path):
     """Otherwise `scripts/list_compiled.py --write` makes it anew."""
+    np.savetxt(tmp_path / "rough.xyz", sphere(1500)[0] + 0.1 * np.random.default_rng(1).standard_normal((1500, 3)))
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", JOBS, str(tmp_path)]
     done = subprocess.run(command, check=True, env=environment, capture_output=True, text=True)
