@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.leaf import ScanOptions
 from o3dleaf.commands.patch import CtOptions
 from o3dleaf.commands.sample import SampleOption
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, argument, option, words_of
+from o3dleaf.core.job import LongJob, ScanOptions, argument, option, words_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions, resumed
 from o3dleaf.core import journal
-from o3dleaf.core.arguments.kinds import Positive, Unit
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.job import (
     ColumnsOption,
     LongJob,
     Names,
     ResumeOption,
+    ScanOptions,
     argument,
     corners_of,
-    number_or_word,
     option,
     output,
-    words_of,
+    windows_of,
 )
 from o3dleaf.core.parallel import run_together
 from o3dleaf.core.units import measure_in_words, unit_scale
@@ -45,25 +45,6 @@ OF_MICRO_STRUCTURE: dict[str, Any] = {"needs": ("ct",), "unless": ("fine",)}
 """Of options that a blade has no use for, nor a mesh with finer windows in it."""
 WINDOW_MM = 3.0
 """Width of a window around a point: a droplet and some leaf around it."""
-
-
-def _windows(texts: list[str]) -> tuple[tuple[float, ...], ...]:
-    """Return the five numbers of each text, or raise `InputError`."""
-    rows = [(text, [number_or_word(word) for word in words_of(text)]) for text in texts]
-    for text, row in rows:
-        if len(row) != 5 or any(isinstance(each, str) for each in row):
-            raise InputError(f"fine: is {text!r}; give five numbers, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'")
-    return tuple(tuple(map(float, row)) for _, row in rows)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScanOptions:
-    """Midrib and unit of a scan."""
-
-    midrib: Path | None = option(
-        None, "Control points from base to tip; computed if not given.", reads=True, unless=("saved_leaf",)
-    )
-    scan_unit: Unit = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.", unless=("saved_leaf",))
 
 
 @dataclass(frozen=True)
@@ -100,7 +81,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         (),
         "A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; repeat for more.",
         kind=list[str],
-        parse=_windows,
+        parse=windows_of,
         needs=("ct",),
     )
     simplify: float | None = option(None, "Simplify a tile to this share of its triangles.", **OF_MICRO_STRUCTURE)
@@ -347,7 +328,8 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
 
 def in_a_line(summary: dict[str, Any]) -> str:
-    """Return what was built, in one line for a terminal."""
+    """Return what was written, in one line for a terminal; where only a coarser mesh was looked at, its area."""
     report = summary["mesh"]
+    written = summary["surface"] if "note" in report else report
     area = measure_in_words(report["area"], summary["unit"], power=2)
-    return f"{summary['settings']['output']}: {report['triangles']:,} triangles, {area}"
+    return f"{summary['settings']['output']}: {written['triangles']:,} triangles, {area}"

@@ -258,6 +258,16 @@ class ColumnsOption:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ScanOptions:
+    """Midrib and unit of a scan."""
+
+    midrib: Path | None = option(
+        None, "Control points from base to tip; computed if not given.", reads=True, unless=("saved_leaf",)
+    )
+    scan_unit: Unit = option("mm", "Unit of scan and midrib: m, cm, mm, um or nm.", unless=("saved_leaf",))
+
+
 def spelled(name: str, known: Option) -> str:
     """Return the name of an option as a user writes it, without its dashes."""
     return (known.flags[0] if known.flags else name).lstrip("-").replace("_", "-")
@@ -285,6 +295,15 @@ def corners_of(numbers: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[flo
     """Return the lower and the upper corner of a box whose numbers stand in a row."""
     half = len(numbers) // 2
     return numbers[:half], numbers[half:]
+
+
+def windows_of(texts: list[str]) -> tuple[tuple[float, ...], ...]:
+    """Return the five numbers of each text, or raise `InputError`."""
+    rows = [(text, [number_or_word(word) for word in words_of(text)]) for text in texts]
+    for text, row in rows:
+        if len(row) != 5 or any(isinstance(each, str) for each in row):
+            raise InputError(f"fine: is {text!r}; give five numbers, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'")
+    return tuple(tuple(map(float, row)) for _, row in rows)
 
 
 def _each(value: Any) -> Iterable[Any]:

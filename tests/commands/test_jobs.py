@@ -9,7 +9,8 @@ import typer
 from typer.testing import CliRunner
 
 from o3dleaf.commands.cli import JOBS, add_command, job_of
-from o3dleaf.commands.leaf import LeafJob
+from o3dleaf.commands.leaf import LeafJob, in_a_line
+from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, LongJob, argument, option, options_of, output, spelled, table
 
@@ -102,3 +103,46 @@ def test_what_a_job_says_of_its_options_is_true(command):
             assert field.default in {*table(one.choices), None, ()}, name
     flags = [flag for name, (_, one) in known.items() for flag in (one.flags or (spelled(name, one),))]
     assert len(flags) == len(set(flags))
+
+
+@dataclass(frozen=True)
+class DotsJob(Job):
+    """A job whose options lean on one another."""
+
+    output: Path = output((".ply",))
+    dots: bool = option(False, "Paint dots.")
+    stripes: bool = option(False, "Paint stripes.", unless=("dots",))
+    radius: Positive | None = option(None, "Of a dot.", needs=("dots", "stars", "no_such_option"))
+    stars: bool = option(False, "Paint stars.")
+    color: str = option("green", "Of all.", needs=("no_such_option",))
+
+    def work(self):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"radius": 1.0}, "radius: cannot act without dots or stars; give dots or stars, or leave it out"),
+        ({"dots": True, "stripes": True}, "stripes, dots: cannot act together; leave one of them out"),
+        ({"dots": True, "radius": -1.0}, "radius: is -1.0; give a number above zero"),
+        ({"dots": "yes"}, "dots: is 'yes'; give True or False"),
+    ],
+)
+def test_options_that_cannot_act_are_refused_by_name(tmp_path, given, words):
+    with pytest.raises(InputError, match=f"^{re.escape(words)}"):
+        DotsJob(tmp_path / "a.ply", **given).run()
+
+
+@pytest.mark.parametrize("given", [{"dots": True, "radius": 1.0}, {"stars": True, "radius": 1.0}, {"color": "red"}, {}])
+def test_options_that_can_act_are_taken(tmp_path, given):
+    DotsJob(tmp_path / "a.ply", **given).run()
+
+
+def test_the_last_line_tells_what_was_written():
+    """Of a mesh too large to hold, a coarser one was looked at, and its triangles are fewer."""
+    summary = {"mesh": {"triangles": 7, "area": 2.0}, "unit": "mm", "settings": {"output": "a.ply"}}
+    summary["surface"] = {"triangles": 3_982_438}
+    assert "7 triangles" in in_a_line(summary)
+    summary["mesh"]["note"] = "of a coarser mesh"
+    assert "3,982,438 triangles" in in_a_line(summary)

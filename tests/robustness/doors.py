@@ -159,6 +159,7 @@ DOORS: dict[str, Door] = {
     "Blade.distortion": method(lambda w: w.leaf.blade, "distortion", plane=PLACES.optional),
     "BladeOptions": door(
         o3l.BladeOptions,
+        lacks=True,
         frame=one_of("surface").later,
         smoothing=smoothing,
         up=VECTOR.later.optional,
@@ -199,7 +200,7 @@ DOORS: dict[str, Door] = {
     ),
     "CurlFree": door(
         o3l.CurlFree,
-        kernel=one_of("quintic"),
+        kernel=LATER,
         degree=DEGREE,
         smoothing=SIZE,
         exact=FLAG,
@@ -398,6 +399,7 @@ DOORS: dict[str, Door] = {
     "RBFInterpolant.hessian": method(lambda w: w.rbf, "hessian", points=QUERIES),
     "TextureOptions": door(
         o3l.TextureOptions,
+        lacks=True,
         level=NUMBER.later,
         rho=SIZE,
         period=VECTOR.like((2.0, 2.0)).later.optional,

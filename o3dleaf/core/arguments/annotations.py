@@ -29,14 +29,12 @@ def rules_of(function: Callable[..., Any]) -> dict[str, Allowed]:
 
 
 def _meaning(annotation: Any, function: Callable[..., Any]) -> Any:
-    """Return what an annotation in quotes stands for; Any where only type checkers import its names."""
-    if not isinstance(annotation, str):
-        return annotation
+    """Return an annotation with what stands in quotes read; Any where only type checkers import its names."""
     quoted = types.SimpleNamespace(__annotations__={"it": annotation})
     try:
         return get_type_hints(quoted, getattr(function, "__globals__", {}), include_extras=True)["it"]
     except NameError:
-        return Any
+        return Any if isinstance(annotation, str) else annotation
 
 
 def rule_of(annotation: Any) -> Allowed | None:

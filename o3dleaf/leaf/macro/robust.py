@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.cross_validation import held_out_errors
@@ -26,6 +27,8 @@ from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
 
 NEIGHBORS = 12
+ROUNDING = 1e-9
+"""Of a leaf's length: heights that differ by less are equal, but for rounding."""
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
 MAD = 1.4826
@@ -148,7 +151,10 @@ class Trials(NamedTuple):
     @property
     def best(self) -> int:
         """The trial of least mean loss."""
-        return int(np.argmin([losses[~np.isnan(losses)].mean() for losses in self.losses]))
+        known = [losses[~np.isnan(losses)] for losses in self.losses]
+        if not all(map(len, known)):
+            raise InputError("leaf_points: are too few to judge a smoothing; give smoothing, or more points")
+        return int(np.argmin([losses.mean() for losses in known]))
 
     def choice(self, trial: int) -> RobustChoice:
         """Return one of the trials."""
@@ -175,10 +181,14 @@ def try_smoothings(
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = plane_noise(leaf_points)
-    problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
+    # An exactly flat leaf has no noise: what rounding leaves stands for it.
+    corner = HUBER * max(noise, ROUNDING * float(np.ptp(leaf_points, axis=0).max()))
+    problem = RobustHeight(cover, plane, heights, kernel, corner)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
     stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)
+    if not stretch > 0:
+        raise InputError("leaf_points: lie on one line, seen from above; give the points of a leaf")
     stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
     weights, rows = np.ones(len(plane)), []
     trials = list(_trial_smoothings(leaf_points, kernel, half_width))
@@ -232,6 +242,9 @@ def _trial_smoothings(
     """Yield (bandwidth, smoothing) from a quarter of the width down to the scan's median spacing."""
     distance, _ = cKDTree(leaf_points).query(leaf_points, k=2, workers=-1)
     spacing = float(np.median(distance[:, 1]))
+    if not spacing > 0:  # most of them stand there twice
+        distinct = np.unique(leaf_points, axis=0)
+        spacing = float(np.median(cKDTree(distinct).query(distinct, k=2, workers=-1)[0][:, 1]))
     density = _density(leaf_points[:, :2])
     order = kernel.power + kernel.dimension
     steps = max(int(np.ceil(order * np.log(half_width / 2 / spacing) / np.log(GRID_RATIO))), 1)
