@@ -15,15 +15,13 @@ from o3dleaf.io.mesh_data import MeshData, unit_comment
 from o3dleaf.io.obj import read_obj, write_obj
 from o3dleaf.io.ply import write_ply
 from o3dleaf.io.ply_reader import read_ply, require_whole_ply
-from o3dleaf.io.stl import HEADER, TRIANGLE, is_binary, join_corners, read_stl, write_stl
+from o3dleaf.io.stl import HEADER, is_binary, join_corners, read_stl, write_stl
 from o3dleaf.io.stl_text import read_stl_text
 
 SUFFIXES = (".ply", ".obj", ".stl")
 """Formats of meshes."""
 OFF_HEADER = 100
 """Lines, most of them comments, in which an OFF file says how many vertices and faces it has."""
-OBJ_BYTES, STL_TEXT_BYTES = 30, 100
-"""Of a triangle in text, at least about: half a vertex and three numbers; seven lines."""
 OPEN3D = "Created by Open3D"
 """Comment of a plain mesh without labels, whose file is the same byte for byte as by Open3D's own writer."""
 
@@ -65,23 +63,6 @@ def _named_counts(file: Path) -> tuple[int, int] | None:
         words = [word for line in islice(lines, OFF_HEADER) for word in line.split("#")[0].split()]
     numbers = [int(word) for word in words[1:3] if word.isdigit()]
     return (numbers[0], numbers[1]) if len(numbers) == 2 and words[0].endswith("OFF") else None
-
-
-def count_triangles(path: Path) -> int:
-    """Return about how many triangles a file has; 0 where nothing can be told, and its reader will say why."""
-    file = Path(path)
-    if not file.is_file():
-        return 0
-    suffix, size = file.suffix.lower(), file.stat().st_size
-    if suffix == ".stl":
-        return size // TRIANGLE.itemsize if is_binary(file) else size // STL_TEXT_BYTES
-    if suffix == ".obj":
-        return size // OBJ_BYTES
-    try:
-        named = _named_counts(file)
-    except InputError:
-        return 0
-    return named[1] if named else 0
 
 
 def read_mesh(path: str | PathLike[str]) -> LabelledMesh:

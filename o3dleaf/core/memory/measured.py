@@ -17,7 +17,7 @@ FITTED_VOXEL = 80
 """Of a volume whose blade is fitted."""
 BLADE_POINT = 2000
 """Of a scan that a blade is built from."""
-TILE_COLUMN = 500
+TILE_COLUMN = 750
 """Of the lattice over one tile, which is polygonized: two faces, and hairs."""
 SHEET_TRIANGLE = 150
 """Of a blade without micro-structure."""

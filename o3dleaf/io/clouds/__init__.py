@@ -6,5 +6,5 @@
 `las`      LAS and LAZ, by laspy
 `e57`      E57, by pye57
 `cut_off`  PTS, PCD and columns of numbers that end too early
-`counts`   about how many points a file has
+`counts`   about how many points or triangles a file has
 """

@@ -55,7 +55,7 @@ def read_tiff(path: Path) -> tuple[npt.NDArray[Any], StatedLattice]:
             _require_no(complaints, path)
             mapped = stack.dataoffset is not None and stack.nbytes > 0
             pages = tifffile.memmap(path, mode="r") if mapped and stack.dtype.isnative else stack.asarray()
-    except (InputError, MemoryError):
+    except InputError:
         raise
     except Exception as cause:
         # tifffile and its codecs raise whatever a broken file makes them.
