@@ -67,7 +67,7 @@ class CleanJob(CleaningOptions, LongJob):
         """Return what the triangles of the file take."""
         from o3dleaf.core.memory.budget import need_of
         from o3dleaf.core.memory.measured import CLEANED_TRIANGLE
-        from o3dleaf.io.triangle_mesh import count_triangles
+        from o3dleaf.io.clouds.counts import count_triangles
 
         count = count_triangles(self.mesh)
         return [need_of(CLEANED_TRIANGLE * count, f"clean: {count:,} triangles", "simplify the mesh first")]

@@ -23,7 +23,6 @@ from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
-from o3dleaf.core.memory.machine import spare_addresses
 from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 JOBS: dict[str, type[Job]] = {
@@ -43,6 +42,9 @@ JOBS: dict[str, type[Job]] = {
     "warm-up": WarmUpJob,
 }
 """Every command, in the order of the help."""
+
+
+NO_THREAD = "can't start new thread"
 
 
 def add_command(program: typer.Typer, name: str, job: type[Job]) -> None:
@@ -133,17 +135,25 @@ for _name, _job in JOBS.items():
 
 def main() -> None:
     """Run the command line; an error of ours, or memory that ran out, is one line and exit code 2."""
-    spare_addresses()
     try:
         app(standalone_mode=True)
     except O3DLeafError as error:
         _end(" ".join(str(error).split()))
     except MemoryError as error:
-        said = " ".join(str(error).split())
-        _end(
-            f"memory ran out{f' ({said})' if said else ''}; coarsen the spacing, give less data or fewer threads, "
-            "or raise what limits it (ulimit -v, a container, other programs)"
-        )
+        _end(_out_of_memory(error))
+    except RuntimeError as error:
+        # What Python says where the system has no room for the stack of one thread more.
+        if NO_THREAD not in str(error):
+            raise
+        _end(_out_of_memory(error))
+
+
+def _out_of_memory(error: Exception) -> str:
+    said = " ".join(str(error).split())
+    return (
+        f"memory ran out{f' ({said})' if said else ''}; coarsen the spacing, give less data or fewer threads, "
+        "or raise what limits it (ulimit -v, a container, other programs)"
+    )
 
 
 def _end(line: str) -> NoReturn:

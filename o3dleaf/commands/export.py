@@ -145,7 +145,7 @@ class ExportJob(UnitOption, LongJob):
         """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
         from o3dleaf.core.memory.budget import need_of
         from o3dleaf.core.memory.measured import FILED_TRIANGLE
-        from o3dleaf.io.triangle_mesh import count_triangles
+        from o3dleaf.io.clouds.counts import count_triangles
 
         if self.saved_model:
             return []

@@ -16,15 +16,13 @@ from o3dleaf.io.labelled_mesh import AnyMesh, LabelledMesh
 from o3dleaf.io.mesh_data import MeshData, unit_comment
 from o3dleaf.io.obj import read_obj, write_obj
 from o3dleaf.io.ply import write_ply
-from o3dleaf.io.ply_reader import count_items, read_ply
+from o3dleaf.io.ply_reader import read_ply
 from o3dleaf.io.polygons.off import read_off
-from o3dleaf.io.stl import HEADER, TRIANGLE, is_binary, read_stl, write_stl
+from o3dleaf.io.stl import HEADER, is_binary, read_stl, write_stl
 from o3dleaf.io.stl_text import read_stl_text
 
 SUFFIXES = (".ply", ".obj", ".stl")
 """Formats of meshes."""
-TEXT_BYTES = {".obj": 30, ".off": 30, ".stl": 100}
-"""Of a triangle in text, at least about: half a vertex and three numbers; seven lines."""
 OPEN3D = "Created by Open3D"
 """Comment of a plain mesh without labels, whose file is the same byte for byte as by Open3D's own writer."""
 
@@ -69,17 +67,6 @@ def _open3d_mesh(data: MeshData) -> o3d.geometry.TriangleMesh:
     for name, values in data.attributes.items():
         setattr(mesh, f"vertex_{name}", o3d.utility.Vector3dVector(np.ascontiguousarray(values)))
     return mesh
-
-
-def count_triangles(path: Path) -> int:
-    """Return about how many triangles a file has; 0 where nothing can be told, and its reader will say why."""
-    file = Path(path)
-    if not file.is_file():
-        return 0
-    suffix, size = file.suffix.lower(), file.stat().st_size
-    if suffix == ".ply":
-        return count_items(file, "face")
-    return size // (TRIANGLE.itemsize if suffix == ".stl" and is_binary(file) else TEXT_BYTES.get(suffix, size + 1))
 
 
 @checked

@@ -1,13 +1,14 @@
 """Bytes that work holds at its peak, for each thing that it works on: what `scripts/measure_memory.py` measured.
 
-The largest of its sizes and cases, rounded up, on two threads; `require_memory` asks for a third more.
+The largest of its sizes and cases, rounded up, on two threads; `require_memory` asks for a third more. Of fits and
+blades one size was measured, and what was held before was used again: theirs are guarded by twice as much.
 """
 
 CLOUD_POINT = 100
 """Of a cloud that is read: coordinates, normals and colors, once as the file's and once as Open3D's."""
 RECONSTRUCTED_POINT = 1900
 """Of a cloud whose surface is reconstructed, its mesh at the spacing that is chosen included."""
-FITTED_POINT = 1000
+FITTED_POINT = 400
 """Of scattered data fitted in balls."""
 LATTICE_POINT = 12
 """Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
@@ -17,9 +18,9 @@ FITTED_VOXEL = 80
 """Of a volume whose blade is fitted."""
 BLADE_POINT = 2000
 """Of a scan that a blade is built from."""
-TILE_COLUMN = 500
+TILE_COLUMN = 750
 """Of the lattice over one tile, which is polygonized: two faces, and hairs."""
-SHEET_TRIANGLE = 150
+SHEET_TRIANGLE = 800
 """Of a blade without micro-structure."""
 TRIANGLE = 60
 """Of a mesh that is made or read: vertices, corners and labels, once as arrays and once as Open3D's."""
@@ -29,7 +30,7 @@ FILED_TRIANGLE = 240
 """Of a mesh that is read from a file or written to one."""
 PARTICLE = 65
 """Of particles that fill a solid."""
-SAMPLE = 300
+SAMPLE = 150
 """Of the samples that particles on a surface are chosen among."""
 CROSSING = 100
 """Of a grid's columns through a closed mesh."""

@@ -10,5 +10,5 @@
 `lzf`      what is packed in compressed PCD
 `pts`      PTS
 `cut_off`  PTS and columns of numbers that end too early
-`counts`   about how many points a file has
+`counts`   about how many points or triangles a file has
 """

@@ -1,15 +1,20 @@
-"""About how many points a file has, before it is read: from its header, or its size and its first lines."""
+"""About how many points or triangles a file has, before it is read: from its header, or size and first lines."""
 
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
 from o3dleaf.io.ply_reader import count_items
+from o3dleaf.io.stl import TRIANGLE, is_binary
 
 HEAD = 1 << 16
 """Bytes of a text that are looked at."""
 LEAST = 4
 """Bytes of a point where nothing is known: packed in E57 and LAZ, in a line "1 2 3"."""
+TRIANGLE_BYTES = {".stl": TRIANGLE.itemsize, ".obj": 30}
+"""Of a triangle at least: of OBJ half a vertex and three numbers."""
+STL_TEXT_BYTES = 100
+"""The same: seven lines."""
 LAS_LEGACY, LAS_COUNT = struct.Struct("<107xI"), struct.Struct("<247xQ")
 """Where LAS has its number of points: until version 1.3, and from 1.4 on."""
 
@@ -63,3 +68,22 @@ COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {
     ".e57": _in_e57,
 }
 """By suffix; others are text, a point in a line."""
+
+
+def count_triangles(path: Path) -> int:
+    """Return about how many triangles a file has; 0 where nothing can be told, and its reader will say why."""
+    file = Path(path)
+    if not file.is_file():
+        return 0
+    suffix, size = file.suffix.lower(), file.stat().st_size
+    count = size // TRIANGLE_BYTES.get(suffix, size + 1)
+    if suffix == ".ply":
+        count = count_items(file, "face")
+    elif suffix == ".stl" and not is_binary(file):
+        count = size // STL_TEXT_BYTES
+    elif suffix == ".off":
+        with file.open("rb") as stream:
+            lines = (line.split(b"#")[0].split() for line in stream.read(HEAD).splitlines())
+        numbers = [word for words in lines for word in words if word.isdigit()]
+        count = int(numbers[1]) if len(numbers) > 1 else 0
+    return min(count, size)
