@@ -35,20 +35,19 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         If the file is not a TIFF, is truncated, is in color or holds more than one stack.
     """
     try:
-        with _complaints() as complaints, tifffile.TiffFile(path, _multifile=False) as tiff:
+        with _complaints(path), tifffile.TiffFile(path, _multifile=False) as tiff:
             _require_one_file(tiff, path)
             stack = _one_gray_series(tiff, path)
             _require_complete(tiff, stack, path)
             lattice = _stated(tiff)
-            _require_no(complaints, path)
             offset = stack.dataoffset if stack.dtype.isnative and stack.nbytes > 0 else None
             pages = stack.asarray() if offset is None else np.memmap(path, stack.dtype, "r", offset, stack.shape)
+            return np.asarray(pages).reshape(_three(stack.shape)), lattice
     except (InputError, MemoryError):
         raise
     except Exception as cause:
         # tifffile and its codecs raise whatever a broken file makes them.
         raise InputError(f"{path}: cannot be read as TIFF ({cause}); export it again") from cause
-    return np.asarray(pages).reshape(_three(stack.shape)), lattice
 
 
 @checked
@@ -95,21 +94,20 @@ def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
         )
 
 
-def _require_no(complaints: list[str], path: Path) -> None:
-    if complaints:
-        raise InputError(f"{path}: is truncated or broken ({complaints[0]}); copy or export it again")
-
-
 @contextmanager
-def _complaints() -> Iterator[list[str]]:
-    """Collect what tifffile logs: of a page that is missing from the end of a file it only says so."""
-    heard: list[str] = []
+def _complaints(path: Path) -> Iterator[None]:
+    """Raise what tifffile logs: of a page that is missing it only says so, and of a million of them a million times."""
+
+    def refuse(record: logging.LogRecord) -> None:
+        said = " ".join(record.getMessage().split())
+        raise InputError(f"{path}: is truncated or broken ({said}); copy or export it again")
+
     handler = logging.Handler(logging.ERROR)
-    handler.emit = lambda record: heard.append(record.getMessage())  # type: ignore[method-assign]
+    handler.emit = refuse  # type: ignore[method-assign]
     logger = logging.getLogger("tifffile")
     logger.addHandler(handler)
     try:
-        yield heard
+        yield
     finally:
         logger.removeHandler(handler)
 
