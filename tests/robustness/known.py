@@ -6,7 +6,9 @@ RECORDS = {
         ("ChartSurface", "HeightMap", "LeafFrame", "OrientedCloud", "PUInterpolant", "RBFInterpolant", "view.Camera"),
         "made by a class method, which checks",
     ),
-    **dict.fromkeys(("samples.LeafShape", "samples.WheatPatch"), "made by a function, which checks"),
+    **dict.fromkeys(
+        ("samples.LeafShape", "samples.MeshSolid", "samples.WheatPatch"), "made by a function, which checks"
+    ),
     **dict.fromkeys(("Blade", "Field", "samples.Solid"), "a base, or a protocol"),
     **dict.fromkeys(
         ("LabelledMesh", "Particles", "view.Inset", "view.Points", "view.Scalars"), "checked where it is used"
