@@ -9,7 +9,7 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.atomic_files import make_folder, whole_file
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.tiff import write_volume
@@ -62,7 +62,7 @@ def write_samples(folder: str | PathLike[str], *, seed: Whole = 0) -> list[Path]
         If writing fails.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     scan = wheat_scan(seed=seed)
     volume, _ = wheat_ct(seed=seed)
     volume = Volume(volume.data.round(DECIMALS_INTENSITY), volume.spacing, volume.origin, volume.unit)

@@ -75,7 +75,9 @@ def words_of(row, folder):
     return words
 
 
-SHOWN = [row for row in ROWS if isinstance(row.value, str | float) and not row.company and "text" not in row.change]
+SHOWN = [
+    row for row in ROWS if isinstance(row.value, str | float) and not row.company and row.change not in {"text", "half"}
+]
 SHOWN = SHOWN[:: max(1, len(SHOWN) // THROUGH_THE_PROGRAM)]
 
 

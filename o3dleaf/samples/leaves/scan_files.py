@@ -7,6 +7,7 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
+from o3dleaf.core.atomic_files import make_folder
 from o3dleaf.samples.files import write_points
 from o3dleaf.samples.leaves.kinds import LEAF_KINDS, leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import scan_leaf
@@ -36,7 +37,7 @@ def write_leaf_scans(folder: str | PathLike[str], *, seed: Whole = 0) -> list[Pa
         If writing fails.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     paths = [folder / f"leaf_{kind}.ply" for kind in LEAF_KINDS]
     for kind, path in zip(LEAF_KINDS, paths, strict=True):
         write_points(path, np.asarray(scan_leaf(leaf_shape(kind), noise=NOISE, seed=seed).cloud.points))
