@@ -75,9 +75,9 @@ def words_of(row, folder):
     return words
 
 
-SHOWN = [
-    row for row in ROWS if isinstance(row.value, str | float) and not row.company and row.change not in {"text", "half"}
-]
+PARSED = ("text", "half", "cut off .ply")
+"""Changes of which typer tells in a box of its own, and Open3D in lines of its own."""
+SHOWN = [row for row in ROWS if isinstance(row.value, str | float) and not row.company and row.change not in PARSED]
 SHOWN = SHOWN[:: max(1, len(SHOWN) // THROUGH_THE_PROGRAM)]
 
 
