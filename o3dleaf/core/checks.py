@@ -134,7 +134,8 @@ def _no_numbers(array: npt.NDArray[Any]) -> str:
     if array.dtype.kind == "c":
         return "are complex; give real numbers, real and imaginary parts as two columns"
     if array.dtype.kind in "mMUS":
-        return f"are {'times' if array.dtype.kind in 'mM' else 'text'}; give an array of real numbers"
+        what = "times" if array.dtype.kind in "mM" else "text"
+        return f"not an array of numbers ({what}); give an array of real numbers"
     if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
         return f"{np.ma.count_masked(array)} are masked; give an array without them"
     return ""
