@@ -109,24 +109,24 @@ class ExportJob(UnitOption, LongJob):
 
     @property
     def remeshing_program(self) -> bool:
-        """Whether the leaf of a model is remeshed for the next program, if nothing else is said."""
+        """Whether the leaf of a model is remeshed for the next program."""
         from o3dleaf.output.export.consumers import CONSUMERS
 
         return self.saved_model and self.consumer in CONSUMERS and CONSUMERS[self.consumer].solver
 
     @property
     def saved_model(self) -> bool:
-        """True for a model, which is meshed first."""
+        """Whether SOURCE is a model."""
         return self.source.suffix.lower() in table(MODEL)
 
     @property
     def points(self) -> bool:
-        """Whether particles or a grid are written, and no mesh."""
+        """Whether --what is particles or distances."""
         return self.what != "mesh"
 
     @property
     def distance_grid(self) -> bool:
-        """Whether distances are written."""
+        """Whether --what is distance."""
         return self.what == "distance"
 
     def check(self) -> None:

@@ -32,12 +32,12 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
 
     @property
     def volume(self) -> bool:
-        """Whether there is a volume: one that was given, or that of the samples."""
+        """Whether the leaf is built of a volume, given or of the samples."""
         return self.volume_of(self.ct) is not None or (self.scan is None and self.model is None)
 
     @property
     def saved_leaf(self) -> bool:
-        """Whether a leaf is drawn that was built before."""
+        """Whether a leaf is drawn that was built before (--model)."""
         return self.model is not None
 
     def check(self) -> None:

@@ -28,7 +28,7 @@ class InfoJob(UnitOption, Job):
 
     @property
     def volume_file(self) -> bool:
-        """Whether it is a volume, and neither mesh nor cloud."""
+        """Whether FILE is a volume."""
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh

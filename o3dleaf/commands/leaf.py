@@ -123,7 +123,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     @property
     def volume(self) -> Path | None:
-        """The volume that the micro-structure is made of, if it is no model."""
+        """Whether --ct is a volume, and no model: its file."""
         return self.volume_of(self.ct)
 
     def outputs(self) -> list[tuple[Path, Names]]:

@@ -62,6 +62,14 @@ def as_row(values: npt.ArrayLike, name: str, *, count: int | None = None) -> Flo
     return require_finite(array, name)
 
 
+def as_lengths(values: npt.ArrayLike, name: str) -> FloatArray:
+    """Return lengths of any shape, one as (1,), finite and at most `LARGEST`, or raise `InputError`."""
+    lengths = require_finite(np.atleast_1d(as_floats(values, name)), name)
+    if lengths.size and np.abs(lengths).max() > LARGEST:
+        raise InputError(f"{name}: reach {np.abs(lengths).max():.3g}; give lengths of at most {LARGEST:.0e}")
+    return lengths
+
+
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
     """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
 
@@ -129,7 +137,8 @@ def _no_numbers(array: npt.NDArray[Any]) -> str:
     if array.dtype.kind == "c":
         return "are complex; give real numbers, real and imaginary parts as two columns"
     if array.dtype.kind in "mMUS":
-        return f"are {'times' if array.dtype.kind in 'mM' else 'text'}; give an array of real numbers"
+        what = "times" if array.dtype.kind in "mM" else "text"
+        return f"not an array of numbers ({what}); give an array of real numbers"
     if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
         return f"{np.ma.count_masked(array)} are masked; give an array without them"
     return ""

@@ -25,6 +25,7 @@ is is refused before the work too. Nothing heavy is imported here, nor in a modu
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import Field, dataclass, field, fields
+from inspect import getdoc
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
@@ -155,18 +156,21 @@ class Job(ABC):
 
     def check_acting(self) -> None:
         """Raise `InputError` for an option that was given and cannot act, as the others are."""
-        known = options_of(type(self))
-        words = {name: spelled(name, one) for name, (_, one) in known.items()}
-        for name, (_, one) in known.items():
+        for name, (_, one) in options_of(type(self)).items():
             needed = [other for other in one.needs if hasattr(self, other)]
             if not self.has(name):
                 continue
             if needed and not any(map(self.has, needed)):
-                names = " or ".join(words.get(other, other.replace("_", " ")) for other in needed)
-                raise InputError(f"{words[name]}: cannot act without {names}; give {names}, or leave it out")
+                raise InputError(f"{spelled(name, one)}: acts only {' or '.join(map(self.when, needed))}; leave it out")
             for other in filter(self.has, one.unless):
-                beside = words.get(other, other.replace("_", " "))
-                raise InputError(f"{words[name]}, {beside}: cannot act together; leave one of them out")
+                raise InputError(f"{spelled(name, one)}: cannot act {self.when(other)}; leave one of them out")
+
+    def when(self, name: str) -> str:
+        """Return the words for an option that is given, or for a property that is true: its docstring has them."""
+        known = options_of(type(self)).get(name)
+        if known is not None:
+            return f"with {spelled(name, known[1])}"
+        return f"where {(getdoc(getattr(type(self), name)) or name).removeprefix('Whether ').rstrip('.')}"
 
     def has(self, name: str) -> bool:
         """Return whether an option was given, so that it is not at its default, or a property of the job is true."""

@@ -125,7 +125,11 @@ class TextureOptions:
     """
 
     level: Finite | str = option(
-        "valley", "Intensity of the surface: a number, 'valley' or 'otsu'.", kind=str, parse=number_or_word, **OF_VOLUME
+        "valley",
+        "Intensity of the surface: a number, 'valley', 'otsu' or 'mixture'.",
+        kind=str,
+        parse=number_or_word,
+        **OF_VOLUME,
     )
     rho: SmoothingValue = option(
         "gcv",

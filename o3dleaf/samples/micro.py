@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.samples.domain import evaluate
 
 LEAF = 0.2
@@ -79,7 +79,7 @@ class WheatPatch:
 
     def faces(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the heights (n,) of the adaxial and the abaxial face, without hairs, at (n, 2) points (x, y)."""
-        (top, _), (bottom, _) = self._faces(np.asarray(points, dtype=np.float64))
+        (top, _), (bottom, _) = self._faces(as_points(points, dim=2))
         return top, bottom
 
     def inside(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_lengths, as_number, as_points, as_row
 from o3dleaf.samples.domain import evaluate
 
 NODES = 401
@@ -65,6 +65,9 @@ class WheatBlade:
         return f"WheatBlade({self.length:g} × {self.width:g} {self.unit})"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "base", as_row(self.base, "base", count=3))
+        for name in ("rise", "droop", "swing", "twist"):
+            as_number(getattr(self, name), name)
         t = np.linspace(0.0, self.length, NODES)
         # Gauss-Legendre inside each interval: arc length is exact, for the tangent has length one.
         nodes, weights = np.polynomial.legendre.leggauss(5)
@@ -91,11 +94,11 @@ class WheatBlade:
 
     def axis(self, along: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) points of the axis at (n,) arc lengths, in millimeters."""
-        return np.asarray(self._axis(np.atleast_1d(np.asarray(along, dtype=np.float64))))
+        return np.asarray(self._axis(as_lengths(along, "along")))
 
     def frame(self, along: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the unit vectors (along, across, up), each (n, 3), at (n,) arc lengths."""
-        s = np.atleast_1d(np.asarray(along, dtype=np.float64)) / self.length
+        s = as_lengths(along, "along") / self.length
         sag = self.rise + (self.droop - self.rise) * 0.5 * (1 + np.tanh(4 * s - 2) / np.tanh(2))
         plan, turn = self.swing * s, self.twist * (s - 0.3)
         tangent = np.column_stack([np.cos(sag) * np.cos(plan), np.cos(sag) * np.sin(plan), np.sin(sag)])
@@ -106,18 +109,18 @@ class WheatBlade:
 
     def half_width(self, along: npt.ArrayLike) -> FloatArray:
         """Return half the width (n,) at (n,) arc lengths, in millimeters: a long blade that tapers to a tip."""
-        s = np.clip(np.atleast_1d(np.asarray(along, dtype=np.float64)) / self.length, 0.0, 1.0)
+        s = np.clip(as_lengths(along, "along") / self.length, 0.0, 1.0)
         return 0.5 * self.width * (0.02 + 0.98 * (1 - s**2.5) * (0.65 + 0.35 * np.sin(np.pi * s * (2 - s))))
 
     def height(self, along: npt.ArrayLike, across: npt.ArrayLike) -> FloatArray:
         """Return H (n,) above the axis's (along, across) plane, in millimeters: the fold and the wavy margins."""
-        t, v = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (along, across))
+        t, v = (as_lengths(each, name) for each, name in ((along, "along"), (across, "across")))
         fold = 0.28 * (1 - 0.7 * t / self.length) * (np.sqrt(v**2 + 1.0) - 1.0)
         return fold + 0.006 * v**2 * np.sin(2 * np.pi * t / 47.0 + 0.5 * np.tanh(v))
 
     def surface(self, along: npt.ArrayLike, across: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) world points of the blade at leaf coordinates (n,) along and (n,) across."""
-        t, v = np.broadcast_arrays(np.atleast_1d(along), np.atleast_1d(across))
+        t, v = np.broadcast_arrays(as_lengths(along, "along"), as_lengths(across, "across"))
         _, a, n = self.frame(t)
         return self.axis(t) + v[:, np.newaxis] * a + self.height(t, v)[:, np.newaxis] * n
 

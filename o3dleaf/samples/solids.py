@@ -231,7 +231,7 @@ class Block(Solid):
         Lengths of its edges.
     """
 
-    sides: tuple[float, float, float] = (1.0, 0.7, 0.4)
+    sides: tuple[Positive, Positive, Positive] = (1.0, 0.7, 0.4)
 
     @property
     def box(self) -> FloatArray:

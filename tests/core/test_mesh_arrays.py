@@ -37,7 +37,7 @@ def test_a_mesh_of_nothing_is_one(mesh):
     [
         (VERTICES, [[0, 1, 2, 3]] * 3, "cut polygons"),
         (VERTICES, [0, 1, 2], "cut polygons"),
-        (VERTICES, [[0, 1, 2], [0, 1]], "three vertex numbers"),
+        (VERTICES, [[0, 1, 2], [0, 1]], "rows of one length"),
         (VERTICES, [[0, 1, 2.5]], "no whole numbers"),
         (VERTICES, [[0, 1, np.nan]], "no whole numbers"),
         (VERTICES, [["0", "1", "2"]], "no whole numbers"),

@@ -75,7 +75,7 @@ def one_of(*words: str) -> Kind:
     return WORD.like(words[0])
 
 
-ROW = VALUES.like([1.0, 2.0, 3.0]).but("a scalar", "one less", "none").without("by columns")
+ROW = VALUES.like([1.0, 2.0, 3.0]).but("a scalar", "one less", "none", "one dimension more").without("by columns")
 SAVED = written_to("out.o3l").but("strange suffix", "without a suffix")
 LIMIT = LENGTH.but("infinity")
 TABLE = OBJECT.without("a list").but("an array")
@@ -101,7 +101,7 @@ ON_LEAF = QUERIES.like(lambda w: w.on_leaf)
 REGION = BOX.like(lambda w: np.array([[2.0, -1.0], [4.0, 1.0]]))
 SIDE = tuple_of(200, 120, whole=True)
 VIEW = OBJECT.like(lambda w: view.View())
-EXTENT = tuple_of(1.0, 0.7, 0.4)
+EXTENT = tuple_of(1.0, 0.7, 0.4).without("an array")
 blade = OBJECT.like(lambda w: w.leaf.blade)
 leaf = lambda w: w.leaf  # noqa: E731
 out_mesh, out_picture = written_to("out.ply"), written_to("out.png")
@@ -209,6 +209,7 @@ DOORS: dict[str, Door] = {
     "FitQuality.of": door(o3l.FitQuality.of, blade=blade, scan=scan, slow=True),
     "HeightMap.fit": door(
         o3l.HeightMap.fit,
+        slow=True,
         leaf_points=CLOUD.like(lambda w: w.leaf_points),
         **{name: kind for name, kind in PU.items() if name != "degree"},
         unit=maybe_unit,
@@ -264,6 +265,7 @@ DOORS: dict[str, Door] = {
     ),
     "Margin.fit": door(
         o3l.Margin.fit,
+        slow=True,
         uv=CLOUD.like(lambda w: w.leaf_points[:, :2]),
         spacing=maybe_length,
         fill_holes=SIZE.optional,
@@ -573,7 +575,7 @@ DOORS: dict[str, Door] = {
     ),
     "fill_particles": door(o3l.fill_particles, mesh=MESH, step=LENGTH.like(0.2), unit=maybe_unit),
     "find_inverted_regions": door(o3l.find_inverted_regions, mesh=MESH, cloud=ORIENTED),
-    "find_midrib": door(o3l.find_midrib, cloud=CLOUD.like(lambda w: w.long_strip)),
+    "find_midrib": door(o3l.find_midrib, slow=True, cloud=CLOUD.like(lambda w: w.long_strip)),
     "fit_surface": door(
         o3l.fit_surface,
         cloud=ORIENTED,
@@ -668,10 +670,10 @@ DOORS: dict[str, Door] = {
         lacks=True,
         mesh=MESH.but("vertices alone"),
         cloud=CLOUD,
-        field=maybe_field,
+        field=FIELD.later.optional,
         measures=OBJECT.like(("distance",)).without("a list"),
     ),
-    "voxel_down_sample": door(o3l.voxel_down_sample, cloud=CLOUD, voxel_size=LENGTH.like(0.1)),
+    "voxel_down_sample": door(o3l.voxel_down_sample, cloud=ORIENTED, voxel_size=LENGTH.like(0.1)),
     "write_mesh": door(
         o3l.write_mesh, mesh=MESH, path=out_mesh, comments=OBJECT.like(("a",)).without("a list").optional
     ),
@@ -684,13 +686,14 @@ DOORS: dict[str, Door] = {
         title=TITLE,
         slow=True,
     ),
-    "write_volume": door(o3l.write_volume, volume=OBJECT.like(lambda w: w.volume), path=written_to("out.tif")),
+    "write_volume": door(
+        o3l.write_volume,
+        volume=OBJECT.like(lambda w: w.volume),
+        path=written_to("out.tif").but("strange suffix", "without a suffix"),
+    ),
     # samples
     "samples.Block": door(samples.Block, sides=EXTENT),
-    "samples.Figure": door(samples.Figure, parts=OBJECT.like(samples.Figure().parts), blend=LENGTH.like(0.012)),
-    "samples.MeshSolid": door(
-        samples.MeshSolid, vertices=CLOUD.like(lambda w: w.mesh[0]), triangles=VALUES.like(lambda w: w.mesh[1])
-    ),
+    "samples.Figure": door(samples.Figure, parts=TABLE.like(samples.Figure().parts), blend=LENGTH.like(0.012)),
     "samples.MeshSolid.of": door(samples.MeshSolid.of, mesh=MESH),
     "samples.Sphere": door(samples.Sphere, radius=LENGTH),
     "samples.Torus": door(samples.Torus, radius=LENGTH, tube=LENGTH.like(0.15)),
@@ -704,12 +707,12 @@ DOORS: dict[str, Door] = {
     ),
     "samples.Solid.closest": method(lambda w: w.ball, "closest", points=QUERIES),
     "samples.Solid.signed_distance": method(lambda w: w.ball, "signed_distance", points=QUERIES),
-    "samples.Solid.sample": method(lambda w: w.ball, "sample", count=WHOLE.like(20), seed=WHOLE),
+    "samples.Solid.sample": method(lambda w: w.ball, "sample", count=WHOLE.like(20).without("10^9"), seed=WHOLE),
     "samples.WheatBlade": door(
         samples.WheatBlade,
         length=LENGTH.like(200.0),
         width=LENGTH.like(11.3),
-        base=VECTOR.like((360.0, 730.0, 96.0)),
+        base=VECTOR.like((360.0, 730.0, 96.0)).but("a scalar"),
         rise=NUMBER,
         droop=NUMBER.like(-1.0),
         swing=NUMBER.like(0.4),
@@ -723,11 +726,11 @@ DOORS: dict[str, Door] = {
     "samples.WheatBlade.height": method(lambda w: w.wheat, "height", along=ROW, across=ROW),
     "samples.WheatBlade.surface": method(lambda w: w.wheat, "surface", along=ROW, across=ROW),
     "samples.WheatBlade.closest": method(lambda w: w.wheat, "closest", points=QUERIES),
-    "samples.WheatPatch.faces": method(lambda w: w.patch, "faces", points=QUERIES),
-    "samples.bumps": door(samples.bumps, height=SIZE.like(0.01), wave=LENGTH.like(0.15)),
-    "samples.fins": door(samples.fins, thickness=LENGTH.like(0.04)),
-    "samples.fold": door(samples.fold, distance=LENGTH.like(0.04)),
-    "samples.gap": door(samples.gap, width=LENGTH.like(0.04)),
+    "samples.WheatPatch.faces": method(lambda w: w.patch, "faces", points=PLACES),
+    "samples.bumps": door(samples.bumps, slow=True, height=SIZE.like(0.01), wave=LENGTH.like(0.15)),
+    "samples.fins": door(samples.fins, slow=True, thickness=LENGTH.like(0.04)),
+    "samples.fold": door(samples.fold, slow=True, distance=LENGTH.like(0.04)),
+    "samples.gap": door(samples.gap, slow=True, width=LENGTH.like(0.04)),
     "samples.leaf_shape": door(samples.leaf_shape, kind=one_of("twisted"), parameters=OBJECT.optional),
     "samples.scan_leaf": door(
         samples.scan_leaf, leaf=OBJECT.like(lambda w: w.leaf_shape), options=OBJECT.optional, slow=True
@@ -754,11 +757,11 @@ DOORS: dict[str, Door] = {
     "samples.wheat_scan": door(
         samples.wheat_scan,
         seed=WHOLE,
-        count=WHOLE.like(500),
+        count=WHOLE.like(500).without("10^9"),
         noise=SIZE.like(0.1),
         misregistration=SIZE.like(0.15),
-        holes=WHOLE.like(1),
-        outliers=WHOLE.like(0),
+        holes=WHOLE.like(1).without("10^9"),
+        outliers=WHOLE.like(0).without("10^9"),
     ),
     "samples.write_leaf_scans": door(samples.write_leaf_scans, folder=folder_at("leaves"), seed=WHOLE, slow=True),
     "samples.write_samples": door(samples.write_samples, folder=folder_at("samples"), seed=WHOLE, slow=True),

@@ -60,7 +60,7 @@ def test_the_table_has_every_command():
 @pytest.mark.parametrize("command", GOOD)
 def test_commands_refuse_in_one_line(folder, command):
     found = {str(row): outcome(row, folder) for row in ROWS if row.command == command}
-    assert {row: fault for row, fault in found.items() if bool(fault) != (row in KNOWN)} == {}
+    assert {row: fault for row, fault in found.items() if fault and row not in KNOWN} == {}
 
 
 def words_of(row, folder):
@@ -75,7 +75,9 @@ def words_of(row, folder):
     return words
 
 
-SHOWN = [row for row in ROWS if isinstance(row.value, str | float) and not row.company and "text" not in row.change]
+PARSED = ("text", "half", "cut off .ply")
+"""Changes of which typer tells in a box of its own, and Open3D in lines of its own."""
+SHOWN = [row for row in ROWS if isinstance(row.value, str | float) and not row.company and row.change not in PARSED]
 SHOWN = SHOWN[:: max(1, len(SHOWN) // THROUGH_THE_PROGRAM)]
 
 

@@ -11,7 +11,7 @@ import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_answers, require_one_column
+from o3dleaf.core.checks import FloatArray, as_answers, as_bounds, require_one_column
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray
@@ -108,7 +108,8 @@ def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None
     if exact is not None and measured.is_closed:
         closed = {"closed": True} if "closed" in inspect.signature(exact).parameters else {}
         return _at_used(measured, lambda some: np.abs(exact(some * scale, **closed)) / scale)
-    farthest = float(np.linalg.norm(field.bounds[1] - field.bounds[0]))
+    bounds = as_bounds(field.bounds, 3, "field bounds")
+    farthest = float(np.linalg.norm(bounds[1] - bounds[0]))
     size = float(np.linalg.norm(measured.bounds[1] - measured.bounds[0])) * scale
 
     def newton(some: FloatArray) -> FloatArray:
@@ -118,7 +119,7 @@ def distance_to_field(measured: MeshMeasurements, field: Field, unit: str | None
         # Where the field is flat, the first step of Newton's method leads nowhere near.
         far = excess >= slope * farthest
         distance = np.where(far & (excess > 0), farthest, excess / np.where(slope > 0, slope, 1.0))
-        on_bounds = np.abs(some[:, np.newaxis] * scale - field.bounds).min(axis=(1, 2)) <= ON_BOUNDS * size
+        on_bounds = np.abs(some[:, np.newaxis] * scale - bounds).min(axis=(1, 2)) <= ON_BOUNDS * size
         return np.where((above > 0) & on_bounds, 0.0, distance) / scale
 
     return _at_used(measured, newton)
