@@ -126,7 +126,7 @@ class TextureOptions:
 
     level: Finite | str = option(
         "valley",
-        "Intensity of the surface: a number, 'valley', 'otsu' or 'mixture'.",
+        "Of the surface: a number, 'valley', 'otsu' or 'mixture'.",
         kind=str,
         parse=number_or_word,
         **OF_VOLUME,
