@@ -269,7 +269,7 @@ def warn_of_contradictions(points: FloatArray, values: FloatArray, *, stacklevel
             f"values: points coincide and have different values at {len(places):,} place{'s' * (len(places) > 1)}, the "
             f"first at ({where}); the fit goes through their means; give smoothing, or leave one point at each place",
             DataWarning,
-            stacklevel=stacklevel + 1,
+            stacklevel=stacklevel + 2,  # of this function, and of `checked`
         )
 
 

@@ -159,7 +159,7 @@ class RBFInterpolant:
             warnings.warn(
                 f"{open_terms}: off their common plane or curve the function is a guess; add points there",
                 DataWarning,
-                stacklevel=2,
+                stacklevel=3,  # `checked` is one
             )
         if chosen.value == 0:
             warn_of_contradictions(sites, data, stacklevel=2)

@@ -249,4 +249,4 @@ def _carry(
 
 def _tell(decision: str) -> None:
     """Note a decision in the open journal or, without one, warn of it at the line that called the job."""
-    journal.note(decision) if journal.open_journal() else warnings.warn(decision, CloudWarning, stacklevel=3)
+    journal.note(decision) if journal.open_journal() else warnings.warn(decision, CloudWarning, stacklevel=4)

@@ -243,4 +243,4 @@ def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, vertice
         f"{len(lost):,} points have no surface: {len(names)} piece{'s' * (len(names) > 1)} of too few, the largest of "
     )
     text += f"{counts.max()} at {where}"
-    journal.note(text) if journal.open_journal() else warnings.warn(text, CloudWarning, stacklevel=5)
+    journal.note(text) if journal.open_journal() else warnings.warn(text, CloudWarning, stacklevel=6)
