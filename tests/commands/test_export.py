@@ -77,11 +77,11 @@ def test_who_gets_which_edge(consumer, how, edge):
 def test_what_cannot_be_remeshed_is_refused(leaf, model, tmp_path):
     leaf.texture.save(tmp_path / "t.o3l")
     for source, how, words in (
-        (model, {"tile": True}, "walls of a tile must match"),
+        (model, {"tile": True}, "remesh: cannot act with tile"),
         (tmp_path / "t.o3l", {}, "walls of a tile must match"),
-        (model, {"no_remesh": True}, "contradict"),
+        (model, {"no_remesh": True}, "remesh: cannot act with no-remesh"),
         (model, {"remesh": -1.0}, "above zero"),
-        (tmp_path / "b.ply", {}, "mesh already"),
+        (tmp_path / "b.ply", {}, "acts only where SOURCE is a model"),
     ):
         with pytest.raises(InputError, match=words):
             ExportJob(source, tmp_path / "a.ply", **({"spacing": 0.5, "remesh": 0.4} | how)).run()
@@ -141,9 +141,9 @@ def test_scalars_are_those_of_the_field(leaf, model, tmp_path):
         ("a.ply", {"spacing": 0.5, "what": "soup"}, "unknown 'soup'"),
         ("a.ply", {"spacing": 0.5, "what": "volume-particles"}, "step"),
         ("a.stl", {"spacing": 0.5, "what": "volume-particles", "step": 1.0}, "unknown suffix"),
-        ("a.ply", {"what": "surface-particles", "step": 1.0, "consumer": "web"}, "reads meshes"),
+        ("a.ply", {"what": "surface-particles", "step": 1.0, "consumer": "web"}, "for: cannot act where --what is"),
         ("a.ply", {"spacing": 0.5, "scalar": ("taste",)}, "taste"),
-        ("a.ply", {"spacing": 0.5, "tile": True, "scalar": ("curvature",)}, "field"),
+        ("a.ply", {"spacing": 0.5, "tile": True, "scalar": ("curvature",)}, "scalar: cannot act with tile"),
         ("a.ply", {"spacing": -1.0}, "above zero"),
         ("a.ply", {"spacing": 0.5, "part": "petiole"}, "petiole"),
         ("a.ply", {"spacing": 0.5, "part": "rim", "sheets": True}, "no triangle has the label rim"),

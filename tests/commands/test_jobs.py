@@ -115,6 +115,12 @@ class DotsJob(Job):
     radius: Positive | None = option(None, "Of a dot.", needs=("dots", "stars", "no_such_option"))
     stars: bool = option(False, "Paint stars.")
     color: str = option("green", "Of all.", needs=("no_such_option",))
+    ribbon: bool = option(False, "Wind it about.", unless=("in_green",))
+
+    @property
+    def in_green(self):
+        """Whether it is painted green."""
+        return self.color == "green"
 
     def work(self):
         return None
@@ -123,8 +129,9 @@ class DotsJob(Job):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"radius": 1.0}, "radius: cannot act without dots or stars; give dots or stars, or leave it out"),
-        ({"dots": True, "stripes": True}, "stripes, dots: cannot act together; leave one of them out"),
+        ({"radius": 1.0}, "radius: acts only with dots or with stars; leave it out"),
+        ({"dots": True, "stripes": True}, "stripes: cannot act with dots; leave one of them out"),
+        ({"ribbon": True}, "ribbon: cannot act where it is painted green; leave one of them out"),
         ({"dots": True, "radius": -1.0}, "radius: is -1.0; give a number above zero"),
         ({"dots": "yes"}, "dots: is 'yes'; give True or False"),
     ],

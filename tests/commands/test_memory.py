@@ -104,7 +104,7 @@ def test_files_that_are_none_count_nothing(tmp_path):
 
 
 @LINUX
-@pytest.mark.skipif("not config.getoption('--slow', default=False)", reason="takes minutes: scripts/test --slow")
+@pytest.mark.slow
 @pytest.mark.parametrize("small", [True, False], ids=["small", "large"])
 @pytest.mark.parametrize(
     "words",

@@ -318,7 +318,7 @@ def test_the_number_of_threads_may_change_while_others_work():
 
 def test_fewer_than_one_thread_is_refused():
     for threads in (0, -3):
-        with pytest.raises(InputError, match="give 1 or more"):
+        with pytest.raises(InputError, match="at least 1"):
             set_num_threads(threads)
 
 
