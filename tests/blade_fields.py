@@ -10,6 +10,7 @@ import shapely
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.blade.lifted import Lifted
+from o3dleaf.leaf.macro.outline import AlphaShape
 from o3dleaf.samples.leaves.plane_mesh import triangulate
 
 LENS = shapely.Polygon(
@@ -30,7 +31,7 @@ class KnownHole:
 
 
 @dataclass
-class KnownOutline:
+class KnownOutline(AlphaShape):
     """A polygon as an outline."""
 
     polygon: shapely.Polygon

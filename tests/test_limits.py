@@ -52,7 +52,7 @@ WORK = {
 }
 
 
-@pytest.mark.parametrize("step", [1e-7, 1e-12, 1e-300])
+@pytest.mark.parametrize("step", [1e-7, 1e-12, 1e-29])
 @pytest.mark.parametrize("name", WORK)
 def test_a_step_of_nothing_is_refused_in_a_moment_with_the_number(name, step, mesh, leaf, tmp_path):
     start = time.process_time()

@@ -354,11 +354,11 @@ def as_number(value: float, name: str) -> float:
     return number
 
 
-def require_positive(value: float, name: str) -> float:
+def require_positive(value: float, name: str, *, largest: float = LARGEST) -> float:
     """Return `value` as a float if it is above zero and of a size to calculate with, else raise `InputError`."""
     number = _as_float(value)
-    if not 1 / LARGEST <= number <= LARGEST:
-        raise InputError(f"{name}: is {value}; give a number above zero, {1 / LARGEST:.0e} to {LARGEST:.0e}")
+    if not 1 / largest <= number <= largest:
+        raise InputError(f"{name}: is {value}; give a number above zero, {1 / largest:.0e} to {largest:.0e}")
     return number
 
 
@@ -378,15 +378,14 @@ def require_choice(value: str, choices: Iterable[str], name: str) -> str:
     return value
 
 
-def require_object_first(thing: object, caller: str, word: str) -> None:
-    """Raise `InputError` if a path stands where the object should, the order of version 0.1."""
-    if isinstance(thing, str | PathLike):
-        raise InputError(f"{caller}: takes the {word} first, then the path; swap them")
-
-
 def is_folder(path: str | PathLike[str]) -> bool:
     """Return whether a path is a folder; a name that none can have is not, where `Path.is_dir` raises."""
     return os.path.isdir(path)  # noqa: PTH112
+
+
+def is_file(path: str | PathLike[str]) -> bool:
+    """Return whether a path is a regular file; a name that none can have is not, where `Path.is_file` raises."""
+    return os.path.isfile(path)  # noqa: PTH113
 
 
 def require_file(path: str | PathLike[str]) -> Path:

@@ -9,7 +9,7 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import require_file, require_object_first
+from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.io.labelled_mesh import AnyMesh, LabelledMesh
@@ -138,7 +138,6 @@ def write_mesh(mesh: AnyMesh, path: str | PathLike[str], comments: tuple[str, ..
     O3DLeafError
         If the disk is full or the writer fails.
     """
-    require_object_first(mesh, "write_mesh", "mesh")
     target = require_writable(path, SUFFIXES)
     data, suffix = MeshData.of(mesh), target.suffix.lower()
     lines = _comments(mesh, data, suffix) if comments is None else comments

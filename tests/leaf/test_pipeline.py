@@ -197,7 +197,7 @@ def test_options_reach_their_stage(wheat):
     assert blade.outline.alpha == 3.0
     assert blade.height_map.choice is None
     assert blade.frame.stations(np.array([50.0]))[3][0, 2] < 0
-    with pytest.raises(o3l.errors.InputError, match="smoothing"):
+    with pytest.raises(o3l.errors.InputError, match="rho: is 'best'"):
         create_texture(wheat_ct()[0], options=TextureOptions(rho="best"))
 
 

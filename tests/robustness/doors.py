@@ -607,6 +607,13 @@ DOORS: dict[str, Door] = {
     ),
     "orient_normals": door(o3l.orient_normals, cloud=CLOUD, normals=NORMALS.but("all zero").optional),
     "point_spacing": door(o3l.point_spacing, cloud=CLOUD),
+    "VoxelLayout": door(
+        o3l.VoxelLayout,
+        dataset=TITLE.like("scan").optional,
+        axes=WORD.like("zyx").optional,
+        shape=OBJECT.optional,
+        offset=WHOLE.optional,
+    ),
     "polyharmonic": door(o3l.polyharmonic, m=WHOLE.like(2), d=WHOLE.like(3)),
     "preprocess_point_cloud": door(
         o3l.preprocess_point_cloud,
@@ -628,7 +635,12 @@ DOORS: dict[str, Door] = {
         columns=WORD.like("x y z").optional,
     ),
     "read_volume": door(
-        o3l.read_volume, path=read_from("good.tif"), spacing=STEP.optional, unit=maybe_unit, origin=VECTOR.optional
+        o3l.read_volume,
+        path=read_from("good.tif"),
+        spacing=STEP.optional,
+        unit=maybe_unit,
+        origin=VECTOR.optional,
+        layout=OBJECT.optional,
     ),
     "remesh": door(
         o3l.remesh,

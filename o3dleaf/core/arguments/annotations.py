@@ -55,7 +55,8 @@ def _of_kind(kind: Any, inner: tuple[Any, ...]) -> Allowed | None:
     """Return the rule of a class, or of several values; arrays have none, nor have protocols that are not told."""
     rule = None
     if kind is Callable or _is_protocol_of_functions(kind):
-        rule = Allowed(callable, "a function")
+        name = "a function" if kind is Callable or not _is_told(kind) else f"a {kind.__name__}"
+        rule = Allowed(lambda value: callable(value) and not isinstance(value, type), name)
     elif kind in {Sequence, Iterable, Collection, tuple, list}:
         rule = _several(inner)
     elif isinstance(kind, type) and issubclass(kind, PathLike):
@@ -79,7 +80,7 @@ def _is_told(kind: Any) -> bool:
 
 
 def _is_protocol_of_functions(kind: Any) -> bool:
-    return _is_protocol(kind) and not _is_told(kind) and "__call__" in vars(kind)
+    return _is_protocol(kind) and "__call__" in vars(kind)
 
 
 def _one_of(values: tuple[Any, ...]) -> Allowed:
@@ -98,6 +99,8 @@ def _any_of(members: tuple[Any, ...]) -> Allowed | None:
         return None
     if PATH in known:
         known = [rule for rule in known if rule is not SIMPLE[str]]
+    if len(known) == 1:
+        return known[0]
     words = [rule.words for rule in known]
     return Allowed(
         lambda value: any(rule.allows(value) for rule in known),

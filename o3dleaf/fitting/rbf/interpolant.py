@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.arguments.kinds import Positive, SmoothingValue, Unit
+from o3dleaf.core.arguments.kinds import SmoothingValue, Unit
 from o3dleaf.core.checks import FARTHEST, FloatArray, as_points, as_sites, as_values, as_weights, warn_of_contradictions
 from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
@@ -81,7 +81,7 @@ class RBFInterpolant:
         values: npt.ArrayLike,
         *,
         kernel: str | Polyharmonic | Shaped = "cubic",
-        epsilon: Positive | None = None,
+        epsilon: float | None = None,
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
         rho: SmoothingValue | None = None,

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, require_choice, require_positive
+from o3dleaf.core.checks import FARTHEST, FloatArray, require_choice, require_positive
 from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import PROFILES, Shaped, as_shaped
 
@@ -171,7 +171,9 @@ def as_any_kernel(
             raise InputError(f"kernel: is for {kernel.dimension}-D points, these are {dimension}-D; give its name")
         return kernel, kernel.epsilon
     require_choice(kernel, (*NAMES, *PROFILES), "kernel") if isinstance(kernel, str) else None
-    return as_kernel(kernel, dimension), 1.0 if epsilon is None else require_positive(epsilon, "epsilon")
+    return as_kernel(kernel, dimension), 1.0 if epsilon is None else require_positive(
+        epsilon, "epsilon", largest=FARTHEST
+    )
 
 
 def as_degree(degree: int | None, kernel: Polyharmonic | Shaped, *, or_none: bool = False) -> int:

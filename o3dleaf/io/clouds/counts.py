@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
+from o3dleaf.core.checks import is_file
 from o3dleaf.io.ply_reader import count_items
 from o3dleaf.io.stl import TRIANGLE, is_binary
 
@@ -22,7 +23,7 @@ LAS_LEGACY, LAS_COUNT = struct.Struct("<107xI"), struct.Struct("<247xQ")
 def count_points(path: Path) -> int:
     """Return about how many points a file has; 0 where nothing can be told, and its reader will say why."""
     file = Path(path)
-    if not file.is_file():
+    if not is_file(file):
         return 0
     size = file.stat().st_size
     with file.open("rb") as stream:
@@ -73,7 +74,7 @@ COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {
 def count_triangles(path: Path) -> int:
     """Return about how many triangles a file has; 0 where nothing can be told, and its reader will say why."""
     file = Path(path)
-    if not file.is_file():
+    if not is_file(file):
         return 0
     suffix, size = file.suffix.lower(), file.stat().st_size
     count = size // TRIANGLE_BYTES.get(suffix, size + 1)

@@ -14,7 +14,6 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, NotNegative
 from o3dleaf.core.checks import (
     FloatArray,
-    as_array,
     as_floats,
     as_number,
     require_choice,
@@ -285,11 +284,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     """Return the period along each axis, None where the best is wanted, or raise `InputError`."""
     if period is None:
         return float(extent[0]), float(extent[1])
-    wished = (
-        [period, period]
-        if isinstance(period, str)
-        else list(np.atleast_1d(np.array(as_array(period, "period"), dtype=object)))
-    )
+    wished = [period, period] if isinstance(period, str) else list(np.atleast_1d(np.array(period, dtype=object)))
     text = [wish for wish in wished if isinstance(wish, str)]
     if len(wished) != 2 or any(wish != "best" for wish in text):
         raise InputError(f"period: is {period!r}; give two lengths above zero, along and across, or 'best'")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, as_values, require_choice, require_object_first
+from o3dleaf.core.checks import FloatArray, as_values, require_choice
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.units import check_unit
@@ -119,7 +119,6 @@ def export_mesh(
     UnitError
         If lengths must be converted and the mesh's unit is not known.
     """
-    require_object_first(mesh, "export_mesh", "mesh")
     wanted = Consumer(SUFFIXES) if consumer is None else CONSUMERS[require_choice(consumer, CONSUMERS, "consumer")]
     target = require_writable(path, wanted.suffixes)
     suffix = target.suffix.lower()

@@ -10,7 +10,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import require_writable
-from o3dleaf.core.checks import as_bounds, require_object_first, require_positive
+from o3dleaf.core.checks import as_bounds, require_positive
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.grid import SUFFIXES, GridFile
 from o3dleaf.io.labelled_mesh import AnyMesh
@@ -60,7 +60,6 @@ def export_distance(
     O3DLeafError
         If the disk has no room for the grid.
     """
-    require_object_first(mesh, "export_distance", "mesh")
     require_writable(path, SUFFIXES)
     given = MeshData.of(mesh, None, unit)
     ready = given.in_unit(to_unit)

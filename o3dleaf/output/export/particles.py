@@ -10,7 +10,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit, Whole
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, require_object_first, require_positive
+from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.memory import measured
 from o3dleaf.core.memory.budget import in_words, require_memory
@@ -286,7 +286,6 @@ def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit
     UnitError
         If lengths must be converted and the particles' unit is not known.
     """
-    require_object_first(particles, "export_particles", "particles")
     target = require_writable(path, SUFFIXES)
     unit = particles.unit if to_unit is None else check_unit(to_unit)
     scale = unit_scale(particles.unit, unit)

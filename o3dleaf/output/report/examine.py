@@ -8,7 +8,7 @@ from typing import Any
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file, write_json
-from o3dleaf.core.checks import FloatArray, require_object_first
+from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
@@ -122,7 +122,6 @@ def write_report(
     InputError, UnitError
         If the first argument is no mesh, a requirement or the unit is unknown, or the file is of another kind.
     """
-    require_object_first(mesh, "write_report", "mesh")
     target = require_writable(path, (".html", ".htm", ".json"))
     examined = Examination.of(mesh, field=field, cloud=cloud, unit=unit, require=require)
     if target.suffix.lower() == ".json":

@@ -20,7 +20,7 @@ from o3dleaf.commands.cli import main
 from o3dleaf.core.compiled.signatures import called
 from o3dleaf.output.report import shots
 from o3dleaf.output.view.picture import render
-render.__kwdefaults__["size"], shots.FINER = (400, 250), 0.5  # pixels do not decide what is called
+render.__wrapped__.__kwdefaults__["size"], shots.FINER = (400, 250), 0.5  # pixels do not decide what is called
 folder = sys.argv[1]
 for words in (
     "demo --spacing 1 -o {0}",

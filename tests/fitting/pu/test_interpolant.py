@@ -230,7 +230,7 @@ def test_bad_input_is_named():
         PUInterpolant.fit(np.empty((0, 3)), np.empty(0))
     with pytest.raises(InputError, match="do not contain all the points"):
         PUInterpolant.fit(points, values, bounds=[[0, 0, 0], [1, 1, 1]])
-    with pytest.raises(InputError, match="lower corner"):
+    with pytest.raises(InputError, match="the lower, then the upper one"):
         PUInterpolant.fit(points, values, bounds=[[1, 1, 1], [0, 0, 0]])
     with pytest.raises(InputError, match="above zero"):
         PUInterpolant.fit(points, values, weights=np.zeros(len(points)))

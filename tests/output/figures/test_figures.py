@@ -208,7 +208,10 @@ def test_a_job_takes_a_saved_leaf_and_refuses_what_does_not_go_together(leaf, tm
     leaf.texture.save(tmp_path / "micro.o3l")
     with pytest.raises(InputError, match="no leaf"):
         FiguresJob(output=tmp_path / "out", model=tmp_path / "micro.o3l").run()
-    for wrong, words in (({"midrib": tmp_path}, "scan"), ({"model": tmp_path, "midrib": tmp_path}, "midrib, model")):
+    for wrong, words in (
+        ({"midrib": tmp_path}, "scan"),
+        ({"model": tmp_path, "midrib": tmp_path}, "midrib: cannot act where"),
+    ):
         with pytest.raises(InputError, match=words):
             FiguresJob(output=tmp_path / "out", **wrong).run()
     with pytest.raises(InputError, match="folder"):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, require_choice, require_positive
+from o3dleaf.core.checks import FARTHEST, FloatArray, require_choice, require_positive
 from o3dleaf.core.errors import InputError
 
 PROFILES = ("gaussian", "multiquadric", "inverse_multiquadric", "inverse_quadratic")
@@ -45,7 +45,7 @@ class Shaped:
     def __post_init__(self) -> None:
         """Raise `InputError` for an unknown name, or an ε that is not above 0."""
         require_choice(self.name, PROFILES, "kernel")
-        require_positive(self.epsilon, "epsilon")
+        require_positive(self.epsilon, "epsilon", largest=FARTHEST)
 
     def __str__(self) -> str:
         return f"{self.name} of {self.epsilon:g} r"
@@ -83,4 +83,4 @@ def as_shaped(name: str, dimension: int, epsilon: float | None) -> Shaped:
     """Return the kernel of one of `PROFILES`, or raise `InputError` where its ε is missing or not above 0."""
     if epsilon is None:
         raise InputError(f"epsilon: is missing, and {name!r} needs it; give about one over the spacing of the points")
-    return Shaped(name, require_positive(epsilon, "epsilon"), dimension)
+    return Shaped(name, epsilon, dimension)

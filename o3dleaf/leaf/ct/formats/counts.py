@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import tifffile
 
+from o3dleaf.core.checks import is_file, is_folder
 from o3dleaf.leaf.ct.formats import tiff
 from o3dleaf.leaf.ct.formats.bare import NPY
 from o3dleaf.leaf.ct.formats.slices import slices_in
@@ -17,18 +18,26 @@ VOXEL_BYTES = 2
 def count_voxels(path: Path) -> int:
     """Return about how many voxels a volume has; 0 where nothing can be told, and its reader will say why."""
     try:
-        if path.is_dir():
-            files = slices_in(path)
-            if files and files[0].suffix.lower() in tiff.SUFFIXES:
-                return len(files) * _in_tiff(files[0])
-            return sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) // VOXEL_BYTES
-        if path.suffix.lower() in tiff.SUFFIXES:
-            return _in_tiff(path)
-        if path.suffix.lower() == NPY:
-            return int(np.load(path, mmap_mode="r", allow_pickle=False).size)
-        return path.stat().st_size // VOXEL_BYTES
+        if is_folder(path):
+            return _in_folder(path)
+        return _in_file(path) if is_file(path) else 0
     except Exception:  # noqa: BLE001 - whatever a broken file makes libraries raise
         return 0
+
+
+def _in_folder(path: Path) -> int:
+    files = slices_in(path)
+    if files and files[0].suffix.lower() in tiff.SUFFIXES:
+        return len(files) * _in_tiff(files[0])
+    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) // VOXEL_BYTES
+
+
+def _in_file(path: Path) -> int:
+    if path.suffix.lower() in tiff.SUFFIXES:
+        return _in_tiff(path)
+    if path.suffix.lower() == NPY:
+        return int(np.load(path, mmap_mode="r", allow_pickle=False).size)
+    return path.stat().st_size // VOXEL_BYTES
 
 
 def _in_tiff(path: Path) -> int:

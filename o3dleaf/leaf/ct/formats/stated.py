@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.kinds import Count, Whole
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 
@@ -38,6 +40,7 @@ class Stated:
     axes: str = SLICES_FIRST
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class VoxelLayout:
     """What is said of voxels whose file does not say it; None is not said.
@@ -58,17 +61,13 @@ class VoxelLayout:
 
     dataset: str | None = None
     axes: str | None = None
-    shape: tuple[int, int, int] | None = None
+    shape: tuple[Count, Count, Count] | None = None
     dtype: str | None = None
-    offset: int | None = None
+    offset: Whole | None = None
 
     def __post_init__(self) -> None:
         if self.axes is not None and sorted(self.axes) != ["x", "y", "z"]:
             raise InputError(f"axes: is {self.axes!r}; give the letters x, y and z in the order of the file, as zyx")
-        if self.shape is not None and len(tuple(count for count in self.shape if count > 0)) != 3:
-            raise InputError(f"shape: is {self.shape}; give three counts of voxels, along x, y and z")
-        if self.offset is not None and self.offset < 0:
-            raise InputError(f"offset: is {self.offset}; give the bytes before the first voxel")
         if self.dtype is not None:
             _number_type(self.dtype)
 
