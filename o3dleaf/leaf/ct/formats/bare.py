@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array, require_only
 
 NPY, NPZ, RAW = ".npy", ".npz", (".raw", ".bin")
 SUFFIXES = (NPY, NPZ, *RAW)
@@ -26,9 +26,9 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     """
     suffix = path.suffix.lower()
     if suffix in RAW:
-        layout.require_only(("shape", "dtype", "offset", "axes"), path)
+        require_only(layout, ("shape", "dtype", "offset", "axes"), path)
         return _read_raw(path, layout), Stated()
-    layout.require_only(("axes",) if suffix == NPY else ("axes", "dataset"), path)
+    require_only(layout, ("axes",) if suffix == NPY else ("axes", "dataset"), path)
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False) if suffix == NPY else _read_npz(path, layout.dataset)
     except InputError:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array, require_only
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 MAX_RATIO = 2000
@@ -24,7 +24,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If h5py is not installed, the file is damaged, or it does not say which dataset is meant.
     """
-    layout.require_only(("dataset", "axes"), path)
+    require_only(layout, ("dataset", "axes"), path)
     try:
         import h5py  # noqa: PLC0415 - an extra that few need
     except ImportError as cause:

@@ -14,7 +14,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.leaf.ct.formats import bare, hdf5, itk, ome_zarr, points, scanco, slices, tiff
 from o3dleaf.leaf.ct.formats.content import content_hint
-from o3dleaf.leaf.ct.formats.stated import Stated, VoxelLayout, parse_layout, turn_to_xyz
+from o3dleaf.leaf.ct.formats.stated import Stated, VoxelLayout, parse_layout, require_only, turn_to_xyz
 from o3dleaf.leaf.ct.volume import Volume
 
 TAKING_LAYOUT = (bare, hdf5, ome_zarr)
@@ -95,10 +95,10 @@ def _read_voxels(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Sta
     if read in TAKING_LAYOUT:
         array, stated = read.read(path, layout)
     elif read is itk and is_folder(path):
-        layout.require_only(("dataset",), path)
+        require_only(layout, ("dataset",), path)
         array, stated = itk.read_series(path, layout.dataset)
     else:
-        layout.require_only((), path)
+        require_only(layout, (), path)
         array, stated = read.read(path)
     if array.ndim != 3:
         raise InputError(f"{path}: has an array of shape {array.shape}; give (nx, ny, nz) voxels")

@@ -76,13 +76,6 @@ class VoxelLayout:
         """NumPy's type of the numbers."""
         return None if self.dtype is None else _number_type(self.dtype)
 
-    def require_only(self, known: Iterable[str], path: Path) -> None:
-        """Raise `InputError` if something is said that the format of a file has no need of."""
-        needless = {each.name for each in fields(self) if getattr(self, each.name) is not None}.difference(known)
-        if needless:
-            names = ", ".join(sorted(needless))
-            raise InputError(f"layout: {names}: {path} says this itself, or has none; leave it out")
-
 
 def parse_layout(text: str | VoxelLayout | None) -> VoxelLayout:
     """Return the layout in a text such as "shape=700x700x160 dtype=uint16 offset=512", or raise `InputError`."""
@@ -103,6 +96,14 @@ def parse_layout(text: str | VoxelLayout | None) -> VoxelLayout:
     except ValueError as cause:
         raise InputError(f"layout: cannot read {text!r} ({cause}); give counts, as shape=700x700x160") from cause
     return VoxelLayout(**given)
+
+
+def require_only(layout: VoxelLayout, known: Iterable[str], path: Path) -> None:
+    """Raise `InputError` if something is said that the format of a file has no need of."""
+    needless = {each.name for each in fields(layout) if getattr(layout, each.name) is not None}.difference(known)
+    if needless:
+        names = ", ".join(sorted(needless))
+        raise InputError(f"layout: {names}: {path} says this itself, or has none; leave it out")
 
 
 def turn_to_xyz(array: npt.NDArray[Any], axes: str = SLICES_FIRST) -> npt.NDArray[Any]:
