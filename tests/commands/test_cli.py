@@ -111,7 +111,7 @@ CASES = {
     "an unknown threshold": (("{scan}", "--ct", "{ct}", "--level", "best"), "best"),
     "an unknown method": (("{scan}", "--ct", "{ct}", "--method", "dice"), "dice"),
     "no threads": (("{scan}", "--threads", "0"), "threads"),
-    "a solid of a blade without thickness": (("{scan}", "--closed"), "give ct"),
+    "a solid of a blade without thickness": (("{scan}", "--closed"), "acts only with ct"),
     "one window in two ways": (
         ("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"),
         "region: cannot act with around",
