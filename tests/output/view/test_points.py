@@ -135,16 +135,16 @@ def test_a_geometry_keeps_its_own_colors(ball, scattered, kind):
 @pytest.mark.parametrize(
     ("thing", "error", "words"),
     [
-        (np.zeros((0, 3)), InputError, "at least 1"),
-        (np.ones((5, 3)), InputError, "radius"),
-        (Points(np.eye(3), -1.0), InputError, "radius"),
-        (Points(np.eye(3), 1.0, "leafy"), InputError, "color"),
-        ([Points(np.eye(3), 1.0), np.full((2, 3), np.nan)], InputError, "NaN"),
+        (lambda: np.zeros((0, 3)), InputError, "at least 1"),
+        (lambda: np.ones((5, 3)), InputError, "radius"),
+        (lambda: Points(np.eye(3), -1.0), InputError, "radius"),
+        (lambda: Points(np.eye(3), 1.0, "leafy"), InputError, "color"),
+        (lambda: [Points(np.eye(3), 1.0), np.full((2, 3), np.nan)], InputError, "NaN"),
     ],
 )
 def test_clouds_that_cannot_be_drawn_are_refused(thing, error, words):
     with pytest.raises(error, match=words):
-        render(thing, size=SIZE)
+        render(thing(), size=SIZE)
 
 
 def test_too_many_triangles_are_refused(monkeypatch, scattered):
