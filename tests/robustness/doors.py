@@ -596,7 +596,7 @@ DOORS: dict[str, Door] = {
         places=QUERIES,
     ),
     "load": door(o3l.load, path=read_from("good.o3l")),
-    "memory_limit": door(o3l.memory_limit, size=WORD.like("100GB").optional),
+    "memory_limit": door(o3l.memory_limit, size=WORD.like("100GB")),
     "mesh_report": door(o3l.mesh_report, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
     "offset_constraints": door(
         o3l.offset_constraints,

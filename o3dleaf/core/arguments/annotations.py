@@ -55,9 +55,7 @@ def _of_kind(kind: Any, inner: tuple[Any, ...]) -> Allowed | None:
     """Return the rule of a class, or of several values; arrays have none, nor have protocols that are not told."""
     rule = None
     if kind is Callable or _is_protocol_of_functions(kind):
-        any_function = kind is Callable or not _is_told(kind)  # a class is one, that makes its objects
-        words = "a function" if any_function else f"a {kind.__name__}"
-        rule = Allowed(lambda value: callable(value) and (any_function or not isinstance(value, type)), words)
+        rule = Allowed(callable, "a function")
     elif kind in {Sequence, Iterable, Collection, tuple, list}:
         rule = _several(inner)
     elif isinstance(kind, type) and issubclass(kind, PathLike):
@@ -81,7 +79,7 @@ def _is_told(kind: Any) -> bool:
 
 
 def _is_protocol_of_functions(kind: Any) -> bool:
-    return _is_protocol(kind) and "__call__" in vars(kind)
+    return _is_protocol(kind) and not _is_told(kind) and "__call__" in vars(kind)
 
 
 def _one_of(values: tuple[Any, ...]) -> Allowed:

@@ -28,6 +28,9 @@ class Trilinear:
         outside = np.any((points < self.bounds[0]) | (points > self.bounds[1]), axis=1)
         return np.where(outside, 1e9, ndimage.map_coordinates(self.samples, points.T, order=1, mode="nearest"))
 
+    def gradient(self, points):
+        raise NotImplementedError
+
 
 class Endless:
     """A slab that its bounds do not end."""

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, require_only
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 MAX_RATIO = 2000
@@ -25,10 +25,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         If h5py is not installed, the file is damaged, or it does not say which dataset is meant.
     """
     require_only(layout, ("dataset", "axes"), path)
-    try:
-        import h5py  # noqa: PLC0415 - an extra that few need
-    except ImportError as cause:
-        raise InputError(f"{path}: needs h5py; run: pip install 'o3dleaf[formats]'") from cause
+    h5py = import_extra("h5py", "formats", path)
     try:
         with h5py.File(path, "r") as file:
             names: list[str] = []

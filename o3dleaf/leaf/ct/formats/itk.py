@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header
-from o3dleaf.leaf.ct.formats.stated import Stated
+from o3dleaf.leaf.ct.formats.stated import Stated, import_extra
 
 NIFTI = (".nii", ".nii.gz")
 DETACHED = (".mhd", ".nhdr")
@@ -110,10 +110,7 @@ def _is_dicom(file: Path) -> bool:
 @contextmanager
 def _simple_itk(path: Path) -> Iterator[Any]:
     """Yield the module SimpleITK, and turn what it raises into one line."""
-    try:
-        import SimpleITK  # noqa: PLC0415 - an extra that few need
-    except ImportError as cause:
-        raise InputError(f"{path}: needs SimpleITK; run: pip install 'o3dleaf[formats]'") from cause
+    SimpleITK = import_extra("SimpleITK", "formats", path)
     loud = SimpleITK.ProcessObject.GetGlobalWarningDisplay()
     SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)  # they go to the terminal, and no program hears them
     try:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import METERS
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, only_array, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, require_only
 
 SUFFIXES = (".zarr",)
 UNITS = {"micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m", "nanometer": "nm"}
@@ -23,10 +23,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         If zarr is not installed, the folder is damaged, or it does not say which array is meant.
     """
     require_only(layout, ("dataset", "axes"), path)
-    try:
-        import zarr  # noqa: PLC0415 - an extra that few need
-    except ImportError as cause:
-        raise InputError(f"{path}: needs zarr; run: pip install 'o3dleaf[formats]'") from cause
+    zarr = import_extra("zarr", "formats", path)
     try:
         node = zarr.open(str(path), mode="r")
         if isinstance(node, zarr.Array):

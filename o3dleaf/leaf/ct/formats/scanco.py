@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats.stated import Stated
+from o3dleaf.leaf.ct.formats.stated import Stated, import_extra
 
 ISQ, AIM = ".isq", ".aim"
 SUFFIXES = (ISQ, AIM)
@@ -21,10 +21,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If aimio-py is not installed, or the file is damaged or truncated.
     """
-    try:
-        import py_aimio  # noqa: PLC0415 - an extra that few need
-    except ImportError as cause:
-        raise InputError(f"{path}: needs aimio-py; run: pip install 'o3dleaf[scanco]'") from cause
+    py_aimio = import_extra("py_aimio", "scanco", path, package="aimio-py")
     try:
         if path.suffix.lower() == ISQ:
             return _read_isq(path, py_aimio.isq_info(str(path)))

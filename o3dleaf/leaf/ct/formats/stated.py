@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,14 @@ def require_only(layout: VoxelLayout, known: Iterable[str], path: Path) -> None:
     if needless:
         names = ", ".join(sorted(needless))
         raise InputError(f"layout: {names}: {path} says this itself, or has none; leave it out")
+
+
+def import_extra(module: str, extra: str, path: Path, *, package: str = "") -> Any:
+    """Return the module that reads a file, or raise `InputError` with the line that installs its package."""
+    try:
+        return import_module(module)
+    except ImportError as cause:
+        raise InputError(f"{path}: needs {package or module}; run: pip install 'o3dleaf[{extra}]'") from cause
 
 
 def turn_to_xyz(array: npt.NDArray[Any], axes: str = SLICES_FIRST) -> npt.NDArray[Any]:
