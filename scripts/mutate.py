@@ -2,26 +2,29 @@
 
 python scripts/mutate.py [CHAPTER ...] [--count N] [--seed S] [--json FILE]
 
+It takes hours. With --json, what is known is in the file after every mutant, and is not tried again by a later run.
+
 Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the same
 folder (tests/fitting/rbf for fitting/rbf), and of the same part of the story (tests/fitting) those that speak of the
 changed file; what is named after it comes first, and the first that fails ends them. It is done in a copy of the
 checkout, whose compiled code is kept apart for every mutant: nothing that a mutant compiled is ever loaded again.
 
-A mutant is killed if a test fails, or if the tests take longer than three times what they take without it, and some
-for compiling. What survives is printed with its place, to be looked at: some changes change nothing (equivalent
-mutants), some only how fast a result is reached, and some show what no test holds.
+A mutant is killed if a test fails, or if the tests take more than twice the processor time that they take without it,
+and some for compiling. What survives is printed with its place, to be looked at: some changes change nothing
+(equivalent mutants), some only how fast a result is reached, and some show what no test holds.
 """
 
 import argparse
+import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from mutants import Mutant, mutants_of
@@ -41,21 +44,22 @@ CHAPTERS = {
 }
 """Folders of the package, and of its tests, by chapter."""
 
-COMPILING = 240.0
-"""Seconds that a mutant has for compiling what depends on it."""
-PATIENCE = 3.0
-"""Times that its tests may take of what they take without a mutant."""
-
+COMPILING = 120.0
+"""Seconds of processor time that a mutant has for compiling what depends on it."""
+PATIENCE = 2.0
+"""Times that its tests may take of the processor time that they take without a mutant."""
+WAITING = 10.0
+"""Seconds that tests may take for one of processor time: what waits forever is ended too."""
 
 RESULTS = ("killed", "ran past the limit", "survived")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a mutant, one of `RESULTS`."""
+    """What became of the change at a place, one of `RESULTS`, and the processor time of its tests."""
 
     chapter: str
-    mutant: Mutant
+    place: str
     result: str
     seconds: float
 
@@ -94,11 +98,12 @@ class Checkout:
         near = [file for file in sorted(files, key=nearness, reverse=True) if any(nearness(file))]
         return [str(file.relative_to(self.root)) for file in near]
 
-    def run(self, tests: list[str], limit: float | None) -> bool | None:
-        """Return whether the tests pass; None if they do not end within `limit` seconds."""
+    def run(self, tests: list[str], limit: float) -> tuple[bool | None, float]:
+        """Return whether the tests pass, None beyond a limit of processor time, and what they took of it."""
         shutil.rmtree(self.compiled, ignore_errors=True)
         kept = {"PYTHONPATH": str(self.root), "NUMBA_CACHE_DIR": str(self.compiled), "PYTHONDONTWRITEBYTECODE": "1"}
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+        before = processor_time()
         process = subprocess.Popen(
             command,
             cwd=self.root,
@@ -107,47 +112,67 @@ class Checkout:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
+        resource.prlimit(process.pid, resource.RLIMIT_CPU, (int(limit), int(limit)))
         try:
-            return process.wait(limit) == 0
+            status = process.wait(WAITING * limit)
         except subprocess.TimeoutExpired:
-            return None
+            status = None
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
+        beyond = status in (None, -signal.SIGXCPU, -signal.SIGKILL)
+        return None if beyond else status == 0, processor_time() - before
 
     def outcome(self, chapter: str, folders: tuple[str, ...], mutant: Mutant, limit: float) -> Outcome:
         """Return what becomes of a mutant."""
-        original, start = mutant.path.read_bytes(), time.perf_counter()
+        where, original = place(self, mutant), mutant.path.read_bytes()
         mutant.path.write_bytes(mutant.source())
         try:
-            passed = self.run(self.tests(folders, mutant), limit)
+            passed, seconds = self.run(self.tests(folders, mutant), limit)
         finally:
             mutant.path.write_bytes(original)
-        result = RESULTS[1 if passed is None else 2 * passed]
-        return Outcome(chapter, mutant, result, time.perf_counter() - start)
+        return Outcome(chapter, where, RESULTS[1 if passed is None else 2 * passed], round(seconds, 1))
 
 
-def mutate(checkout: Checkout, chapter: str, folders: tuple[str, ...], count: int, seed: int) -> list[Outcome]:
-    """Return the outcome of `count` random mutants of a chapter, with progress."""
-    start = time.perf_counter()
-    if not checkout.run(checkout.tests(folders), None):
-        sys.exit(f"{chapter}: its tests fail without any mutant; mend them first")
-    limit = PATIENCE * (time.perf_counter() - start) + COMPILING
-    known = checkout.mutants(folders)
-    random.Random(seed).shuffle(known)
-    outcomes = []
-    with Progress(console=Console(stderr=True)) as progress:
-        for mutant in progress.track(known[:count], description=chapter):
-            outcomes.append(checkout.outcome(chapter, folders, mutant, limit))
-            if outcomes[-1].result == "survived":
-                progress.console.print(place(checkout, mutant), highlight=False, markup=False)
-    return outcomes
+def processor_time() -> float:
+    """Return the processor time of all children that have ended, in seconds."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return children.ru_utime + children.ru_stime
 
 
 def place(checkout: Checkout, mutant: Mutant) -> str:
     """Return where a mutant is and what it changes."""
     return f"{mutant.path.relative_to(checkout.root)}:{mutant.line}: {mutant.change()}"
+
+
+def mutate(checkout: Checkout, chapter: str, given: argparse.Namespace) -> list[Outcome]:
+    """Return the outcome of random mutants of a chapter, with progress."""
+    folders, console = CHAPTERS.get(chapter, (chapter,)), Console(stderr=True)
+    drawn = checkout.mutants(folders)
+    random.Random(given.seed).shuffle(drawn)
+    known = {each.place: each for each in read(given.json) if each.chapter == chapter}
+    passed, seconds = checkout.run(checkout.tests(folders), 3600.0)
+    if not passed:
+        sys.exit(f"{chapter}: its tests fail without any mutant; mend them first")
+    outcomes = []
+    with Progress(console=console) as progress:
+        for mutant in progress.track(drawn[: given.count], description=chapter):
+            outcome = known.get(place(checkout, mutant)) or checkout.outcome(
+                chapter, folders, mutant, PATIENCE * seconds + COMPILING
+            )
+            outcomes.append(outcome)
+            others = [each for each in read(given.json) if each != outcome]
+            if given.json:
+                write_json({"seed": given.seed, "mutants": [asdict(each) for each in [*others, outcome]]}, given.json)
+            if outcome.result == "survived":
+                console.print(outcome.place, highlight=False, markup=False)
+    return outcomes
+
+
+def read(file: Path | None) -> list[Outcome]:
+    """Return what an earlier run wrote."""
+    return [Outcome(**row) for row in json.loads(file.read_text())["mutants"]] if file and file.exists() else []
 
 
 def main() -> None:
@@ -160,23 +185,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     table = Table("chapter", "mutants", *RESULTS, "score")
-    outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         checkout = Checkout(Path(folder))
         for chapter in given.chapters:
-            made = mutate(checkout, chapter, CHAPTERS.get(chapter, (chapter,)), given.count, given.seed)
-            counts = [
-                sum(each.result == word for each in made) for word in ("killed", "ran past the limit", "survived")
-            ]
-            table.add_row(chapter, str(len(made)), *map(str, counts), f"{1 - counts[-1] / len(made):.0%}")
-            outcomes += made
-        rows = [
-            {"chapter": each.chapter, "place": place(checkout, each.mutant), "result": each.result, "s": each.seconds}
-            for each in outcomes
-        ]
+            results = [outcome.result for outcome in mutate(checkout, chapter, given)]
+            counts = [results.count(result) for result in RESULTS]
+            table.add_row(chapter, str(len(results)), *map(str, counts), f"{1 - counts[-1] / len(results):.0%}")
     Console().print(table)
-    if given.json:
-        write_json({"seed": given.seed, "mutants": rows}, given.json)
 
 
 if __name__ == "__main__":
