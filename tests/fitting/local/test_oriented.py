@@ -1,5 +1,7 @@
 """Fits to oriented points: values 0 and slopes −n, whatever the shape; polynomials of the tail exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -8,6 +10,7 @@ import o3dleaf as o3l
 from o3dleaf import CurlFree, Hermite, MovingLeastSquares, PUInterpolant, get_num_threads, set_num_threads
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.local.fitter import LocalFits, ScatteredData
+from o3dleaf.fitting.local.oriented_loops import PotentialKind, ball_spectrum
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
 from reference import blended_functions, hermite_functions
@@ -165,6 +168,26 @@ def error(field):
 def test_smoothing_by_gcv_takes_noise_away():
     points, normals = noisy(2000, 0.02)
     assert 2 * error(fit(points, normals, Hermite(smoothing="gcv"))) < error(fit(points, normals, Hermite()))
+
+
+@pytest.mark.parametrize("local", [Hermite("cubic"), Hermite(step=2.0), CurlFree(exact=False)], ids=str)
+def test_the_spectrum_of_a_ball_tells_the_residuals_of_its_fit(local):
+    """What a smoothing s leaves of the data is Σ (s c / (λ + s))², by which cross-validation judges it."""
+    points, normals = torus(45)
+    normals = normals + np.random.default_rng(2).standard_normal(normals.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    field = fit(points, normals, replace(local, smoothing=1e-2), points_per_ball=len(points))
+    assert len(field.cover.radii) == 1
+    kind = PotentialKind(field.local.exponents, field.local.kernel.power, field.local.method, field.local.step)
+    data = ScatteredData.on_surface(points, normals)
+    eigenvalues, coefficients = ball_spectrum(0, data.oriented, field.cover.balls, kind)
+    left = np.sum((field.gradient(points) + normals) ** 2)
+    if isinstance(local, Hermite):  # gradients count by the square of `step` spacings of the sheet
+        reach = max(field.cover.radii[0], 1.1 * np.linalg.norm(points - field.cover.centers, axis=1).max())
+        spacing = reach * np.sqrt(np.pi / len(points))
+        left = np.sum(field(points) ** 2) + (local.step * spacing) ** 2 * left
+    expected = np.sum((1e-2 * coefficients / (eigenvalues + 1e-2)) ** 2)
+    assert left == pytest.approx(expected, rel=ORIENTED_DATA)
 
 
 def test_auto_fits_clean_points_exactly_and_noisy_ones_in_large_balls():
