@@ -82,10 +82,14 @@ class Checkout:
         return [mutant for file in files if file.name != "__init__.py" for mutant in mutants_of(file)]
 
     def tests(self, folders: tuple[str, ...], mutant: Mutant | None = None) -> list[str]:
-        """Return the test files for some folders: what speaks of a mutant first, in the same part; their own."""
+        """Return the test files for some folders: their own, and of the same part those that use a mutant's module.
+
+        What speaks of the mutant comes first, then what imports its module, or a module that imports it.
+        """
         own = [self.root / "tests" / folder for folder in folders]
-        parts = {self.root / "tests" / Path(folder).parts[0] for folder in folders}
-        files = [file for part in sorted(parts) for file in sorted(part.rglob("test_*.py"))]
+        parts = {Path(folder).parts[0] for folder in folders}
+        files = [file for part in sorted(parts) for file in sorted((self.root / "tests" / part).rglob("test_*.py"))]
+        users = [] if mutant is None else self.users(mutant.path, parts)
 
         def nearness(file: Path) -> tuple[bool, ...]:
             at_home = any(file.is_relative_to(folder) for folder in own)
@@ -93,10 +97,27 @@ class Checkout:
                 return (at_home,)
             text, stem = file.read_text(), mutant.path.stem.removesuffix("_loops")
             name = mutant.scope.rpartition(".")[2]
-            return at_home and stem in file.stem, at_home and bool(name) and name in text, stem in text, at_home
+            spoken = at_home and stem in file.stem, at_home and bool(name) and name in text, stem in text
+            return *spoken, *(any(module in text for module in modules) for modules in users), at_home
 
         near = [file for file in sorted(files, key=nearness, reverse=True) if any(nearness(file))]
         return [str(file.relative_to(self.root)) for file in near]
+
+    def users(self, path: Path, parts: set[str]) -> list[set[str]]:
+        """Return the modules of some parts that import a file, those that import these, and so on."""
+        texts = {
+            file.relative_to(self.root).with_suffix("").as_posix().replace("/", "."): file.read_text()
+            for part in parts
+            for file in (self.root / "o3dleaf" / part).rglob("*.py")
+            if file.name != "__init__.py"
+        }
+        rings = [{path.relative_to(self.root).with_suffix("").as_posix().replace("/", ".")}]
+        while rings[-1]:
+            found = {
+                name for name, text in texts.items() if any(f"from {module} import" in text for module in rings[-1])
+            }
+            rings.append(found.difference(*rings))
+        return rings[:-1]
 
     def run(self, tests: list[str], limit: float) -> tuple[bool | None, float]:
         """Return whether the tests pass, None beyond a limit of processor time, and what they took of it."""
