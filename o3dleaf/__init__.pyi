@@ -74,8 +74,9 @@ from . import errors as errors
 from . import samples as samples
 from .core.field import Field as Field
 from .commands.terminal import show_progress as show_progress
-from .core.memory.budget import memory_limit as memory_limit
-from .core.memory.budget import set_memory_limit as set_memory_limit
+from .core.resources.budget import memory_limit as memory_limit
+from .core.resources.budget import set_memory_limit as set_memory_limit
+from .core.resources.budget import time_limit as time_limit
 from .core.parallel import get_num_threads as get_num_threads
 from .core.parallel import set_num_threads as set_num_threads
 

@@ -46,7 +46,7 @@ def main() -> None:
         if signal.getsignal(each) in {signal.default_int_handler, signal.SIG_DFL}:
             signal.signal(each, interrupt)
     try:
-        from o3dleaf.core.memory.machine import spare_addresses  # noqa: PLC0415 - under the guard
+        from o3dleaf.core.resources.machine import spare_addresses  # noqa: PLC0415 - under the guard
 
         spare_addresses()
         from o3dleaf.commands.cli import main as run_command_line  # noqa: PLC0415 - under the guard

@@ -10,6 +10,7 @@ from o3dleaf.core.errors import (
     O3DLeafError,
     OrientationError,
     ReconstructionError,
+    TimeBudgetError,
     UnitError,
 )
 
@@ -23,5 +24,6 @@ __all__ = [
     "O3DLeafError",
     "OrientationError",
     "ReconstructionError",
+    "TimeBudgetError",
     "UnitError",
 ]

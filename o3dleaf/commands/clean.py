@@ -9,7 +9,7 @@ from o3dleaf.core.job import LongJob, argument, option, output
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.surface.mesh.mesh_report import MeshReport
 
 FIGURES = (
@@ -63,10 +63,10 @@ class CleanJob(CleaningOptions, LongJob):
     edge: Positive | None = option(None, "Or to this mean edge length", unit=UNIT)
     deviation: Positive | None = option(None, "Or simplify with at most this deviation of the surface", unit=UNIT)
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the triangles of the file take."""
-        from o3dleaf.core.memory.budget import need_of
-        from o3dleaf.core.memory.measured import CLEANED_TRIANGLE
+        from o3dleaf.core.resources.measured import CLEANED_TRIANGLE
+        from o3dleaf.core.resources.needs import need_of
         from o3dleaf.io.clouds.counts import count_triangles
 
         count = count_triangles(self.mesh)

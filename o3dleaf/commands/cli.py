@@ -104,11 +104,11 @@ def perform(job: Job) -> int:
 
 
 def show_estimate(job: LongJob) -> int:
-    """Print how much memory a job will need and how much there is, and return the exit code: 2 if that is less."""
-    from o3dleaf.core.memory.budget import memory_limit, usable_memory
-    from o3dleaf.core.memory.sizes import size_in_words
+    """Print what a job will need of memory and time, and what there is; return the exit code: 2 if that is less."""
+    from o3dleaf.core.resources.budget import memory_limit, time_limit, usable_memory
+    from o3dleaf.core.resources.sizes import size_in_words
 
-    with memory_limit(job.memory):
+    with memory_limit(job.memory), time_limit(job.time):
         job.check()
         needs = job.estimate()
         for need in needs:

@@ -13,7 +13,7 @@ from o3dleaf.core.progress import split
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.io.labelled_mesh import LabelledMesh
 
 WHAT = {
@@ -141,10 +141,10 @@ class ExportJob(UnitOption, LongJob):
         if self.saved_model and self.spacing is None:
             raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
-        from o3dleaf.core.memory.budget import need_of
-        from o3dleaf.core.memory.measured import FILED_TRIANGLE
+        from o3dleaf.core.resources.measured import FILED_TRIANGLE
+        from o3dleaf.core.resources.needs import need_of
         from o3dleaf.io.clouds.counts import count_triangles
 
         if self.saved_model:

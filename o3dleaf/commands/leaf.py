@@ -30,7 +30,7 @@ from o3dleaf.leaf.options import BladeOptions
 if TYPE_CHECKING:
     import open3d as o3d
 
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.fit_quality import FitQuality
     from o3dleaf.leaf.mesh_step import MeshStep
@@ -149,13 +149,13 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         self.check_texture()
         require_reduction(self.simplify, self.remesh_tile)
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what scan and volume take; what the mesh takes is known when they are read."""
         from o3dleaf.io.clouds.counts import count_points
-        from o3dleaf.leaf.pipeline import memory_for_blade
+        from o3dleaf.leaf.pipeline import need_for_blade
 
-        needs = [] if self.ct is None else self.memory_for(self.ct)
-        return [*needs, memory_for_blade(count_points(self.scan))]
+        needs = [] if self.ct is None else self.need_for(self.ct)
+        return [*needs, need_for_blade(count_points(self.scan))]
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""

@@ -12,7 +12,7 @@ from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.core.resume.parts import Parts
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.texture.patches import PatchBlend
@@ -58,12 +58,12 @@ class CtOptions(TextureOptions):
         as_smoothing(polyharmonic(2, 3), None, self.rho)
         require_tiling(self.period, self.flip, self.shift)
 
-    def memory_for(self, path: Path) -> "list[MemoryNeed]":
+    def need_for(self, path: Path) -> "list[Need]":
         """Return what the volume of a file takes, to be read and to be fitted; nothing for the texture of a model."""
         from o3dleaf.leaf.ct.formats.counts import count_voxels
-        from o3dleaf.leaf.pipeline import memory_for_texture
+        from o3dleaf.leaf.pipeline import need_for_texture
 
-        return [] if path.suffix.lower() in table(MODEL) else [memory_for_texture(count_voxels(path))]
+        return [] if path.suffix.lower() in table(MODEL) else [need_for_texture(count_voxels(path))]
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file."""
@@ -117,9 +117,9 @@ class PatchJob(CtOptions, BlockOption, LongJob):
         if self.tile_solid is not None and self.spacing is None:
             raise InputError("spacing: is missing, and the block of tile-solid is meshed at it; give it")
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the volume takes, to be read and to be fitted."""
-        return self.memory_for(self.volume)
+        return self.need_for(self.volume)
 
     def work(self) -> "TiledField":
         """Write the model and the block, and return the texture."""

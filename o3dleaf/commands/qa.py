@@ -8,7 +8,7 @@ from o3dleaf.core.job import LongJob, UnitOption, argument, option
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.output.report.examine import Examination
 
 FAILED = 1
@@ -34,10 +34,10 @@ class QaJob(UnitOption, LongJob):
         given = {"field": self.field is not None, "cloud": self.cloud is not None}
         require_inputs(parse_requirements(self.require), given)
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the triangles of the file take."""
-        from o3dleaf.core.memory.budget import need_of
-        from o3dleaf.core.memory.measured import REPORTED_TRIANGLE
+        from o3dleaf.core.resources.measured import REPORTED_TRIANGLE
+        from o3dleaf.core.resources.needs import need_of
         from o3dleaf.io.clouds.counts import count_triangles
 
         count = count_triangles(self.mesh)

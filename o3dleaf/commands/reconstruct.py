@@ -21,7 +21,7 @@ from o3dleaf.core.job import (
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.surface.mesh.mesh_report import MeshReport
     from o3dleaf.surface.reconstruction.closing import Closed
 
@@ -82,12 +82,12 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
         if self.viewpoint is not None:
             as_viewpoint(self.viewpoint, 1)
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the points of the file take, to be read and to be made a surface."""
         from o3dleaf.io.clouds.counts import count_points
-        from o3dleaf.surface.reconstruction.reconstruct import memory_for
+        from o3dleaf.surface.reconstruction.reconstruct import need_for
 
-        return [memory_for(count_points(self.cloud))]
+        return [need_for(count_points(self.cloud))]
 
     def work(self) -> "MeshReport":
         """Make the surface, write it, and return what it is."""

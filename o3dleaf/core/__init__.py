@@ -12,7 +12,7 @@
 `resume`         finished parts of long work, kept beside its result
 `progress`       how far the running work is, by context
 `parallel`       the thread pool that drives compiled loops over fixed blocks
-`memory`         how much memory may be used, and what needs more refused
+`resources`      the memory and the time that may be used, and what needs more refused
 `journal`        the stages of a long job, timed
 `job`            a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays

@@ -45,6 +45,10 @@ class MemoryBudgetError(O3DLeafError, MemoryError):
     """The job would not fit into the stated memory budget."""
 
 
+class TimeBudgetError(O3DLeafError, TimeoutError):
+    """The job would take longer than the stated time."""
+
+
 class CloudWarning(UserWarning):
     """A decision about a point cloud on the way to its surface."""
 

@@ -38,7 +38,7 @@ from o3dleaf.core.checks import require_choice
 from o3dleaf.core.errors import InputError
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
+    from o3dleaf.core.resources.needs import Need
 
 REQUIRED = ...
 """Default of an option that must be given."""
@@ -129,13 +129,13 @@ class Job(ABC):
         """Do it, and return a summary of what was done."""
 
     def run(self) -> Any:
-        """Refuse what cannot be done, and what needs more memory than there is; then work, and return the summary."""
+        """Refuse what cannot be done, or needs more memory than there is; then work, and return the summary."""
         self.check()
         for need in self.estimate():
             need.require()
         return self.work()
 
-    def estimate(self) -> "list[MemoryNeed]":
+    def estimate(self) -> "list[Need]":
         """Return what the work will need, as far as options and the heads of files tell; a job says what it knows."""
         return []
 
@@ -219,14 +219,19 @@ class LongJob(Job):
     memory: str | None = option(
         None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
     )
-    only_estimate: bool = option(False, "Say how much memory it will need, and do nothing.", "--estimate")
+    time: str | None = option(
+        None, "Time that it may be predicted to take, such as 10min (any, by default); more is refused before the work."
+    )
+    only_estimate: bool = option(
+        False, "Say how much memory it will need, and how long it will take, and do nothing.", "--estimate"
+    )
     quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
 
     def run(self) -> Any:
-        """Refuse what cannot be done, or needs more memory than is allowed; then work, and return the summary."""
-        from o3dleaf.core.memory.budget import memory_limit  # noqa: PLC0415 - the help does without
+        """Refuse what cannot be done, or needs more than is allowed; then work, and return the summary."""
+        from o3dleaf.core.resources.budget import memory_limit, time_limit  # noqa: PLC0415 - the help does without
 
-        with memory_limit(self.memory):
+        with memory_limit(self.memory), time_limit(self.time):
             return super().run()
 
     def lines(self, summary: Any) -> list[str]:

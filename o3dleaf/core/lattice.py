@@ -11,8 +11,8 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_answers, as_bounds, as_step, require_positive
 from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources.needs import require_resources
 
 BLOCK = 1 << 18
 """Points evaluated at once: 6 MiB of coordinates, and enough of them to keep a field's threads busy."""
@@ -150,7 +150,7 @@ def sample_lattice(
     depth = lattice.ticks(-1)
     what, cure = f"spacing: {lattice.size:,} lattice points", "crop the box or coarsen it"
     held = lattice.size * np.dtype(dtype).itemsize + math.prod(lattice.shape[:-1]) * COLUMN_BYTES
-    require_memory(held, what, cure, step=max(lattice.spacing), power=3)
+    require_resources(held, what, cure, step=max(lattice.spacing), power=3)
     columns = lattice.columns()
     samples = np.empty((len(columns), len(depth)), dtype)
     run = min(block, len(depth))

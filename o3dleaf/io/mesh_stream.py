@@ -15,8 +15,8 @@ import numpy as np
 
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.io.labelled_mesh import LABELS, LabelArray
 from o3dleaf.io.mesh_data import IndexArray
 from o3dleaf.io.obj import write_obj
@@ -55,7 +55,7 @@ class Arrays:
     def __init__(self, size: MeshSize) -> None:
         """Make room for it, or raise `MemoryBudgetError`."""
         what, cure = f"mesh: {size.triangles:,} triangles", "coarsen the spacing, choose a region or write it to a file"
-        require_memory(measured.TRIANGLE * size.triangles, what, cure)
+        require_resources(measured.TRIANGLE * size.triangles, what, cure)
         self.vertices = np.empty((size.vertices, 3))
         self.triangles = np.empty((size.triangles, 3), dtype=np.int64)
         self.labels = np.empty(size.triangles, dtype=np.uint8)

@@ -11,9 +11,9 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import UnitError
 from o3dleaf.core.journal import stage
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import MemoryNeed, need_of
 from o3dleaf.core.parallel import run_together, single_threaded_blas
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -74,7 +74,7 @@ def create_blade(
     build = FRAMES[options.frame]
     # The scan, without points that are there twice or far from all others.
     with stage("prepare scan"):
-        memory_for_blade(len(points_of(scan, "scan"))).require()
+        need_for_blade(len(points_of(scan, "scan"))).require()
         points = remove_faults(points_of(scan, "scan", least=3), is_far).points
         _require_size(float(np.linalg.norm(np.ptp(points, axis=0))), unit, LEAF_LENGTH_MM, "scan", "leaf")
     return build(points, None if midrib is None else points_of(midrib, "midrib", least=2), unit, options)
@@ -128,12 +128,12 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
     return fit
 
 
-def memory_for_texture(voxels: int) -> MemoryNeed:
+def need_for_texture(voxels: int) -> Need:
     """Return what a volume of so many voxels takes, to be fitted."""
     return need_of(measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
 
 
-def memory_for_blade(points: int) -> MemoryNeed:
+def need_for_blade(points: int) -> Need:
     """Return what the blade of a scan of so many points takes."""
     return need_of(measured.BLADE_POINT * points, f"blade: {points:,} points", "thin the scan, by voxel_down_sample")
 

@@ -8,7 +8,7 @@ import open3d as o3d
 import pytest
 
 from o3dleaf.commands import cli
-from o3dleaf.core.memory.measured import RECONSTRUCTED_POINT
+from o3dleaf.core.resources.measured import RECONSTRUCTED_POINT
 from o3dleaf.io.clouds.counts import count_points, count_triangles
 from o3dleaf.io.point_cloud import read_point_cloud
 from o3dleaf.io.triangle_mesh import write_mesh
@@ -44,7 +44,7 @@ def test_what_needs_more_is_refused_in_one_line_and_an_estimate_says_how_much(cl
     code, out, _ = run(monkeypatch, capsys, *job, "--estimate")
     assert code == 0
     assert float(out[0].split("about ")[1].split(" MB")[0]) == pytest.approx(
-        1.3e-6 * RECONSTRUCTED_POINT * 5e4, rel=0.02
+        1.3e-6 * RECONSTRUCTED_POINT.bytes * 5e4, rel=0.02
     )
     code, out, errors = run(monkeypatch, capsys, *job, "--memory", "1MB")
     assert (code, out, len(errors)) == (2, [], 1)
@@ -52,6 +52,10 @@ def test_what_needs_more_is_refused_in_one_line_and_an_estimate_says_how_much(cl
     assert "--memory" in errors[0]
     code, _, errors = run(monkeypatch, capsys, *job, "--estimate", "--memory", "1MB")
     assert (code, len(errors)) == (2, 1)
+    code, out, errors = run(monkeypatch, capsys, *job, "--time", "0.1s")
+    assert (code, out, len(errors)) == (2, [], 1)
+    assert "50,000 points take about" in errors[0]
+    assert "--time" in errors[0]
     assert not list(tmp_path.iterdir())
 
 

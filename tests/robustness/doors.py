@@ -597,6 +597,7 @@ DOORS: dict[str, Door] = {
     ),
     "load": door(o3l.load, path=read_from("good.o3l")),
     "memory_limit": door(o3l.memory_limit, size=WORD.like("100GB")),
+    "time_limit": door(o3l.time_limit, duration=WORD.like("2h")),
     "mesh_report": door(o3l.mesh_report, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
     "offset_constraints": door(
         o3l.offset_constraints,

@@ -24,8 +24,8 @@ from o3dleaf.core.checks import (
 )
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
@@ -226,7 +226,7 @@ class PUInterpolant(Blended):
     ) -> "PUInterpolant":
         """Cover the data and fit the balls."""
         count = len(data.points)
-        require_memory(measured.FITTED_POINT * count, f"fit: {count:,} points", "give fewer, or smaller balls")
+        require_resources(measured.FITTED_POINT * count, f"fit: {count:,} points", "give fewer, or smaller balls")
         box = _box(data.points, bounds)
         size = as_ball_size(fitter.points_per_ball if points_per_ball is None else points_per_ball, overlap)
         covering, fitting = progress.split(*SHARES)
@@ -295,7 +295,7 @@ class PUInterpolant(Blended):
         """
         count = math.prod(np.shape(values))
         cure = "crop the volume, or take every second voxel"
-        require_memory(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
+        require_resources(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
         data = np.ascontiguousarray(as_voxels(values))
         voxels = VoxelValues(data, as_number(isovalue, "isovalue"))
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)

@@ -11,10 +11,10 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, require_finite
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import BLOCK
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -182,7 +182,7 @@ def extract_tile(
 def require_columns(count: float, step: float) -> None:
     """Raise `MemoryBudgetError` if a tile of so many columns, a step apart, does not fit into memory."""
     what = f"spacing: {in_words(count)} columns of the lattice in one tile"
-    require_memory(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
+    require_resources(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
 
 
 def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int) -> FloatArray:

@@ -6,8 +6,8 @@ import shapely
 
 from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import in_words, require_memory
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.chords import Chords, chords_of
 from o3dleaf.leaf.margin.sheet_band import triangulate_band
@@ -66,7 +66,7 @@ def triangulate(
     with np.errstate(over="ignore", divide="ignore"):
         count = float(np.float64(sum(part.area for part in parts)) / (3**0.5 / 4) / step / step)
     what = f"spacing: about {in_words(count)} triangles"
-    require_memory(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=step)
+    require_resources(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=step)
     meshes = [_triangulated(part, step) for part in parts]
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
     triangles = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]

@@ -12,10 +12,10 @@ from o3dleaf.core.arguments.kinds import Positive, Unit, Whole
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.io.labelled_mesh import AnyMesh, LabelArray
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
@@ -153,7 +153,7 @@ def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[Float
     with np.errstate(over="ignore"):
         total = float((parts**2).sum())
     what = f"spacing: {in_words(total)} samples"
-    require_memory(measured.SAMPLE * total, what, "give a larger one", step=step * FINER)
+    require_resources(measured.SAMPLE * total, what, "give a larger one", step=step * FINER)
     samples = []
     for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
@@ -222,7 +222,7 @@ def _require_room(mesh: MeshData, step: float) -> None:
     with np.errstate(over="ignore", divide="ignore"):
         count = float(np.float64(volume) / step / step / step)
     held = measured.PARTICLE * count
-    require_memory(held, f"step: about {in_words(count)} particles", "give a larger one", step=step, power=3)
+    require_resources(held, f"step: about {in_words(count)} particles", "give a larger one", step=step, power=3)
 
 
 def _lattice(vertices: FloatArray, step: float) -> tuple[FloatArray, tuple[int, int, int]]:
@@ -248,7 +248,7 @@ def columns_through(
     with np.errstate(over="ignore", divide="ignore"):
         count = float(np.abs(face_vectors(vertices[triangles])[:, 2]).sum() / 2 / step / step)
     what = f"step: about {in_words(count)} columns of the grid through the mesh"
-    require_memory(measured.CROSSING * count, what, "give a larger one", step=step)
+    require_resources(measured.CROSSING * count, what, "give a larger one", step=step)
     crossed: dict[int, tuple[IntArray, FloatArray]] = {}
 
     def task(start: int, stop: int) -> None:

@@ -13,9 +13,9 @@ from matplotlib.colors import is_color_like, to_rgb
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, require_choice, require_finite
 from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, is_used, mesh_arrays
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.output.view.points import Points, make_facets, make_spheres
 from o3dleaf.output.view.shade import Paint
 
@@ -222,7 +222,7 @@ def _require_few(count: int) -> None:
     """Raise `MemoryBudgetError` for more triangles than a picture is made of."""
     if count > MAX_TRIANGLES:
         raise MemoryBudgetError(f"mesh: {count:,} triangles are too many for a picture; simplify it first")
-    require_memory(measured.DRAWN_TRIANGLE * count, f"picture: {count:,} triangles", "simplify the mesh first")
+    require_resources(measured.DRAWN_TRIANGLE * count, f"picture: {count:,} triangles", "simplify the mesh first")
 
 
 def own_colors(thing: Any) -> FloatArray | None:

@@ -12,10 +12,10 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.surface.isosurface import band_loops as loops
 from o3dleaf.surface.isosurface import crease_edge_loops
 from o3dleaf.surface.isosurface.band_loops import CrossedEdges, Numbering
@@ -157,7 +157,7 @@ class Band:
         if room >= np.iinfo(np.int32).max // 2:
             raise InputError(f"spacing: the band has over {self.count:.2g} points; coarsen it, or give `within`")
         held = measured.FOLLOWED_TRIANGLE * self.count  # about as many triangles as there are points
-        require_memory(held, f"spacing: over {self.count:,} lattice points near the surface", "coarsen it")
+        require_resources(held, f"spacing: over {self.count:,} lattice points near the surface", "coarsen it")
         self.keys, self.values, self.known = (
             np.concatenate([array, np.zeros_like(array)]) for array in (self.keys, self.values, self.known)
         )

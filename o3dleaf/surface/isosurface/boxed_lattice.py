@@ -10,9 +10,9 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError
 from o3dleaf.core.lattice import MAX_SIZE, Lattice, sample_lattice
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 
 SHARE = 0.25
 """A point nearer to a face than this share of a step goes onto it; else it gets one more beside it. So the cells at a
@@ -57,7 +57,7 @@ class BoxedLattice:
                 f"spacing: {size:.2g} lattice points are too many; coarsen the spacing or crop the box"
             )
         what, cure = f"spacing: {size:,.0f} lattice points", "crop the box or coarsen it"
-        require_memory(measured.LATTICE_POINT * size, what, cure, step=float(step.max()), power=3)
+        require_resources(measured.LATTICE_POINT * size, what, cure, step=float(step.max()), power=3)
         shape = tuple(int(n) for n in count)
         return cls(Lattice(tuple((first * step).tolist()), tuple(step.tolist()), shape), box, cut)
 

@@ -11,9 +11,9 @@ from o3dleaf.core.arguments.kinds import Finite, Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
-from o3dleaf.core.memory.budget import require_memory
-from o3dleaf.core.memory.measured import REPORTED_TRIANGLE
 from o3dleaf.core.mesh_arrays import MeshLike, mesh_arrays
+from o3dleaf.core.resources.measured import REPORTED_TRIANGLE
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.surface.mesh.deviation import Deviation
 from o3dleaf.surface.mesh.measurements import MeshMeasurements
 
@@ -188,7 +188,7 @@ def measure_and_compare(
     """Return all that a report is made of; the arguments are those of `mesh_report`."""
     vertices, triangles = mesh_arrays(mesh)
     held = REPORTED_TRIANGLE * len(triangles)
-    require_memory(held, f"report: {len(triangles):,} triangles", "simplify the mesh first")
+    require_resources(held, f"report: {len(triangles):,} triangles", "simplify the mesh first")
     measuring, comparing = progress.split(1, field is not None)
     with measuring:
         measured = MeshMeasurements.of(vertices, triangles)

@@ -16,9 +16,9 @@ from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, req
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.field import Field
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import MemoryNeed, in_words, need_of
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.resume.parts import kept
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
@@ -138,7 +138,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
         require_cloud(pcd, "pcd")
-        memory_for(np.shape(raw_points(pcd, "pcd"))[0]).require()
+        need_for(np.shape(raw_points(pcd, "pcd"))[0]).require()
         cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
         require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:
@@ -153,7 +153,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     if len(cloud) < count:
         journal.note(f"noise exceeds the point spacing: {count:,} points were averaged to {len(cloud):,}")
     if spacing is not None:
-        memory_for_mesh(cloud, spacing).require()
+        need_for_mesh(cloud, spacing).require()
     with journal.stage("fit balls"):
         fit = partial(
             fit_surface,
@@ -190,13 +190,13 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     return finish_mesh(mesh, normals, carried, support, measure=measure, tensor=tensor), field
 
 
-def memory_for(points: int) -> MemoryNeed:
+def need_for(points: int) -> Need:
     """Return what the surface of so many points takes, its mesh at the spacing that is chosen."""
     cure = "thin the cloud, for example by voxel_down_sample"
     return need_of(measured.RECONSTRUCTED_POINT * points, f"reconstruct: {points:,} points", cure)
 
 
-def memory_for_mesh(cloud: OrientedCloud, spacing: float) -> MemoryNeed:
+def need_for_mesh(cloud: OrientedCloud, spacing: float) -> Need:
     """Return what the surface of a cloud takes, meshed at a spacing: three triangles a point where it is the cloud's.
 
     Raises

@@ -11,9 +11,9 @@ from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.checks import FloatArray, as_answers, as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import in_words, require_memory
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh, require_triangles, triangle_areas
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, label_fans
@@ -119,9 +119,9 @@ def require_room(vertices: FloatArray, triangles: IntArray, edge: float) -> None
     with np.errstate(over="ignore", divide="ignore"):
         count = float(triangle_areas(vertices, triangles).sum() / (3**0.5 / 4) / edge / edge)
     what = f"target_edge: about {in_words(count)} triangles"
-    require_memory(measured.REMESHED_TRIANGLE * count, what, "give a longer one", step=edge)
+    require_resources(measured.REMESHED_TRIANGLE * count, what, "give a longer one", step=edge)
     held = measured.REMESHED_TRIANGLE * len(triangles)
-    require_memory(held, f"mesh: {len(triangles):,} triangles", "simplify it first")
+    require_resources(held, f"mesh: {len(triangles):,} triangles", "simplify it first")
 
 
 def remesh_charted(

@@ -10,9 +10,9 @@ import open3d as o3d
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import NotNegative, Whole
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, require_triangles
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.topology import EdgeTable
 from o3dleaf.surface.repair.editable_mesh import NEW, EditableMesh
@@ -172,7 +172,7 @@ def clean_mesh(
     )
     vertices, triangles = require_triangles(mesh.mesh)
     held = measured.CLEANED_TRIANGLE * len(triangles)
-    require_memory(held, f"clean: {len(triangles):,} triangles", "simplify the mesh first")
+    require_resources(held, f"clean: {len(triangles):,} triangles", "simplify the mesh first")
     labels = mesh.labels_of(len(triangles))
     cleaned = cleaning.of(EditableMesh.of(vertices, triangles))
     left = None if labels is None else labels[_spread(cleaned)]

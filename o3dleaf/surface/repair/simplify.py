@@ -8,9 +8,9 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Share
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import require_memory
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, require_triangles, triangle_areas
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.io.labelled_mesh import LabelledMesh, with_or_without_labels
 from o3dleaf.surface.mesh.surface_distance import surface_distance_of
 from o3dleaf.surface.repair.meshlab import collapse_edges
@@ -62,7 +62,9 @@ def simplify_mesh(
     """
     given = require_triangles(mesh.mesh)
     count = len(given[1])
-    require_memory(measured.SIMPLIFIED_TRIANGLE * count, f"simplify: {count:,} triangles", "coarsen the spacing of it")
+    require_resources(
+        measured.SIMPLIFIED_TRIANGLE * count, f"simplify: {count:,} triangles", "coarsen the spacing of it"
+    )
     labels = mesh.labels_of(count)
     fewest = _fewest_triangles(given, target_triangles, target_edge, deviation)
     names, kind = np.unique(np.zeros(len(given[1])) if labels is None else labels, return_inverse=True)

@@ -1,11 +1,11 @@
-"""What the costly functions hold at most, beside what they were given, and what is foretold for it.
+"""What the costly functions hold at most, beside what they were given, how long they take, and what is foretold.
 
-python scripts/measure_memory.py [CASE ...] [--threads N]
+python scripts/measure_costs.py [CASE ...] [--threads N]
 
 Each case runs in a process of its own, at three sizes, after a small one that loads what it needs. "held" is what the
 process held beyond what it held before, "reserved" its addresses, which `ulimit -v` counts; "foretold" is what
-`require_memory` asks for, from `o3dleaf.core.memory.measured`. It is to be above what is held. Compilation is not
-counted: run it twice.
+`require_resources` asks for, from `o3dleaf.core.resources.measured`. It is to be above what is held, and above the
+processor time on the machine of the reference. Compilation is not counted: run it twice.
 """
 
 import argparse
@@ -23,9 +23,9 @@ from rich.console import Console
 from rich.table import Table
 
 import o3dleaf as o3l
-from o3dleaf.core.memory import measured
-from o3dleaf.core.memory.budget import SAFETY
 from o3dleaf.core.mesh_arrays import build_mesh
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import SAFETY
 from o3dleaf.leaf.tile_lattice import tile_lattice
 from o3dleaf.samples.ct import wheat_ct
 from o3dleaf.samples.scan import wheat_scan
@@ -52,7 +52,7 @@ class Case(NamedTuple):
     make: Any
     call: Any
     sizes: tuple[int, int, int]
-    held: int
+    each: measured.Each
 
 
 def bumpy(count, noise):
@@ -136,16 +136,16 @@ def of_cloud(make, sizes=(50_000, 200_000, 500_000)):
     return Case(make, lambda p: (o3l.create_from_point_cloud_rbfpu(p), len(p))[1], sizes, measured.RECONSTRUCTED_POINT)
 
 
-def of_mesh(call, sizes, held):
+def of_mesh(call, sizes, each):
     """Return the case of a function of a mesh."""
-    return Case(ball_mesh, lambda mesh: (call(mesh), len(mesh.triangles))[1], sizes, held)
+    return Case(ball_mesh, lambda mesh: (call(mesh), len(mesh.triangles))[1], sizes, each)
 
 
 def of_edge(start):
     """Return the case of a mesh remeshed from a number of triangles to another, which may be the same."""
-    sizes, held = (50_000, 200_000, 500_000), measured.REMESHED_TRIANGLE
+    sizes, each = (50_000, 200_000, 500_000), measured.REMESHED_TRIANGLE
     edges = lambda n: (ball_mesh(start or n), np.sqrt(2.3 * SPHERE / n))  # noqa: E731
-    return Case(edges, lambda given: len(o3l.remesh(*given).triangles), sizes, held)
+    return Case(edges, lambda given: len(o3l.remesh(*given).triangles), sizes, each)
 
 
 LARGE = (200_000, 1_000_000, 4_000_000)
@@ -274,7 +274,8 @@ def main():
     if given.size:
         measure(given.cases[0], given.size)
         return
-    heads = ("case", "things", "held [MB]", "a thing [B]", "reserved [MB]", "foretold [MB]", "processor [s]")
+    memory = ("held [MB]", "a thing [B]", "reserved [MB]", "foretold [MB]")
+    heads = ("case", "things", *memory, "processor [s]", "a thing [µs]", "foretold [s]")
     table = Table(*heads, title=f"{given.threads} threads, o3dleaf {o3l.__version__}")
     for name in given.cases or CASES:
         for size in CASES[name].sizes:
@@ -284,10 +285,11 @@ def main():
                 table.add_row(name, f"{size:,}", ended.stderr.strip().splitlines()[-1])
                 continue
             row = json.loads(ended.stdout.splitlines()[-1])
-            foretold = SAFETY * CASES[name].held * row["items"]
+            foretold, microseconds = (SAFETY * each * row["items"] for each in CASES[name].each)
             megabytes = [f"{each / 1e6:,.0f}" for each in (row["held"], row["reserved"], foretold)]
-            each = f"{row['held'] / row['items']:.0f}"
-            table.add_row(name, f"{row['items']:,}", megabytes[0], each, *megabytes[1:], f"{row['seconds']:.1f}")
+            each = [f"{unit * row[kind] / row['items']:.3g}" for kind, unit in (("held", 1), ("seconds", 1e6))]
+            seconds = f"{row['seconds']:.1f}", each[1], f"{1e-6 * microseconds:.1f}"
+            table.add_row(name, f"{row['items']:,}", megabytes[0], each[0], *megabytes[1:], *seconds)
     Console(width=130).print(table)
 
 

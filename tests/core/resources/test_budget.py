@@ -6,8 +6,9 @@ import threading
 import pytest
 
 from o3dleaf.core.errors import InputError, MemoryBudgetError
-from o3dleaf.core.memory import budget, machine
-from o3dleaf.core.memory.budget import MemoryNeed, memory_limit, require_memory, set_memory_limit, usable_memory
+from o3dleaf.core.resources import machine
+from o3dleaf.core.resources.budget import memory_limit, set_memory_limit, usable_memory
+from o3dleaf.core.resources.needs import require_resources
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process holds")
 
@@ -46,11 +47,11 @@ def test_a_limit_holds_where_it_was_stated_and_no_longer(monkeypatch):
     monkeypatch.setattr(machine, "available", lambda: None)
     monkeypatch.setattr(machine, "hard_limits", lambda threads: iter(()))
     monkeypatch.setattr(machine, "resident", lambda: 0)
-    require_memory(1e15, "work: 1 thing", "do less")  # nobody says what there is
+    require_resources(1e15, "work: 1 thing", "do less")  # nobody says what there is
     with memory_limit("2GB"):
         with memory_limit("1GB"), memory_limit(None), pytest.raises(MemoryBudgetError):
-            require_memory(1e9, "work: 1 thing", "do less")
-        require_memory(1e9, "work: 1 thing", "do less")
+            require_resources(1e9, "work: 1 thing", "do less")
+        require_resources(1e9, "work: 1 thing", "do less")
     set_memory_limit("1GB")
     seen = []
     thread = threading.Thread(target=lambda: seen.append(usable_memory().free))
@@ -61,16 +62,3 @@ def test_a_limit_holds_where_it_was_stated_and_no_longer(monkeypatch):
     assert usable_memory() is None
     with pytest.raises(InputError, match="2GB"):
         set_memory_limit("much")
-
-
-def test_the_line_says_need_room_and_a_step_that_is_not_refused(monkeypatch):
-    monkeypatch.setattr(budget, "usable_memory", lambda: machine.Limit(10**9, "as stated", "state more"))
-
-    def need(step):
-        return MemoryNeed(round(80 / step**3), f"step: {step**-3:,.0f} particles", "give a larger one", step, 3)
-
-    with pytest.raises(MemoryBudgetError, match=r"need about 80 GB of memory, and 1\.0 GB more") as refused:
-        need(1e-3).require()
-    larger = float(str(refused.value).split("give a larger one, ")[1].split(" or more")[0])
-    assert 1.0 < larger / 1e-3 / 80 ** (1 / 3) < 1.1
-    need(larger).require()

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.memory.sizes import parse_size, size_in_words
+from o3dleaf.core.resources.sizes import parse_size, size_in_words
 
 
 @pytest.mark.parametrize(

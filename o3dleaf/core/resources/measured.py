@@ -1,0 +1,66 @@
+"""Bytes that work holds at its peak, and processor time, for each thing that it works on.
+
+As `scripts/measure_costs.py` measured it: the largest of its sizes and cases, rounded up, on two threads;
+`require_resources` asks for a third more. Of fits and blades one size was measured, and what was held before was used
+again: theirs are guarded by twice as much.
+"""
+
+from typing import NamedTuple
+
+
+class Cost(NamedTuple):
+    """What some work takes: bytes at its peak, and seconds of processor time, 0 where they are not known."""
+
+    bytes: float
+    seconds: float = 0.0
+
+
+class Each(NamedTuple):
+    """What work takes for each thing: bytes, and microseconds; times a number of things it is their `Cost`."""
+
+    bytes: float
+    microseconds: float
+
+    def __mul__(self, count: float) -> Cost:  # type: ignore[override]  # a product is no repetition here
+        """Return what so many things take."""
+        return Cost(self.bytes * count, 1e-6 * self.microseconds * count)
+
+
+CLOUD_POINT = Each(100, 0.0)
+"""Of a cloud that is read: coordinates, normals and colors, once as the file's and once as Open3D's."""
+RECONSTRUCTED_POINT = Each(1900, 0.0)
+"""Of a cloud whose surface is reconstructed, its mesh at the spacing that is chosen included."""
+FITTED_POINT = Each(400, 0.0)
+"""Of scattered data fitted in balls."""
+LATTICE_POINT = Each(12, 0.0)
+"""Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
+FOLLOWED_TRIANGLE = Each(170, 0.0)
+"""Of a surface that is followed from seeds: its band of cells."""
+FITTED_VOXEL = Each(80, 0.0)
+"""Of a volume whose blade is fitted."""
+BLADE_POINT = Each(2000, 0.0)
+"""Of a scan that a blade is built from."""
+TILE_COLUMN = Each(750, 0.0)
+"""Of the lattice over one tile, which is polygonized: two faces, and hairs."""
+SHEET_TRIANGLE = Each(800, 0.0)
+"""Of a blade without micro-structure."""
+TRIANGLE = Each(60, 0.0)
+"""Of a mesh that is made or read: vertices, corners and labels, once as arrays and once as Open3D's."""
+REMESHED_TRIANGLE = Each(650, 0.0)
+"""Of a mesh before or after remeshing, whichever has more."""
+FILED_TRIANGLE = Each(240, 0.0)
+"""Of a mesh that is read from a file or written to one."""
+PARTICLE = Each(65, 0.0)
+"""Of particles that fill a solid."""
+SAMPLE = Each(150, 0.0)
+"""Of the samples that particles on a surface are chosen among."""
+CROSSING = Each(100, 0.0)
+"""Of a grid's columns through a closed mesh."""
+REPORTED_TRIANGLE = Each(215, 0.0)
+"""Of a mesh that is reported on."""
+CLEANED_TRIANGLE = Each(400, 0.0)
+"""Of a mesh that is cleaned."""
+SIMPLIFIED_TRIANGLE = Each(545, 0.0)
+"""Of a mesh that is simplified."""
+DRAWN_TRIANGLE = Each(185, 0.0)
+"""Of a mesh in a picture."""
