@@ -1,6 +1,7 @@
 """Volumes from files: one module a family of formats, each to an array and what the file states of it.
 
 `stated`    what a file says of its voxels, and what it does not; the order of axes
+`tiff_pages`  the chain of a TIFF's pages, whole or not
 `tiff`      TIFF stacks in and out
 `slices`    folders of TIFF and PNG slices
 `bare`      NPY, NPZ, and bare numbers of a given layout

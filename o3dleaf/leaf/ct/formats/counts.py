@@ -1,6 +1,5 @@
 """About how many voxels a file has, before it is read."""
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -41,11 +40,5 @@ def _in_file(path: Path) -> int:
 
 
 def _in_tiff(path: Path) -> int:
-    logger = logging.getLogger("tifffile")
-    before = logger.disabled
-    logger.disabled = True
-    try:
-        with tifffile.TiffFile(path) as file:
-            return int(np.prod(file.series[0].shape, dtype=object))
-    finally:
-        logger.disabled = before
+    with tiff.complaints(path), tifffile.TiffFile(path) as file:
+        return int(np.prod(file.series[0].shape, dtype=object))

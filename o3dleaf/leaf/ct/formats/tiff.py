@@ -1,6 +1,7 @@
 """TIFF stacks: their pages and the lengths that they state, checked before anything is allocated."""
 
 import logging
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fractions import Fraction
@@ -18,6 +19,7 @@ from o3dleaf.core.atomic_files import whole_file
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.units import METERS, check_unit
 from o3dleaf.leaf.ct.formats.stated import Stated, turn_to_xyz
+from o3dleaf.leaf.ct.formats.tiff_pages import require_whole_chain
 from o3dleaf.leaf.ct.volume import Volume
 
 MAX_RATIO = 2000
@@ -35,12 +37,15 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         If the file is not a TIFF, is truncated, is in color or holds more than one stack.
     """
     try:
-        with _complaints(path), tifffile.TiffFile(path, _multifile=False) as tiff:
+        require_whole_chain(path)
+        with complaints(path), tifffile.TiffFile(path, _multifile=False) as tiff:
             _require_one_file(tiff, path)
             stack = _one_gray_series(tiff, path)
             _require_complete(tiff, stack, path)
             lattice = _stated(tiff)
-            offset = stack.dataoffset if stack.dtype.isnative and stack.nbytes > 0 else None
+            # tifffile names the type without the order of its bytes.
+            mapped = stack.dtype.newbyteorder(tiff.byteorder).isnative and stack.nbytes > 0
+            offset = stack.dataoffset if mapped else None
             pages = stack.asarray() if offset is None else np.memmap(path, stack.dtype, "r", offset, stack.shape)
             return np.asarray(pages).reshape(_three(stack.shape)), lattice
     except (InputError, MemoryError):
@@ -95,10 +100,13 @@ def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
 
 
 @contextmanager
-def _complaints(path: Path) -> Iterator[None]:
-    """Raise what tifffile logs: of a page that is missing it only says so, and of a million of them a million times."""
+def complaints(path: Path) -> Iterator[None]:
+    """Raise what tifffile logs in this thread: of a tag that it cannot read it only says so, a million times."""
+    own = threading.get_ident()
 
     def refuse(record: logging.LogRecord) -> None:
+        if record.thread != own:
+            return
         said = " ".join(record.getMessage().split())
         raise InputError(f"{path}: is truncated or broken ({said}); copy or export it again")
 

@@ -1,6 +1,7 @@
 """What is written is read again; what a file does not say is asked for; what is broken is refused in one line."""
 
 import errno
+import logging
 import sys
 
 import numpy as np
@@ -42,6 +43,15 @@ def test_round_trip_with_three_different_sizes(tmp_path, volume, kind):
     assert_same(read, volume)
     assert np.array_equal(tifffile.imread(tmp_path / "v.tif"), pages(volume))
     assert [f.name for f in tmp_path.iterdir()] == ["v.tif"]
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_bytes_in_either_order_are_the_same_numbers(tmp_path, order, kind):
+    """Fiji writes the most significant one first."""
+    stack = np.arange(5 * 16 * 17).reshape(5, 16, 17).astype(kind)
+    tifffile.imwrite(tmp_path / "v.tif", stack, metadata=None, photometric="minisblack", byteorder=order)
+    assert np.array_equal(read_volume(tmp_path / "v.tif", spacing=1.0).data, np.transpose(stack))
 
 
 def test_doubles_become_single_precision_and_a_unit_may_be_missing(tmp_path, volume):
@@ -153,6 +163,21 @@ def test_without_simpleitk_the_message_says_what_to_install(tmp_path, monkeypatc
     monkeypatch.setitem(sys.modules, "SimpleITK", None)
     with pytest.raises(o3l.errors.InputError, match=r"pip install 'o3dleaf\[formats\]'"):
         read_volume(tmp_path / "v.nrrd")
+
+
+@pytest.mark.parametrize("options", [{}, {"bigtiff": True}, {"byteorder": ">"}, {"compression": "zlib"}])
+def test_pages_that_are_missing_are_noticed_whatever_becomes_of_logs(tmp_path, volume, options, monkeypatch):
+    """tifffile only logs it, and gives the pages before them for the stack."""
+    monkeypatch.setattr(logging.getLogger("tifffile"), "disabled", True)
+    tifffile.imwrite(tmp_path / "v.tif", pages(volume), metadata=None, **options)
+    assert np.array_equal(read_volume(tmp_path / "v.tif", spacing=1.0).data, volume.data)
+    with tifffile.TiffFile(tmp_path / "v.tif") as tiff:
+        ends = [page.offset for page in tiff.pages]
+    content = (tmp_path / "v.tif").read_bytes()
+    for end in ends[1:]:
+        (tmp_path / "v.tif").write_bytes(content[:end])
+        with pytest.raises(o3l.errors.InputError, match=r"page .* is not where"):
+            read_volume(tmp_path / "v.tif", spacing=1.0)
 
 
 @pytest.mark.parametrize(("imagej", "compression"), [(True, None), (False, None), (False, "zlib")])
