@@ -15,7 +15,6 @@ RECORDS = {
     **dict.fromkeys(
         ("LabelledMesh", "Particles", "view.Inset", "view.Points", "view.Scalars"), "checked where it is used"
     ),
-    **dict.fromkeys(("set_memory_limit",), "the same as memory_limit, for all of the process"),
     **dict.fromkeys(("view.show", "view.pick_midrib"), "opens a window"),
 }
 """Public names that no row calls."""

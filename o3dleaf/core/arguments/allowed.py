@@ -38,6 +38,13 @@ def shown(value: object) -> str:
     return f"of type {type(value).__name__}"
 
 
+def plain(value: Any) -> Any:
+    """Return a number of NumPy's as Python's: single precision and arrays of one make other types of what follows."""
+    if not isinstance(value, np.ndarray | np.generic) or value.ndim or value.dtype.kind not in "buif":
+        return value
+    return float(value) if value.dtype.kind == "f" else value.item()
+
+
 def is_number(value: Any) -> bool:
     """Return whether a value is a real number, and no NaN; NumPy's numbers and arrays of one are."""
     if isinstance(value, np.ndarray):

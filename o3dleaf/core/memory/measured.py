@@ -42,3 +42,7 @@ SIMPLIFIED_TRIANGLE = 545
 """Of a mesh that is simplified."""
 DRAWN_TRIANGLE = 185
 """Of a mesh in a picture."""
+DRAWN_POINT = 800
+"""Of a synthetic scan whose points are drawn at random: tried, four to each."""
+PLACE = 80
+"""Of the lattice that the points of a synthetic scan are taken from."""
