@@ -88,11 +88,11 @@ def _as_it_is(value: Any) -> Any:
 
 def perform(job: Job) -> int:
     """Do a job as its command does, and return the exit code."""
+    if isinstance(job, LongJob) and job.threads is not None:
+        set_num_threads(job.threads)
+    if job.only_estimate:
+        return show_estimate(job)
     if isinstance(job, LongJob):
-        if job.threads is not None:
-            set_num_threads(job.threads)
-        if job.only_estimate:
-            return show_estimate(job)
         # Systems of a few unknowns take ten times as long where BLAS wakes a thread for each core.
         with show_progress(quiet=job.quiet), single_threaded_blas():
             summary = job.run()
@@ -103,7 +103,7 @@ def perform(job: Job) -> int:
     return job.exit_code(summary)
 
 
-def show_estimate(job: LongJob) -> int:
+def show_estimate(job: Job) -> int:
     """Print how much memory a job will need and how much there is, and return the exit code: 2 if that is less."""
     from o3dleaf.core.memory.budget import memory_limit, usable_memory
     from o3dleaf.core.memory.sizes import size_in_words

@@ -120,20 +120,28 @@ def table(names: Names) -> tuple[str, ...]:
     return (entries,) if isinstance(entries, str) else tuple(entries)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Job(ABC):
     """The request of a command; its docstring and its fields are the command's help."""
+
+    memory: str | None = option(
+        None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
+    )
+    only_estimate: bool = option(False, "Say how much memory it will need, and do nothing.", "--estimate")
 
     @abstractmethod
     def work(self) -> Any:
         """Do it, and return a summary of what was done."""
 
     def run(self) -> Any:
-        """Refuse what cannot be done, and what needs more memory than there is; then work, and return the summary."""
-        self.check()
-        for need in self.estimate():
-            need.require()
-        return self.work()
+        """Refuse what cannot be done, or needs more memory than is allowed; then work, and return the summary."""
+        from o3dleaf.core.memory.budget import memory_limit  # noqa: PLC0415 - the help does without
+
+        with memory_limit(self.memory):
+            self.check()
+            for need in self.estimate():
+                need.require()
+            return self.work()
 
     def estimate(self) -> "list[MemoryNeed]":
         """Return what the work will need, as far as options and the heads of files tell; a job says what it knows."""
@@ -216,18 +224,7 @@ class LongJob(Job):
     """A job that takes a while: on several threads, with its progress shown."""
 
     threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
-    memory: str | None = option(
-        None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
-    )
-    only_estimate: bool = option(False, "Say how much memory it will need, and do nothing.", "--estimate")
     quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
-
-    def run(self) -> Any:
-        """Refuse what cannot be done, or needs more memory than is allowed; then work, and return the summary."""
-        from o3dleaf.core.memory.budget import memory_limit  # noqa: PLC0415 - the help does without
-
-        with memory_limit(self.memory):
-            return super().run()
 
     def lines(self, summary: Any) -> list[str]:
         """Return the lines that the terminal shows at the end; none if quiet."""

@@ -46,3 +46,13 @@ DRAWN_POINT = 800
 """Of a synthetic scan whose points are drawn at random: tried, four to each."""
 PLACE = 80
 """Of the lattice that the points of a synthetic scan are taken from."""
+MADE_VOXEL = 16
+"""Of a synthetic volume."""
+SAMPLES = 60_000_000
+"""Bytes of all of the samples together."""
+PIXEL = 150
+"""Of a picture, beside what is drawn."""
+MEASURED_POINT = 155
+"""Of a cloud of which `info` tells: read, and the distance of the nearest point to each."""
+LOOKED_AT_VOXEL = 2
+"""Of a volume of which `info` tells: mapped, and its histogram taken."""
