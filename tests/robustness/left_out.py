@@ -1,6 +1,4 @@
-"""What is not in the table, and why; and the rows of it that do not hold yet."""
-
-from pathlib import Path
+"""What is not in the table, and why."""
 
 RECORDS = {
     **dict.fromkeys(("FitQuality", "MeshReport", "samples.Feet", "samples.LeafScan", "samples.ScanSample"), "a result"),
@@ -42,6 +40,3 @@ INNER = {
 
 UNCHANGED = {"dtype"}
 """Arguments that no row spoils: NumPy tells of a type that there is not."""
-
-KNOWN = frozenset((Path(__file__).parent / "known.txt").read_text(encoding="utf-8").splitlines())
-"""Rows that do not hold yet."""
