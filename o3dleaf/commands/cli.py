@@ -3,7 +3,7 @@
 import inspect
 import sys
 from dataclasses import MISSING, Field
-from typing import Annotated, Any, NoReturn, get_type_hints
+from typing import Annotated, Any, NoReturn, cast, get_type_hints
 
 import typer
 
@@ -133,7 +133,7 @@ for _name, _job in JOBS.items():
     add_command(app, _name, _job)
 
 
-UsageError = typer.BadParameter.__bases__[0]
+UsageError = cast(type[Exception], typer.BadParameter.__bases__[0])
 """What typer raises for words that it cannot read; it has no name of its own there."""
 
 

@@ -94,7 +94,7 @@ def _about_the_origin(shot: Shot) -> Shot:
     power of two no digit is lost: the picture is the same to the bit.
     """
     camera = shot.camera
-    scale = 2.0 ** -np.round(np.log2(camera.width))
+    scale = float(2.0 ** -round(np.log2(camera.width)))
     near = replace(camera, target=np.zeros(3), width=scale * camera.width, height=scale * camera.height)
     return replace(shot, vertices=scale * (shot.vertices - camera.target), camera=near)
 
