@@ -285,10 +285,10 @@ def main():
                 table.add_row(name, f"{size:,}", ended.stderr.strip().splitlines()[-1])
                 continue
             row = json.loads(ended.stdout.splitlines()[-1])
-            foretold, microseconds = (SAFETY * each * row["items"] for each in CASES[name].each)
-            megabytes = [f"{each / 1e6:,.0f}" for each in (row["held"], row["reserved"], foretold)]
+            foretold = CASES[name].each * (SAFETY * row["items"])
+            megabytes = [f"{each / 1e6:,.0f}" for each in (row["held"], row["reserved"], foretold.bytes)]
             each = [f"{unit * row[kind] / row['items']:.3g}" for kind, unit in (("held", 1), ("seconds", 1e6))]
-            seconds = f"{row['seconds']:.1f}", each[1], f"{1e-6 * microseconds:.1f}"
+            seconds = f"{row['seconds']:.1f}", each[1], f"{foretold.seconds:.1f}"
             table.add_row(name, f"{row['items']:,}", megabytes[0], each[0], *megabytes[1:], *seconds)
     Console(width=130).print(table)
 

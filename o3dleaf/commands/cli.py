@@ -3,7 +3,7 @@
 import inspect
 import sys
 from dataclasses import MISSING, Field
-from typing import Annotated, Any, NoReturn, get_type_hints
+from typing import Annotated, Any, NoReturn, cast, get_type_hints
 
 import typer
 
@@ -88,11 +88,11 @@ def _as_it_is(value: Any) -> Any:
 
 def perform(job: Job) -> int:
     """Do a job as its command does, and return the exit code."""
+    if isinstance(job, LongJob) and job.threads is not None:
+        set_num_threads(job.threads)
+    if job.only_estimate:
+        return show_estimate(job)
     if isinstance(job, LongJob):
-        if job.threads is not None:
-            set_num_threads(job.threads)
-        if job.only_estimate:
-            return show_estimate(job)
         # Systems of a few unknowns take ten times as long where BLAS wakes a thread for each core.
         with show_progress(quiet=job.quiet), single_threaded_blas():
             summary = job.run()
@@ -103,7 +103,7 @@ def perform(job: Job) -> int:
     return job.exit_code(summary)
 
 
-def show_estimate(job: LongJob) -> int:
+def show_estimate(job: Job) -> int:
     """Print what a job will need of memory and time, and what there is; return the exit code: 2 if that is less."""
     from o3dleaf.core.resources.budget import memory_limit, time_limit, usable_memory
     from o3dleaf.core.resources.sizes import size_in_words
@@ -133,10 +133,16 @@ for _name, _job in JOBS.items():
     add_command(app, _name, _job)
 
 
+UsageError = cast(type[Exception], typer.BadParameter.__bases__[0])
+"""What typer raises for words that it cannot read; it has no name of its own there."""
+
+
 def main() -> None:
-    """Run the command line; an error of ours, or memory that ran out, is one line and exit code 2."""
+    """Run the command line; an error of ours, of usage, or memory that ran out, is one line and exit code 2."""
     try:
-        app(standalone_mode=True)
+        sys.exit(app(standalone_mode=False))
+    except UsageError as error:
+        _end(_misused(error))
     except O3DLeafError as error:
         _end(" ".join(str(error).split()))
     except MemoryError as error:
@@ -146,6 +152,16 @@ def main() -> None:
         if NO_THREAD not in str(error):
             raise
         _end(_out_of_memory(error))
+
+
+def _misused(error: Any) -> str:
+    """Return the line for words that are no command line; without any the help was shown, and that is all."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        sys.exit(error.exit_code)
+    said = " ".join(error.format_message().split()).rstrip(".")
+    command = next((word for word in sys.argv[1:2] if word in JOBS), None)
+    where, program = (f"{command}: ", f"o3dleaf {command}") if command else ("", "o3dleaf")
+    return f"{where}{said[:1].lower()}{said[1:]}; see {program} --help"
 
 
 def _out_of_memory(error: Exception) -> str:

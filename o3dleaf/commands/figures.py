@@ -11,6 +11,7 @@ from o3dleaf.core.job import LongJob, ScanOptions, argument, option, words_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.output.figures.draw import Drawn
@@ -50,6 +51,17 @@ class FiguresJob(SampleOption, ScanOptions, CtOptions, LongJob):
             raise InputError(
                 "scan: is missing; give one with the CT volume or midrib, or a model, or no file to draw the samples"
             )
+
+    def estimate(self) -> "list[Need]":
+        """Return what scan and volume take, or the samples; a model that was saved is drawn as it is read."""
+        from o3dleaf.core.resources.measured import SAMPLES
+        from o3dleaf.core.resources.needs import need_of
+        from o3dleaf.io.clouds.counts import count_points
+        from o3dleaf.leaf.pipeline import need_for_blade
+
+        if self.scan is None:
+            return [] if self.model is not None else [need_of(SAMPLES, "samples", "close other programs")]
+        return [*(self.need_for(self.ct) if self.ct else []), need_for_blade(count_points(self.scan))]
 
     @property
     def wanted(self) -> tuple[list[str], list[str] | None]:

@@ -12,6 +12,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
 if TYPE_CHECKING:
+    from o3dleaf.core.resources.needs import Need
     from o3dleaf.leaf.ct.volume import Volume
 
 
@@ -33,6 +34,21 @@ class InfoJob(UnitOption, Job):
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
         return is_folder(self.file) or self.file.name.lower().endswith(volumes)
+
+    def estimate(self) -> "list[Need]":
+        """Return what the voxels, the triangles or the points of the file take."""
+        from o3dleaf.core.resources import measured
+        from o3dleaf.core.resources.needs import need_of
+        from o3dleaf.io.geometry import count_geometry
+        from o3dleaf.leaf.ct.formats.counts import count_voxels
+
+        if self.volume_file:
+            voxels = count_voxels(self.file)
+            return [need_of(measured.LOOKED_AT_VOXEL * voxels, f"info: {voxels:,} voxels", "crop the volume")]
+        triangles, points = count_geometry(self.file)
+        held = measured.REPORTED_TRIANGLE * triangles + measured.MEASURED_POINT * points
+        what = f"{triangles:,} triangles" if triangles else f"{points:,} points"
+        return [need_of(held, f"info: {what}", "simplify the mesh, or thin the cloud, first")]
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""

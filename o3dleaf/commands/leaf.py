@@ -32,10 +32,13 @@ if TYPE_CHECKING:
 
     from o3dleaf.core.resources.needs import Need
     from o3dleaf.leaf.blade.blade import Blade
+    from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.fit_quality import FitQuality
     from o3dleaf.leaf.mesh_step import MeshStep
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
+    from o3dleaf.leaf.texture.patches import PatchBlend
+    from o3dleaf.leaf.texture.tiling import TiledField
 
 MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
@@ -150,12 +153,34 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         require_reduction(self.simplify, self.remesh_tile)
 
     def estimate(self) -> "list[Need]":
-        """Return what scan and volume take; what the mesh takes is known when they are read."""
+        """Return what scan and volume take, by their heads; if that is all that is asked, the mesh too."""
         from o3dleaf.io.clouds.counts import count_points
+        from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.pipeline import need_for_blade
 
         needs = [] if self.ct is None else self.need_for(self.ct)
-        return [*needs, need_for_blade(count_points(self.scan))]
+        needs.append(need_for_blade(count_points(self.scan)))
+        if self.only_estimate and self.spacing is not None:
+            for need in needs:
+                need.require()
+            scan = read_point_cloud(self.scan, columns=self.columns)
+            needs += self.need_for_mesh(scan, None if self.ct is None else self.read_patch(self.ct))
+        return needs
+
+    def need_for_mesh(
+        self, scan: "o3d.geometry.PointCloud", patch: "Volume | TiledField | PatchBlend | None"
+    ) -> "list[Need]":
+        """Return what the mesh takes at least, where its spacing was given; one that is chosen fits the data."""
+        from o3dleaf.core.cloud_arrays import points_of
+        from o3dleaf.leaf.mesh_needs import need_for_sheet, need_for_tile
+
+        if self.spacing is None:
+            return []
+        if patch is not None:
+            return [need_for_tile(patch, self.spacing, self.scan_unit)]
+        window = self.window or WINDOW_MM * unit_scale("mm", self.scan_unit)
+        region = self.region if self.around is None else ((0.0, 0.0), (window, window))
+        return [need_for_sheet(points_of(scan, "scan"), self.spacing, region)]
 
     def work(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""
@@ -174,6 +199,8 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             scan = read_point_cloud(self.scan, columns=self.columns)
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
+        for need in self.need_for_mesh(scan, patch):
+            need.require()
         leaf = surface = None
         with self.refusals_shown(scan):
             if patch is None:

@@ -2,9 +2,13 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.job import Job, argument, option
+
+if TYPE_CHECKING:
+    from o3dleaf.core.resources.needs import Need
 
 
 @dataclass(frozen=True)
@@ -14,6 +18,13 @@ class SampleJob(Job):
     folder: Path = argument("Folder to write into.")
     seed: Whole = option(0, "Seed of the synthetic leaf.")
     leaves: bool = option(False, "Scans of curled, twisted, eaten, lobed and other leaves as well.", "--leaves")
+
+    def estimate(self) -> "list[Need]":
+        """Return what the samples take, which are always of one size."""
+        from o3dleaf.core.resources.measured import SAMPLES
+        from o3dleaf.core.resources.needs import need_of
+
+        return [need_of(SAMPLES, "samples", "close other programs")]
 
     def work(self) -> list[Path]:
         """Write the samples, and return their files."""

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from o3dleaf.commands.render import need_for_pictures
 from o3dleaf.core.job import Job, argument, output
 
 if TYPE_CHECKING:
     from o3dleaf.core.checks import FloatArray
+    from o3dleaf.core.resources.needs import Need
 
 
 @dataclass(frozen=True)
@@ -15,6 +17,10 @@ class ViewJob(Job):
     """Show meshes and point clouds in Open3D's window."""
 
     files: list[Path] = argument("Meshes and point clouds.", reads=True)
+
+    def estimate(self) -> "list[Need]":
+        """Return what they take, as in a picture."""
+        return [need_for_pictures(self.files)]
 
     def work(self) -> None:
         """Show them until the window is closed."""
@@ -30,6 +36,10 @@ class PickJob(Job):
 
     scan: Path = argument("Point cloud of one leaf.", reads=True)
     output: Path = output((".ply",))
+
+    def estimate(self) -> "list[Need]":
+        """Return what the points take, as in a picture."""
+        return [need_for_pictures([self.scan])]
 
     def work(self) -> "FloatArray":
         """Write the points that were picked, and return them."""

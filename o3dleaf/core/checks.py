@@ -70,6 +70,15 @@ def as_lengths(values: npt.ArrayLike, name: str) -> FloatArray:
     return lengths
 
 
+def as_pairs(first: npt.ArrayLike, second: npt.ArrayLike, names: tuple[str, str]) -> tuple[FloatArray, FloatArray]:
+    """Return two rows of lengths as (n,) each, one of either for all of the other, or raise `InputError`."""
+    a, b = (as_lengths(values, name) for values, name in zip((first, second), names, strict=True))
+    if a.ndim > 1 or b.ndim > 1 or (len(a) != len(b) and 1 not in {len(a), len(b)}):
+        raise InputError(f"{names[0]}, {names[1]}: have shapes {a.shape} and {b.shape}; give rows of one length")
+    both = np.broadcast_arrays(a, b)
+    return both[0], both[1]
+
+
 def as_points(points: npt.ArrayLike, name: str = "points", *, dim: int | None = None, least: int = 0) -> FloatArray:
     """Return `points` as a finite (n, d) float64 array in the one layout that loops are compiled for.
 
@@ -110,6 +119,11 @@ def as_sites(
     return require_size(as_points(points, name, dim=dim, least=least), name, largest=largest)
 
 
+def as_near(places: npt.ArrayLike, bounds: FloatArray, name: str = "points") -> FloatArray:
+    """Return places to evaluate at as `as_points` does, if they are near a box (2, d), as `require_near` has it."""
+    return require_near(as_points(places, name, dim=bounds.shape[1]), bounds, name)
+
+
 def require_near(places: FloatArray, bounds: FloatArray, name: str) -> FloatArray:
     """Return places (n, d) if none is farther from a box than `FAR_BOXES` times its size, else raise `InputError`."""
     low, high = bounds
@@ -118,6 +132,16 @@ def require_near(places: FloatArray, bounds: FloatArray, name: str) -> FloatArra
     if far.any():
         raise InputError(f"{name}: {far.sum():,} lie {FAR_BOXES:.0e} times its size away from it; give places nearby")
     return places
+
+
+def require_reach(local: FloatArray, name: str) -> FloatArray:
+    """Return places (n, d), measured in radii of the data, if powers of their distances stay within float64."""
+    farthest = float(np.abs(local).max(initial=0.0))
+    if farthest > LARGEST:
+        raise InputError(
+            f"{name}: lie {farthest:.3g} times the size of the data away from it; give places within {LARGEST:.0e}"
+        )
+    return local
 
 
 def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> FloatArray:
@@ -150,9 +174,19 @@ def as_values(values: npt.ArrayLike, count: int, name: str = "values", *, column
     if array.shape != (count,) and not (columns and array.ndim == 2 and len(array) == count and array.shape[1]):
         wanted = f"({count},) or ({count}, m)" if columns else f"({count},)"
         raise InputError(f"{name}: has shape {array.shape}; give one value per point, shape {wanted}")
-    if array.size and np.abs(require_finite(array, name)).max() > FARTHEST:
-        raise InputError(f"{name}: reach {np.abs(array).max():.3g}; give them in a unit in which they stay below 1e100")
-    return array
+    return require_moderate(array, name)
+
+
+def require_moderate(values: npt.NDArray[Any], name: str) -> npt.NDArray[Any]:
+    """Return values of any shape if all are finite and none is beyond `FARTHEST`, else raise `InputError`."""
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    if not (np.isfinite(low) and np.isfinite(high)):
+        require_finite(values, name)
+    if max(-low, high) > FARTHEST:
+        raise InputError(
+            f"{name}: reach {max(-low, high):.3g}; give them in a unit in which they stay below {FARTHEST:.0e}"
+        )
+    return values
 
 
 def as_answers(answers: Any, count: int) -> npt.NDArray[Any]:
@@ -313,7 +347,7 @@ def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
         # Slab by slab in the file's own order, so that a mapped file is read once and never held whole.
         axis = int(np.argmax(voxels.strides))
         for i in range(voxels.shape[axis]):
-            require_finite(voxels.take(i, axis=axis), f"{name}, slab {i} along axis {axis}")
+            require_moderate(voxels.take(i, axis=axis), f"{name}, slab {i} along axis {axis}")
     return voxels
 
 

@@ -120,20 +120,33 @@ def table(names: Names) -> tuple[str, ...]:
     return (entries,) if isinstance(entries, str) else tuple(entries)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Job(ABC):
     """The request of a command; its docstring and its fields are the command's help."""
+
+    memory: str | None = option(
+        None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
+    )
+    time: str | None = option(
+        None, "Time that it may be predicted to take, such as 10min (any, by default); more is refused before the work."
+    )
+    only_estimate: bool = option(
+        False, "Say how much memory it will need, and how long it will take, and do nothing.", "--estimate"
+    )
 
     @abstractmethod
     def work(self) -> Any:
         """Do it, and return a summary of what was done."""
 
     def run(self) -> Any:
-        """Refuse what cannot be done, or needs more memory than there is; then work, and return the summary."""
-        self.check()
-        for need in self.estimate():
-            need.require()
-        return self.work()
+        """Refuse what cannot be done, or needs more than is allowed; then work, and return the summary."""
+        from o3dleaf.core.resources.budget import memory_limit, time_limit  # noqa: PLC0415 - the help does without
+
+        with memory_limit(self.memory), time_limit(self.time):
+            self.check()
+            for need in self.estimate():
+                need.require()
+            return self.work()
 
     def estimate(self) -> "list[Need]":
         """Return what the work will need, as far as options and the heads of files tell; a job says what it knows."""
@@ -216,23 +229,7 @@ class LongJob(Job):
     """A job that takes a while: on several threads, with its progress shown."""
 
     threads: int | None = option(None, "Threads; all cores by default. Results do not depend on it.")
-    memory: str | None = option(
-        None, "Memory to hold at most, such as 2GB (what the machine has, by default); more is refused before the work."
-    )
-    time: str | None = option(
-        None, "Time that it may be predicted to take, such as 10min (any, by default); more is refused before the work."
-    )
-    only_estimate: bool = option(
-        False, "Say how much memory it will need, and how long it will take, and do nothing.", "--estimate"
-    )
     quiet: bool = option(False, "Show no progress.", "--quiet", "-q")
-
-    def run(self) -> Any:
-        """Refuse what cannot be done, or needs more than is allowed; then work, and return the summary."""
-        from o3dleaf.core.resources.budget import memory_limit, time_limit  # noqa: PLC0415 - the help does without
-
-        with memory_limit(self.memory), time_limit(self.time):
-            return super().run()
 
     def lines(self, summary: Any) -> list[str]:
         """Return the lines that the terminal shows at the end; none if quiet."""

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.atomic_files import require_free, whole_file
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 
@@ -45,6 +45,7 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     after files had been written keeps its name there: a field by ``field(metadata={"stored": "name in the file"})``, a
     class by an attribute ``stored_class = "name in the file"`` of its own.
     """
+    target = require_writable(path)
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
     header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
@@ -56,8 +57,8 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
     text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
-    require_free(path, PREFIX.size + len(text) + offset)
-    with whole_file(path) as temporary, temporary.open("wb") as stream:
+    require_free(target, PREFIX.size + len(text) + offset)
+    with whole_file(target) as temporary, temporary.open("wb") as stream:
         stream.write(PREFIX.pack(MAGIC, len(text), zlib.crc32(text)))
         stream.write(text)
         for array in arrays:

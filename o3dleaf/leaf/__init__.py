@@ -26,6 +26,7 @@ Composed, they are one implicit function of the whole leaf.
 `multiscale`      `MultiscaleLeaf`: all of it together
 `options`         options of building a leaf
 `mesh_step`       the step of a mesh where none was asked for
+`mesh_needs`     what its mesh will take at least, before it is fitted
 `paper_pipeline`  a scan to the paper's blade
 `pipeline`        scan and volume to a leaf
 `saved`           models that were saved, read again

@@ -135,7 +135,11 @@ def need_for_texture(voxels: int) -> Need:
 
 def need_for_blade(points: int) -> Need:
     """Return what the blade of a scan of so many points takes."""
-    return need_of(measured.BLADE_POINT * points, f"blade: {points:,} points", "thin the scan, by voxel_down_sample")
+    return need_of(
+        measured.BLADE + measured.BLADE_POINT * points,
+        f"blade: {points:,} points",
+        "thin the scan, by voxel_down_sample",
+    )
 
 
 @checked

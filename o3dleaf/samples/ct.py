@@ -9,6 +9,8 @@ from o3dleaf.core.arguments.kinds import Finite, NotNegative, Positive, Whole
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.micro import WheatPatch
 
@@ -20,6 +22,8 @@ FLOOR = -200.0
 """Lower side of the patch; the blade's middle is at 0, in micrometers."""
 MARGIN = 60.0
 """No hair and no pocket comes nearer to the edge of the patch, in micrometers."""
+LARGEST_EXTENT = 10_000.0
+"""Of a patch, in micrometers: hairs are set one after another, each away from all before it."""
 BLUR = 0.6
 """Standard deviation of the scanner's point spread, in voxels."""
 GRAIN = 0.4
@@ -72,8 +76,15 @@ def wheat_ct(
         If the spacing is not above zero or the patch is too small for a hair.
     """
     step, extent = require_positive(spacing, "spacing"), np.asarray(size, dtype=np.float64)
-    if extent.shape != (3,) or (extent < [600.0, 600.0, 480.0]).any():
-        raise InputError(f"size: is {size}; give at least 600, 600 and 480 micrometers, room for a hair and for air")
+    if extent.shape != (3,) or (extent < [600.0, 600.0, 480.0]).any() or extent.max() > LARGEST_EXTENT:
+        raise InputError(
+            f"size: is {size}; give at least 600, 600 and 480 micrometers, room for a hair and for air, and at most "
+            f"{LARGEST_EXTENT:,.0f}"
+        )
+    with np.errstate(over="ignore"):
+        count = float(np.prod(extent / step))
+    cure = "give a larger one"
+    require_resources(measured.MADE_VOXEL * count, f"spacing: {in_words(count)} voxels", cure, step=step, power=3)
     shape = np.round(extent / step).astype(int)
     low = np.array([0.0, 0.0, FLOOR])
     leaf_seed, noise_seed = np.random.SeedSequence(seed).spawn(2)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks import FloatArray, as_near
 from o3dleaf.samples.domain import evaluate
 
 LEAF = 0.2
@@ -79,7 +79,7 @@ class WheatPatch:
 
     def faces(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return the heights (n,) of the adaxial and the abaxial face, without hairs, at (n, 2) points (x, y)."""
-        (top, _), (bottom, _) = self._faces(as_points(points, dim=2))
+        (top, _), (bottom, _) = self._faces(as_near(points, self.bounds[:, :2]))
         return top, bottom
 
     def inside(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -138,6 +138,8 @@ class WheatPatch:
 
 def _near(points: FloatArray, centers: FloatArray, half: FloatArray) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
     """Yield each box (m, d) that meets the points, with the rows of the points in it."""
+    if not len(points):
+        return
     low, high = np.array([(column.min(), column.max()) for column in points.T]).T
     for j in np.flatnonzero(((centers - half < high) & (centers + half > low)).all(axis=1)):
         rows = np.flatnonzero(abs(points[:, 0] - centers[j, 0]) < half[j, 0])

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.checks import FloatArray, as_lengths, as_number, as_points, as_row
+from o3dleaf.core.checks import FloatArray, as_lengths, as_near, as_number, as_pairs, as_row
 from o3dleaf.samples.domain import evaluate
 
 NODES = 401
@@ -114,13 +114,13 @@ class WheatBlade:
 
     def height(self, along: npt.ArrayLike, across: npt.ArrayLike) -> FloatArray:
         """Return H (n,) above the axis's (along, across) plane, in millimeters: the fold and the wavy margins."""
-        t, v = (as_lengths(each, name) for each, name in ((along, "along"), (across, "across")))
+        t, v = as_pairs(along, across, ("along", "across"))
         fold = 0.28 * (1 - 0.7 * t / self.length) * (np.sqrt(v**2 + 1.0) - 1.0)
         return fold + 0.006 * v**2 * np.sin(2 * np.pi * t / 47.0 + 0.5 * np.tanh(v))
 
     def surface(self, along: npt.ArrayLike, across: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) world points of the blade at leaf coordinates (n,) along and (n,) across."""
-        t, v = np.broadcast_arrays(as_lengths(along, "along"), as_lengths(across, "across"))
+        t, v = as_pairs(along, across, ("along", "across"))
         _, a, n = self.frame(t)
         return self.axis(t) + v[:, np.newaxis] * a + self.height(t, v)[:, np.newaxis] * n
 
@@ -130,7 +130,7 @@ class WheatBlade:
         The search starts at the nearest of a fine set of seeds and is refined by damped Gauss-Newton
         steps that keep to the blade.
         """
-        p = as_points(points, dim=3)
+        p = as_near(points, self.bounds)
         tree, stations = self._seeds
         x = stations[tree.query(p)[1]]
         miss, damping = ((p - self._at(x)) ** 2).sum(axis=1), np.full(len(p), 1e-6)
@@ -139,7 +139,7 @@ class WheatBlade:
             trial = np.clip(x + step, [0.0, -1.0], [self.length, 1.0])
             trial_miss = ((p - self._at(trial)) ** 2).sum(axis=1)
             better = trial_miss < miss
-            settled = abs(trial - x).max() < 1e-9
+            settled = abs(trial - x).max(initial=0.0) < 1e-9
             x, miss = np.where(better[:, np.newaxis], trial, x), np.where(better, trial_miss, miss)
             damping = np.where(better, 0.2 * damping, 10.0 * damping)
             if settled:

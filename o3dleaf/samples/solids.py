@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Whole
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_near, require_positive
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK, evaluate
 
@@ -93,7 +93,7 @@ class Solid(ABC):
         InputError
             If a point is not finite.
         """
-        where = as_points(points, dim=3)
+        where = as_near(points, self.bounds)
         closest = Feet(np.empty_like(where), np.empty_like(where), np.empty(len(where)))
 
         def task(start: int, stop: int) -> None:

@@ -1,5 +1,7 @@
 """The same bytes whatever the place, the language, the hash seed, the optimization or the number of threads."""
 
+import hashlib
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -78,6 +80,50 @@ def test_code_that_was_just_compiled_gives_the_same_bytes(tmp_path, monkeypatch)
     fresh = sum_of(SMALL, tmp_path, "C")
     assert any((tmp_path / "cache").rglob("*.code"))
     assert cached == fresh == sum_of(SMALL, tmp_path, "optimized")
+
+
+@pytest.fixture
+def _threads_as_before():
+    from o3dleaf.core.parallel import get_num_threads, set_num_threads
+
+    before = get_num_threads()
+    yield
+    set_num_threads(before)
+
+
+def fit_and_extract(threads):
+    """The bytes of a fit, of its gradients and of its surface, on some threads; at the top, where spawn finds it."""
+    import o3dleaf as o3l
+    from o3dleaf.core.parallel import set_num_threads
+
+    set_num_threads(threads)
+    points, _ = o3l.samples.Torus().sample(600, seed=3)
+    field = o3l.PUInterpolant.fit(points, np.sin(points @ [9.0, 7.0, 8.0]), points_per_ball=(30, 60))
+    mesh = o3l.extract_isosurface(field, 0.1)
+    parts = field(points), field.gradient(points), np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+    assert len(parts[-1]) > 100
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no fork")
+@pytest.mark.usefixtures("_threads_as_before")
+@pytest.mark.parametrize("threads", [1, 3])
+def test_a_forked_process_gives_the_same_bytes(threads):
+    """Of fit and surface as the parent, whose threads it has not."""
+    before = fit_and_extract(2)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.map(fit_and_extract, [threads] * 2, chunksize=1) == [before] * 2
+    assert fit_and_extract(4) == before  # the parent's threads work on
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_threads_as_before")
+@pytest.mark.parametrize("way", ["spawn", "forkserver"])
+def test_a_process_that_begins_anew_gives_the_same_bytes(way):
+    if way not in multiprocessing.get_all_start_methods():
+        pytest.skip("Windows has no fork")
+    with multiprocessing.get_context(way).Pool(2) as pool:
+        assert set(pool.map(fit_and_extract, [1, 4], chunksize=1)) == {fit_and_extract(2)}
 
 
 def test_several_threads_call_at_once(tmp_path):

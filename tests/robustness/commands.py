@@ -1,7 +1,7 @@
 """Rows of commands: each option spoiled by files, outputs, values and company that it cannot have."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -171,3 +171,25 @@ def good_value(command: str, name: str, known: Option) -> Any:
     if get_type_hints(JOBS[command])[name] is bool:
         return not options_of(JOBS[command])[name][0].default
     return 5 if name == "triangles" else 0.5
+
+
+def misused_rows() -> Iterator[tuple[str, ...]]:
+    """Return words that are no command line: unknown names, what is missing, what is no number, what is too much."""
+    yield from (("furlong",), ("leef", "good.xyz"), ("--furlong",))
+    for command in JOBS:
+        known = options_of(JOBS[command])
+        yield command, "--furlong"
+        if not any(
+            one.positional and "list" in str(get_type_hints(JOBS[command])[name]) for name, (_, one) in known.items()
+        ):
+            yield command, *("one", "two", "three"), *(("--output", "x") if "output" in known else ())
+        for name, (_, one) in known.items():
+            flag = one.flags[0] if one.flags else f"--{name.replace('_', '-')}"
+            kind = str(one.kind or get_type_hints(JOBS[command])[name])
+            if one.positional or "bool" in kind:
+                continue
+            yield command, flag
+            if "float" in kind or "int" in kind:
+                yield command, flag, *["half a furlong"] * max(1, kind.count("float"), kind.count("int"))
+        if any(field.default is MISSING for field, _ in known.values()):
+            yield (command, "--quiet") if "quiet" in known else (command,)

@@ -1,7 +1,8 @@
 """The table of public callables: what kind each argument of each is."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ from robustness.kinds import (
     WORD,
     Kind,
     folder_at,
+    named,
     read_from,
     tuple_of,
     with_normals,
@@ -75,6 +77,12 @@ def one_of(*words: str) -> Kind:
     return WORD.like(words[0])
 
 
+FINITE = replace(
+    NUMBER,
+    bad={**NUMBER.bad, **{name: NUMBER.odd[name] for name in ("infinity", "minus infinity", "1e308", "huge whole")}},
+    odd={k: v for k, v in NUMBER.odd.items() if k not in {"infinity", "minus infinity", "1e308", "huge whole"}},
+)
+"""A number that is not too large to calculate with."""
 ROW = VALUES.like([1.0, 2.0, 3.0]).but("a scalar", "one less", "none", "one dimension more").without("by columns")
 SAVED = written_to("out.o3l").but("strange suffix", "without a suffix")
 LIMIT = LENGTH.but("infinity")
@@ -107,6 +115,29 @@ leaf = lambda w: w.leaf  # noqa: E731
 out_mesh, out_picture = written_to("out.ply"), written_to("out.png")
 
 INTERPOLANTS = {"PUInterpolant": lambda w: w.pu, "RBFInterpolant": lambda w: w.rbf}
+
+
+def entered(size: Any) -> None:
+    """Hold to a limit of memory; what it is is looked at where the block begins."""
+    with o3l.memory_limit(size):
+        pass
+
+
+def entered_in_time(duration: Any) -> None:
+    """Hold to a limit of time; as `entered`."""
+    with o3l.time_limit(duration):
+        pass
+
+
+def set_for_a_moment(size: Any) -> None:
+    """Set the limit of the process, and take it back."""
+    try:
+        o3l.set_memory_limit(size)
+    finally:
+        o3l.set_memory_limit(None)
+
+
+MEMORY = WORD.like("100GB").without("None").but("a number")
 
 
 def _fields() -> dict[str, Door]:
@@ -596,8 +627,9 @@ DOORS: dict[str, Door] = {
         places=QUERIES,
     ),
     "load": door(o3l.load, path=read_from("good.o3l")),
-    "memory_limit": door(o3l.memory_limit, size=WORD.like("100GB")),
-    "time_limit": door(o3l.time_limit, duration=WORD.like("2h")),
+    "memory_limit": door(entered, size=MEMORY),
+    "set_memory_limit": door(set_for_a_moment, size=MEMORY),
+    "time_limit": door(entered_in_time, duration=WORD.like("2h")),
     "mesh_report": door(o3l.mesh_report, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
     "offset_constraints": door(
         o3l.offset_constraints,
@@ -745,9 +777,40 @@ DOORS: dict[str, Door] = {
     "samples.fins": door(samples.fins, slow=True, thickness=LENGTH.like(0.04)),
     "samples.fold": door(samples.fold, slow=True, distance=LENGTH.like(0.04)),
     "samples.gap": door(samples.gap, slow=True, width=LENGTH.like(0.04)),
-    "samples.leaf_shape": door(samples.leaf_shape, kind=one_of("twisted"), parameters=OBJECT.optional),
+    "samples.leaf_shape": door(
+        samples.leaf_shape,
+        kind=one_of("petiole").without("upper case"),
+        parameters=named(
+            length=LENGTH.like(80.0),
+            width=LENGTH.like(40.0),
+            stalk=LENGTH.like(45.0),
+            stub=LENGTH.like(16.0),
+            arch=FINITE.like(60.0),
+        ),
+    ),
+    **{
+        f"samples.leaf_shape.{kind}": door(partial(samples.leaf_shape, kind), parameters=named(**parameters))
+        for kind, parameters in {
+            "curled": {"angle": FINITE.like(110.0), "arch": FINITE.like(0.0)},
+            "eaten": {"hole": SIZE.like(10.0), "notch": SIZE.like(6.0)},
+            "lobed": {"lobes": LENGTH.like(5.0), "depth": SIZE.like(0.25)},
+            "cupped": {"radius": LENGTH.like(40.0)},
+            "layers": {"height": SIZE.like(0.5)},
+        }.items()
+    },
     "samples.scan_leaf": door(
-        samples.scan_leaf, leaf=OBJECT.like(lambda w: w.leaf_shape), options=OBJECT.optional, slow=True
+        samples.scan_leaf,
+        leaf=OBJECT.like(lambda w: w.leaf_shape),
+        options=named(
+            spacing=LENGTH.like(2.0),
+            pattern=one_of("random"),
+            noise=SIZE.like(0.0),
+            gaps=one_of("none"),
+            passes=WHOLE.like(1),
+            offset=SIZE.like(0.0).optional,
+            seed=WHOLE.like(0),
+        ),
+        slow=True,
     ),
     **{
         f"samples.LeafShape.{name}": method(lambda w: w.leaf_shape, name, plane=PLACES)
@@ -793,7 +856,7 @@ DOORS: dict[str, Door] = {
     ),
     "view.render": door(
         view.render,
-        mesh=MESH,
+        mesh=MESH.but("a cloud", "vertices alone"),  # are drawn as they are
         path=out_picture.optional,
         size=SIDE,
         insets=OBJECT.like(lambda w: [view.Inset(w.mesh)]).without("a list").optional,
@@ -811,8 +874,16 @@ DOORS: dict[str, Door] = {
         path=out_picture.optional,
         measure=one_of("area"),
         flat=FLAG,
-        spacing=LENGTH.like(0.5),
-        options=OBJECT.optional,
+        spacing=LENGTH.like(0.5).optional,
+        options=named(
+            size=SIDE,
+            view=VIEW.optional,
+            title=TITLE.optional,
+            scale_bar=FLAG,
+            unit=maybe_unit,
+            insets=OBJECT.like(lambda w: [view.Inset(w.mesh)]).without("a list").optional,
+            engine=one_of("cpu"),
+        ),
         slow=True,
     ),
     "view.render_residuals": door(
@@ -822,7 +893,7 @@ DOORS: dict[str, Door] = {
         path=out_picture.optional,
         signed=FLAG,
         flat=FLAG,
-        spacing=LENGTH.like(0.5),
+        spacing=LENGTH.like(0.5).optional,
         fit=OBJECT.like(lambda w: w.fit_quality).optional,
         size=SIDE,
         view=VIEW.optional,

@@ -493,6 +493,36 @@ def tuple_of(*good: float, whole: bool = False) -> Kind:
     )
 
 
+@dataclass(frozen=True)
+class Options:
+    """Options by name, as an argument with two stars takes them, and good values of all."""
+
+    named: Mapping[str, Any]
+    good: Mapping[str, Any]
+
+
+def named(**kinds: Kind) -> Kind:
+    """Return the kind of an argument with two stars: one of its options spoiled at a time, or a name that is none."""
+
+    def good(world: Any) -> Options:
+        values = {name: kind.good(world) for name, kind in kinds.items()}
+        return Options({name: values[name] for name, kind in kinds.items() if kind.given}, values)
+
+    def put_in(options: Options, name: str, change: Change) -> Options:
+        return replace(options, named={**options.named, name: change(options.good[name])})
+
+    def table(which: str) -> dict[str, Change]:
+        return {
+            f"{name}: {how}": lambda options, name=name, change=change: put_in(options, name, change)
+            for name, kind in kinds.items()
+            if kind.given or which != "same"
+            for how, change in getattr(kind, which).items()
+        }
+
+    strange = {"a name that is none": lambda options: replace(options, named={**options.named, "furlong": 1.0})}
+    return Kind(good, {**table("bad"), **strange}, table("odd"), table("same"))
+
+
 READ_PATH_BAD: dict[str, str] = {
     "missing": "missing{suffix}",
     "empty": "empty{suffix}",

@@ -13,10 +13,8 @@ import open3d as o3d
 
 from o3dleaf.errors import O3DLeafError
 from robustness.doors import DOORS, Door
-from robustness.kinds import Kind
+from robustness.kinds import Kind, Options
 
-STARRED = {"leaf_shape": "parameters", "scan_leaf": "options", "render_distortion": "options"}
-"""Arguments with two stars; what stands for them is handed over under a name that there is not."""
 SECONDS = 20
 """Of the processor: what takes longer hangs."""
 WAITING = 15
@@ -75,18 +73,18 @@ def limited(seconds: float = SECONDS) -> Iterator[None]:
 
 
 def spoiled(kind: Kind, which: str, change: str, world: Any) -> Any:
-    """Return the argument of a row."""
-    return getattr(kind, which)[change](kind.good(world))
+    """Return the argument of a row; one that leaves what floats hold is infinite."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return getattr(kind, which)[change](kind.good(world))
 
 
 def answer(door: Door, arguments: Mapping[str, Any], world: Any) -> Any:
-    """Return what a call gives; rows of starred arguments are handed over by name."""
-    function = door.find(world)
-    named = dict(arguments)
-    starred = STARRED.get(getattr(function, "__name__", ""))
-    if named.get(starred) is not None:
-        named["furlong"] = named.pop(starred)
-    return function(**named)
+    """Return what a call gives; options of an argument with two stars are handed over each by its name."""
+    named: dict[str, Any] = {}
+    for name, value in arguments.items():
+        named |= value.named if isinstance(value, Options) else {name: value}
+    return door.find(world)(**named)
 
 
 def good_arguments(door: Door, world: Any, *, but: str | None = None) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """What an argument may be: a test, and words for what passes it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
@@ -9,6 +10,7 @@ import numpy as np
 
 from o3dleaf.core.errors import InputError
 
+SURROGATE = re.compile("[\ud800-\udfff]")
 MAX_SHOWN = 60
 """Letters of a value that a message shows."""
 
@@ -38,6 +40,13 @@ def shown(value: object) -> str:
     return f"of type {type(value).__name__}"
 
 
+def plain(value: Any) -> Any:
+    """Return a number of NumPy's as Python's: single precision and arrays of one make other types of what follows."""
+    if not isinstance(value, np.ndarray | np.generic) or value.ndim or value.dtype.kind not in "buif":
+        return value
+    return float(value) if value.dtype.kind == "f" else value.item()
+
+
 def is_number(value: Any) -> bool:
     """Return whether a value is a real number, and no NaN; NumPy's numbers and arrays of one are."""
     if isinstance(value, np.ndarray):
@@ -61,6 +70,11 @@ def _is_path(value: Any) -> bool:
     return isinstance(value, str | PathLike) and "\0" not in str(value) and str(value) != ""
 
 
+def _is_text(value: Any) -> bool:
+    """Return whether a value is text that files and pictures can hold: no NUL, no half of a letter (a surrogate)."""
+    return isinstance(value, str) and "\0" not in value and not SURROGATE.search(value)
+
+
 PATH = Allowed(_is_path, "a path")
 SIMPLE: dict[Any, Allowed] = {
     None: Allowed(lambda value: value is None, "None"),
@@ -68,6 +82,6 @@ SIMPLE: dict[Any, Allowed] = {
     bool: Allowed(lambda value: isinstance(value, bool | np.bool_), "True or False"),
     int: Allowed(is_whole, "a whole number"),
     float: Allowed(is_number, "a number"),
-    str: Allowed(lambda value: isinstance(value, str) and "\0" not in value, "text"),
+    str: Allowed(_is_text, "text"),
 }
 """What values of the simple types are."""

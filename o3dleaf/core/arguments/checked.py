@@ -1,16 +1,18 @@
 """The decorator of public functions, and of classes that a user makes: their arguments are what annotations allow."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from functools import wraps
 from typing import Any, TypeVar, cast
 
-from o3dleaf.core.arguments.allowed import PATH, Allowed, require
+from o3dleaf.core.arguments.allowed import PATH, Allowed, plain, require
 from o3dleaf.core.arguments.annotations import rules_of
+from o3dleaf.core.checks import require_choice
 from o3dleaf.core.errors import InputError
 
 SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-"""Kinds of parameters whose annotation is that of each argument, and is left to the function."""
+"""Kinds of parameters whose annotation is that of each argument: it is left to the function that they go on to, which
+is checked itself; `require_known` holds their names to it."""
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 
@@ -30,16 +32,25 @@ def checked(thing: Thing) -> Thing:
         if rules is None:
             rules = {name: rule for name, rule in rules_of(thing).items() if name not in several}
         try:
-            bound = signature.bind(*given, **named).arguments
+            bound = signature.bind(*given, **named)
         except TypeError:  # a name that there is not: Python's own words are good
             return thing(*given, **named)
-        _require_order(thing.__name__, bound, rules)
+        values = bound.arguments
+        _require_order(thing.__name__, values, rules)
         for name, rule in rules.items():
-            if name in bound:
-                require(bound[name], name, rule)
-        return thing(*given, **named)
+            if name in values:
+                require(values[name], name, rule)
+                values[name] = plain(values[name])
+        return thing(*bound.args, **bound.kwargs)
 
     return cast(Thing, call)
+
+
+def require_known(given: Mapping[str, Any], function: Callable[..., Any], *, but: Collection[str] = ()) -> None:
+    """Raise `InputError` for names of options that go on to a function and are none of its, or are in `but`."""
+    known = [name for name in inspect.signature(function).parameters if name not in {"self", *but}]
+    for name in given:
+        require_choice(name, known, "options")
 
 
 def _require_order(function: str, bound: dict[str, Any], rules: dict[str, Allowed]) -> None:

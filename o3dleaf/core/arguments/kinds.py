@@ -8,18 +8,19 @@ from o3dleaf.core.errors import UnitError
 from o3dleaf.core.units import METERS, is_unit
 
 
-def _between(low: float, high: float, words: str) -> Allowed:
+def between(low: float, high: float, words: str) -> Allowed:
+    """Return the rule of a number within limits, for `Annotated`."""
     return Allowed(lambda value: is_number(value) and low <= float(value) <= high, words)
 
 
-Positive = Annotated[float, _between(1 / LARGEST, LARGEST, f"a number above zero, {1 / LARGEST:.0e} to {LARGEST:.0e}")]
+Positive = Annotated[float, between(1 / LARGEST, LARGEST, f"a number above zero, {1 / LARGEST:.0e} to {LARGEST:.0e}")]
 """A length, or a factor."""
-NotNegative = Annotated[float, _between(0, LARGEST, f"a number of at least zero, up to {LARGEST:.0e}")]
+NotNegative = Annotated[float, between(0, LARGEST, f"a number of at least zero, up to {LARGEST:.0e}")]
 """A length that may be none."""
-Finite = Annotated[float, _between(-LARGEST, LARGEST, f"a number of at most {LARGEST:.0e}")]
-Limit = Annotated[float, _between(1 / LARGEST, float("inf"), "a number above zero, or infinity")]
+Finite = Annotated[float, between(-LARGEST, LARGEST, f"a number of at most {LARGEST:.0e}")]
+Limit = Annotated[float, between(1 / LARGEST, float("inf"), "a number above zero, or infinity")]
 """A factor beyond which something counts as too far; infinite, nothing does."""
-Share = Annotated[float, _between(0, 1, "a number from 0 to 1")]
+Share = Annotated[float, between(0, 1, "a number from 0 to 1")]
 Unit = Annotated[
     str, Allowed(lambda value: isinstance(value, str) and is_unit(value), f"one of {', '.join(METERS)}", UnitError)
 ]

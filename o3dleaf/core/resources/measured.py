@@ -5,62 +5,84 @@ As `scripts/measure_costs.py` measured it: the largest of its sizes and cases, r
 again: theirs are guarded by twice as much.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 
-class Cost(NamedTuple):
+@dataclass(frozen=True)
+class Cost:
     """What some work takes: bytes at its peak, and seconds of processor time, 0 where they are not known."""
 
     bytes: float
     seconds: float = 0.0
 
+    def __add__(self, other: "Cost") -> "Cost":
+        """Return what both take, held at once."""
+        return Cost(self.bytes + other.bytes, self.seconds + other.seconds)
 
-class Each(NamedTuple):
+
+@dataclass(frozen=True)
+class Each:
     """What work takes for each thing: bytes, and microseconds; times a number of things it is their `Cost`."""
 
     bytes: float
-    microseconds: float
+    microseconds: float = 0.0
 
-    def __mul__(self, count: float) -> Cost:  # type: ignore[override]  # a product is no repetition here
+    def __mul__(self, count: float) -> Cost:
         """Return what so many things take."""
         return Cost(self.bytes * count, 1e-6 * self.microseconds * count)
 
 
-CLOUD_POINT = Each(100, 0.0)
+CLOUD_POINT = Each(100)
 """Of a cloud that is read: coordinates, normals and colors, once as the file's and once as Open3D's."""
-RECONSTRUCTED_POINT = Each(1900, 0.0)
+RECONSTRUCTED_POINT = Each(1900, 150)
 """Of a cloud whose surface is reconstructed, its mesh at the spacing that is chosen included."""
-FITTED_POINT = Each(400, 0.0)
+FITTED_POINT = Each(400, 75)
 """Of scattered data fitted in balls."""
-LATTICE_POINT = Each(12, 0.0)
+LATTICE_POINT = Each(12, 0.12)
 """Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
-FOLLOWED_TRIANGLE = Each(170, 0.0)
+FOLLOWED_TRIANGLE = Each(170, 1.0)
 """Of a surface that is followed from seeds: its band of cells."""
-FITTED_VOXEL = Each(80, 0.0)
+FITTED_VOXEL = Each(80, 0.75)
 """Of a volume whose blade is fitted."""
-BLADE_POINT = Each(2000, 0.0)
+BLADE = Cost(0, 20.0)
+"""Of a blade, whatever its scan: beyond some 20,000 points more are thinned."""
+BLADE_POINT = Each(2000, 65)
 """Of a scan that a blade is built from."""
-TILE_COLUMN = Each(750, 0.0)
+TILE_COLUMN = Each(750, 80)
 """Of the lattice over one tile, which is polygonized: two faces, and hairs."""
-SHEET_TRIANGLE = Each(800, 0.0)
+SHEET_TRIANGLE = Each(800)
 """Of a blade without micro-structure."""
-TRIANGLE = Each(60, 0.0)
+TRIANGLE = Each(60)
 """Of a mesh that is made or read: vertices, corners and labels, once as arrays and once as Open3D's."""
-REMESHED_TRIANGLE = Each(650, 0.0)
+REMESHED_TRIANGLE = Each(650)
 """Of a mesh before or after remeshing, whichever has more."""
-FILED_TRIANGLE = Each(240, 0.0)
+FILED_TRIANGLE = Each(240)
 """Of a mesh that is read from a file or written to one."""
-PARTICLE = Each(65, 0.0)
+PARTICLE = Each(65)
 """Of particles that fill a solid."""
-SAMPLE = Each(150, 0.0)
+SAMPLE = Each(150)
 """Of the samples that particles on a surface are chosen among."""
-CROSSING = Each(100, 0.0)
+CROSSING = Each(100)
 """Of a grid's columns through a closed mesh."""
-REPORTED_TRIANGLE = Each(215, 0.0)
+REPORTED_TRIANGLE = Each(215)
 """Of a mesh that is reported on."""
-CLEANED_TRIANGLE = Each(400, 0.0)
+CLEANED_TRIANGLE = Each(400)
 """Of a mesh that is cleaned."""
-SIMPLIFIED_TRIANGLE = Each(545, 0.0)
+SIMPLIFIED_TRIANGLE = Each(545)
 """Of a mesh that is simplified."""
-DRAWN_TRIANGLE = Each(185, 0.0)
+DRAWN_TRIANGLE = Each(185)
 """Of a mesh in a picture."""
+DRAWN_POINT = Each(800)
+"""Of a synthetic scan whose points are drawn at random: tried, four to each."""
+PLACE = Each(80)
+"""Of the lattice that the points of a synthetic scan are taken from."""
+MADE_VOXEL = Each(16)
+"""Of a synthetic volume."""
+SAMPLES = Cost(60_000_000)
+"""Of all of the samples together."""
+PIXEL = Each(150)
+"""Of a picture, beside what is drawn."""
+MEASURED_POINT = Each(155)
+"""Of a cloud of which `info` tells: read, and the distance of the nearest point to each."""
+LOOKED_AT_VOXEL = Each(2)
+"""Of a volume of which `info` tells: mapped, and its histogram taken."""

@@ -1,7 +1,6 @@
 """The partition-of-unity interpolant: F(x) = Σ w_i(x) F_i(x), the paper's section 2.3."""
 
 import hashlib
-import math
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
@@ -293,7 +292,7 @@ class PUInterpolant(Blended):
         IllPosedError
             If the degree is below what the kernel needs.
         """
-        count = math.prod(np.shape(values))
+        count = as_array(values, "values").size
         cure = "crop the volume, or take every second voxel"
         require_resources(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
         data = np.ascontiguousarray(as_voxels(values))

@@ -9,7 +9,16 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import SmoothingValue, Unit
-from o3dleaf.core.checks import FARTHEST, FloatArray, as_points, as_sites, as_values, as_weights, warn_of_contradictions
+from o3dleaf.core.checks import (
+    FARTHEST,
+    FloatArray,
+    as_points,
+    as_sites,
+    as_values,
+    as_weights,
+    require_reach,
+    warn_of_contradictions,
+)
 from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit
@@ -197,7 +206,10 @@ class RBFInterpolant:
     def _jets(self, points: npt.ArrayLike, level: int) -> FloatArray:
         """Return the jets, in unit coordinates, at (n, d) points, (n, ·) or (n, m, ·); see `evaluation_loops`."""
         dimension = self.kernel.dimension
-        queries = np.ascontiguousarray(((as_points(points, dim=dimension) - self.center) / self.radius).T)
+        places = as_points(points, dim=dimension)
+        with np.errstate(over="ignore"):
+            local = require_reach((places - self.center) / self.radius, "points")
+        queries = np.ascontiguousarray(local.T)
         weights, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
         jets = np.empty((len(weights), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
 

@@ -119,7 +119,8 @@ def without_noise(growth: FloatArray, noise: FloatArray) -> FloatArray:
     spread = np.sqrt(2.0) * noise
     z = np.linspace(3.0, -6.0, 181)
     filled = np.exp(-(z**2) / 2) / np.sqrt(2 * np.pi) - z * erfc(z / np.sqrt(2)) / 2
-    share = np.divide(growth, spread, out=np.full(len(growth), np.inf), where=spread > 0)
+    with np.errstate(over="ignore"):  # beside next to no noise a growth is infinite, as beside none
+        share = np.divide(growth, spread, out=np.full(len(growth), np.inf), where=spread > 0)
     edge: FloatArray = np.where(share < filled[-1], -spread * np.interp(share, filled, z), growth)
     return edge
 

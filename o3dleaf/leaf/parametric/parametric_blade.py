@@ -11,7 +11,7 @@ import shapely
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_points, require_near, require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.core.parallel import run_blocks
@@ -100,6 +100,7 @@ class ParametricBlade(Blade):
     def lift(self, flat: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) world points S + w τ n of (n, 3) flat coordinates: the inverse of `flatten`."""
         places = as_points(flat, "flat", dim=3)
+        require_near(places[:, :2], self.surface.bounds, "flat")
         points, tapers, balls = np.empty_like(places), self._tapers(places), self.surface.balls
 
         def task(start: int, stop: int) -> None:

@@ -130,7 +130,7 @@ class _Problem:
 
     def reweighted(self, heights: FloatArray) -> "_Problem":
         """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
-        if self.choice is None:
+        if self.choice is None or self.choice.noise == 0:  # without noise no distance is a large one
             return self
         corner = HUBER * self.choice.noise
         return replace(

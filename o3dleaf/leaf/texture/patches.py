@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_points, as_row, require_choice, require_positive
+from o3dleaf.core.checks import FloatArray, as_row, require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
@@ -258,7 +258,7 @@ def _common_period(textures: Sequence[TiledField | PatchBlend], period: npt.Arra
     periods: FloatArray = np.stack([each.period for each in textures])
     size: FloatArray = periods[0].copy() if np.all(periods == periods[0]) else periods.mean(axis=0)
     if period is not None:
-        size = as_points(np.reshape(period, (1, -1)), "period", dim=2)[0]
+        size = as_row(period, "period", count=2)
     if np.any(size <= 0) or np.any(np.abs(periods / size - 1) > STRETCH):
         raise InputError(
             f"textures: have periods {periods.tolist()}, more than {STRETCH:.0%} from {size.tolist()}; "

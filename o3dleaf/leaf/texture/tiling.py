@@ -14,6 +14,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, NotNegative
 from o3dleaf.core.checks import (
     FloatArray,
+    as_array,
     as_floats,
     as_number,
     require_choice,
@@ -284,6 +285,7 @@ def _as_period(period: Period | None, extent: FloatArray) -> tuple[float | None,
     """Return the period along each axis, None where the best is wanted, or raise `InputError`."""
     if period is None:
         return float(extent[0]), float(extent[1])
+    as_array(period, "period")
     wished = [period, period] if isinstance(period, str) else list(np.atleast_1d(np.array(period, dtype=object)))
     text = [wish for wish in wished if isinstance(wish, str)]
     if len(wished) != 2 or any(wish != "best" for wish in text):

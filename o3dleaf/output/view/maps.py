@@ -11,7 +11,7 @@ import shapely
 from matplotlib.colors import to_rgb
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.checked import checked, require_known
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import require_writable
 from o3dleaf.core.checks import FloatArray, require_choice
@@ -97,6 +97,7 @@ def render_distortion(
         If the blade has no triangle at this spacing.
     """
     shown = MEASURES[require_choice(measure, MEASURES, "measure")]
+    require_known(options, render, but=("mesh", "path", "scalars"))
     world, triangles = _drawn(blade, spacing)
     plane = blade.flatten(world)[:, :2]
     values = shown.values(blade.distortion(plane))

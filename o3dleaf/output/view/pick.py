@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from os import PathLike
 
 import numpy as np
+import numpy.typing as npt
 import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks import FloatArray, as_sites
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.output.view.window import require_window
@@ -41,10 +42,17 @@ def pick_midrib(cloud: CloudLike) -> FloatArray:
 
 
 @checked
-def write_midrib(control: FloatArray, path: str | PathLike[str]) -> None:
-    """Write control points (k, 3) as a PLY point cloud, whole or not at all."""
+def write_midrib(control: npt.ArrayLike, path: str | PathLike[str]) -> None:
+    """Write control points (k, 3) as a PLY point cloud, whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If they are no finite points, or the file cannot be written.
+    """
+    points = as_sites(control, "control", dim=3)
     target = require_writable(path, (".ply",))
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(control))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     with whole_file(target) as temporary:
         if not o3d.io.write_point_cloud(temporary, cloud):
             raise O3DLeafError(f"{target}: could not be written; free space on the disk or choose another")

@@ -15,6 +15,8 @@ from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.offscreen import find_renderer, rasterize
@@ -29,6 +31,8 @@ PAPER = np.array([0.955, 0.965, 0.950])
 
 PIXELS, VECTORS = (".png", ".jpg", ".jpeg"), (".pdf", ".svg")
 SUFFIXES = PIXELS + VECTORS
+FEWEST, MOST = 64, 30_000
+"""Pixels of a side; Matplotlib draws below 2^16."""
 LETTER = 0.47
 """Mean width of a letter of a caption, in heights of a line."""
 ENGINES = ("cpu", "open3d", "auto")
@@ -158,8 +162,9 @@ def draw_page(
 
     `dpi`, pixels an inch, says how large it is in a PDF.
     """
-    if min(size) < 64:
-        raise InputError(f"size: is {size}; give a width and a height of 64 pixels or more")
+    if not FEWEST <= min(size) <= max(size) <= MOST:
+        raise InputError(f"size: is {size}; give a width and a height of {FEWEST} to {MOST:,} pixels")
+    require_resources(measured.PIXEL * (size[0] * size[1]), f"size: {size[0]:,} × {size[1]:,} pixels", "give fewer")
     unit = check_unit(subject.unit)
     details = [inset if isinstance(inset, Inset) else Inset(inset) for inset in insets]
     panels = [subject, *details]
@@ -169,6 +174,9 @@ def draw_page(
     fitted = _frame(scenes[0], subject.view)
     heading, *caption = title.split("\n") if title else [""]
     lines = [line for text in caption for line in wrap(text, max(1, int((size[0] / em - 2) / LETTER)))]
+    room = max(0, int((size[1] / em - 2.8) / 2 / 1.4))  # the picture keeps half of the page
+    if len(lines) > room:
+        lines = [*lines[: max(0, room - 1)], "…"][:room]
     top = round((2.4 * bool(heading) + 1.4 * len(lines) + 0.4 * bool(lines)) * em)
     main, beside = lay_out(size, len(details), fitted.width / fitted.height, top, foot)
     boxes = [main, *beside]

@@ -11,7 +11,7 @@ from matplotlib import colormaps
 from matplotlib.colors import is_color_like, to_rgb
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, require_choice, require_finite
+from o3dleaf.core.checks import FloatArray, as_floats, require_choice, require_moderate
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, is_used, mesh_arrays
 from o3dleaf.core.resources import measured
@@ -121,7 +121,7 @@ class SceneMesh:
             return None
         scalars = given if isinstance(given, Scalars) else Scalars(given)
         require_choice(scalars.color_map, colormaps, "color_map")
-        values = require_finite(np.asarray(scalars.values, dtype=np.float64), "scalars")
+        values = require_moderate(as_floats(scalars.values, "scalars"), "scalars")
         if self.owner is not None:
             count = int(self.owner[-1]) + 1
             if values.shape != (count,):

@@ -6,7 +6,7 @@ gloss as a leaf has, and a faint rim. Both sides of a triangle are lit.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -78,12 +78,25 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     (height, width, 4) ndarray
         Linear RGB times coverage, and the coverage from 0 to 1.
     """
+    shot = _about_the_origin(shot)
     film = Film(_find_covered(shot), shot.view.supersampling)
     surface = Surface.of(shot)
     film.take_first(surface.light)
     calm = film.settle(contrast, shot.camera.width / shot.size[0])
     film.take_others(~calm, surface.light)
     return film.image()
+
+
+def _about_the_origin(shot: Shot) -> Shot:
+    """Return a shot about its camera's target whose panel is about one wide.
+
+    Open3D's ray casting takes float32, in which areas of tiny triangles vanish and huge coordinates are infinite. By a
+    power of two no digit is lost: the picture is the same to the bit.
+    """
+    camera = shot.camera
+    scale = float(2.0 ** -round(np.log2(camera.width)))
+    near = replace(camera, target=np.zeros(3), width=scale * camera.width, height=scale * camera.height)
+    return replace(shot, vertices=scale * (shot.vertices - camera.target), camera=near)
 
 
 def _find_covered(shot: Shot) -> BoolArray:

@@ -1,11 +1,13 @@
 """The kinds of leaves of known shape, each with what may be changed of it."""
 
 from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
 from shapely import affinity
 
-from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.arguments.checked import checked, require_known
+from o3dleaf.core.arguments.kinds import between
 from o3dleaf.core.checks import require_choice
 from o3dleaf.samples.leaves.leaf_shape import LeafShape, Tube
 from o3dleaf.samples.leaves.outlines import eat, lobed_outline, long_outline, oval_outline
@@ -13,6 +15,13 @@ from o3dleaf.samples.leaves.sweep import Sweep
 
 AXIS_STEP = 0.5
 """Distance of the points of a stalk's axis, in millimeters."""
+
+Millimeters = Annotated[float, between(1, 10_000, "a length of 1 to 10,000 millimeters")]
+"""Outlines are drawn with edges of 0.2 mm, whatever their size."""
+Gap = Annotated[float, between(0, 10_000, "a length of at most 10,000 millimeters")]
+Degrees = Annotated[float, between(-3600, 3600, "an angle of at most ten turns, in degrees")]
+Lobes = Annotated[float, between(1, 1000, "a number from 1 to 1000")]
+Depth = Annotated[float, between(0, 0.9, "a number from 0 to 0.9")]
 
 
 @checked
@@ -42,30 +51,39 @@ def leaf_shape(kind: str, **parameters: float) -> LeafShape:
     Raises
     ------
     InputError
-        If there is no such kind.
+        If there is no such kind, it has no such parameter, or no leaf is like that.
     """
-    return LEAF_KINDS[require_choice(kind, tuple(LEAF_KINDS), "kind")](**parameters)
+    made = LEAF_KINDS[require_choice(kind, tuple(LEAF_KINDS), "kind")]
+    require_known(parameters, made)
+    return made(**parameters)
 
 
-def _curled(length: float = 120.0, width: float = 24.0, angle: float = 110.0, arch: float = 0.0) -> LeafShape:
+@checked
+def _curled(
+    length: Millimeters = 120.0, width: Millimeters = 24.0, angle: Degrees = 110.0, arch: Degrees = 0.0
+) -> LeafShape:
     sweep = Sweep(length, arch=(-np.radians(arch), 0.0), curl=np.radians(angle) / (width / 2))
     return LeafShape("curled", sweep, long_outline(length, width))
 
 
-def _twisted(length: float = 140.0, width: float = 16.0, angle: float = 180.0) -> LeafShape:
+@checked
+def _twisted(length: Millimeters = 140.0, width: Millimeters = 16.0, angle: Degrees = 180.0) -> LeafShape:
     return LeafShape("twisted", Sweep(length, twist=(np.radians(angle), 0.0)), long_outline(length, width))
 
 
-def _wavy(length: float = 150.0, width: float = 5.0, angle: float = 120.0) -> LeafShape:
+@checked
+def _wavy(length: Millimeters = 150.0, width: Millimeters = 5.0, angle: Degrees = 120.0) -> LeafShape:
     return LeafShape("wavy", Sweep(length, arch=(0.0, np.radians(angle))), long_outline(length, width))
 
 
-def _winding(length: float = 150.0, width: float = 5.0, angle: float = 120.0) -> LeafShape:
+@checked
+def _winding(length: Millimeters = 150.0, width: Millimeters = 5.0, angle: Degrees = 120.0) -> LeafShape:
     return LeafShape("winding", Sweep(length, sway=(0.0, np.radians(angle))), long_outline(length, width))
 
 
+@checked
 def _eaten(
-    length: float = 110.0, width: float = 40.0, hole: float = 10.0, notch: float = 6.0, arch: float = 60.0
+    length: Millimeters = 110.0, width: Millimeters = 40.0, hole: Gap = 10.0, notch: Gap = 6.0, arch: Degrees = 60.0
 ) -> LeafShape:
     half = width / 2
     holes = [[0.45 * length, 0.25 * half, hole / 2]]
@@ -75,20 +93,27 @@ def _eaten(
     return LeafShape("eaten", Sweep(length, arch=(-np.radians(arch), 0.0)), outline)
 
 
+@checked
 def _lobed(
-    length: float = 70.0, width: float = 65.0, lobes: float = 5, depth: float = 0.25, arch: float = 70.0
+    length: Millimeters = 70.0, width: Millimeters = 65.0, lobes: Lobes = 5, depth: Depth = 0.25, arch: Degrees = 70.0
 ) -> LeafShape:
     outline = lobed_outline(length, width, round(lobes), depth)
     return LeafShape("lobed", Sweep(length, arch=(-np.radians(arch), 0.0)), outline)
 
 
-def _cupped(length: float = 60.0, width: float = 45.0, radius: float = 40.0) -> LeafShape:
+@checked
+def _cupped(length: Millimeters = 60.0, width: Millimeters = 45.0, radius: Millimeters = 40.0) -> LeafShape:
     sweep = Sweep(length, arch=(length / radius, 0.0), curl=1 / radius)
     return LeafShape("cupped", sweep, oval_outline(length, width))
 
 
+@checked
 def _petiole(
-    length: float = 80.0, width: float = 40.0, stalk: float = 45.0, stub: float = 16.0, arch: float = 60.0
+    length: Millimeters = 80.0,
+    width: Millimeters = 40.0,
+    stalk: Millimeters = 45.0,
+    stub: Millimeters = 16.0,
+    arch: Degrees = 60.0,
 ) -> LeafShape:
     radius = 1.2
     sweep = Sweep(length, arch=(-np.radians(arch), 0.0), curl=0.25 / width)
@@ -100,7 +125,10 @@ def _petiole(
     return LeafShape("petiole", sweep, outline, tubes=(Tube(sweep.axis(way), radius), Tube(stem, 2.5 * radius)))
 
 
-def _layers(length: float = 80.0, width: float = 40.0, height: float = 0.5, arch: float = 60.0) -> LeafShape:
+@checked
+def _layers(
+    length: Millimeters = 80.0, width: Millimeters = 40.0, height: Gap = 0.5, arch: Degrees = 60.0
+) -> LeafShape:
     outline = long_outline(length, width)
     patch = affinity.translate(oval_outline(0.28 * length, 0.3 * width), 0.3 * length, 0.22 * width)
     sweep = Sweep(length, arch=(-np.radians(arch), 0.0))

@@ -1,7 +1,7 @@
 """Scans of leaves of known shape: how the points are spread, noise, gaps, and passes that disagree."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import open3d as o3d
@@ -9,9 +9,13 @@ import shapely
 from shapely import affinity
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 
-from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, require_choice, require_positive
+from o3dleaf.core.arguments.allowed import Allowed, is_whole
+from o3dleaf.core.arguments.checked import checked, require_known
+from o3dleaf.core.arguments.kinds import NotNegative, Positive, Whole
+from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.plane_mesh import integrate
 
@@ -26,6 +30,8 @@ HIDDEN = 40.0
 """Length over which a margin is hidden, in millimeters; a third of the leaf at most."""
 DEPTH = 0.4
 """What is hidden of that half of the leaf, as a share of its width."""
+MOST_PASSES = 1000
+Passes = Annotated[int, Allowed(lambda value: is_whole(value) and 1 <= value <= MOST_PASSES, "1 to 1000 passes")]
 JITTER = 0.1
 """Of the places of lines and grids, in spacings."""
 
@@ -60,6 +66,7 @@ class LeafScan(NamedTuple):
         return sum(integrate(part, self.truth.stretch, step) for part in parts) / self.truth.area
 
 
+@checked
 @dataclass(frozen=True, kw_only=True)
 class Scanning:
     """How a leaf is scanned; lengths but `spacing` are in spacings.
@@ -83,20 +90,17 @@ class Scanning:
     seed : int
     """
 
-    spacing: float = 0.6
+    spacing: Positive = 0.6
     pattern: str = "random"
-    noise: float = 0.0
+    noise: NotNegative = 0.0
     gaps: str = "none"
-    passes: int = 1
-    offset: float | None = None
-    seed: int = 0
+    passes: Passes = 1
+    offset: NotNegative | None = None
+    seed: Whole = 0
 
     def __post_init__(self) -> None:
-        require_positive(self.spacing, "spacing")
         require_choice(self.pattern, PATTERNS, "pattern")
         require_choice(self.gaps, GAPS, "gaps")
-        if self.noise < 0 or self.passes < 1:
-            raise InputError(f"scan: noise is {self.noise}, passes {self.passes}; give noise ≥ 0 and at least one pass")
 
 
 @checked
@@ -118,7 +122,9 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     InputError
         If an option is not one of those that there are, or the leaf is too small for two points.
     """
+    require_known(options, Scanning)
     how = Scanning(**options)
+    _require_memory(leaf, how)
     place_rng, gap_rng, noise_rng, extra_rng = (
         np.random.default_rng(s) for s in np.random.SeedSequence(how.seed).spawn(4)
     )
@@ -136,6 +142,17 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     points = points + ways[number] + noise_rng.normal(0.0, how.noise * how.spacing, points.shape)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     return LeafScan(cloud, places, how.spacing, how.noise * how.spacing, hidden, leaf)
+
+
+def _require_memory(leaf: LeafShape, how: Scanning) -> None:
+    """Raise `MemoryBudgetError` if a scan has more points, or the lattice that they lie on, than memory is there."""
+    with np.errstate(over="ignore"):
+        points, places = np.array(
+            [leaf.area, np.sum(np.square(np.ptp(np.reshape(leaf.outline.bounds, (2, 2)), axis=0)))]
+        ) / (np.square(np.float64(how.spacing)))
+    held = measured.DRAWN_POINT * points if how.pattern == "random" else measured.PLACE * places
+    what = f"scan_leaf: about {in_words(points)} points"
+    require_resources(float(held), what, "give a larger spacing", step=how.spacing)
 
 
 def draw_places(leaf: LeafShape, spacing: float, pattern: str, rng: np.random.Generator) -> FloatArray:

@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks import FloatArray, as_near, as_points, require_positive
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.samples.domain import evaluate
 from o3dleaf.samples.leaves.margin import LiftedMargin, rings_of
@@ -117,11 +117,11 @@ class LeafShape:
 
     def lift(self, plane: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) points S at (n, 2) places (u, v), also outside the outline."""
-        return self.sweep.jet(as_points(plane, "plane", dim=2)).points
+        return self.sweep.jet(self._near(plane)).points
 
     def jacobian(self, plane: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3, 2) derivatives (S_u, S_v) at (n, 2) places."""
-        jet = self.sweep.jet(as_points(plane, "plane", dim=2))
+        jet = self.sweep.jet(self._near(plane))
         return np.stack([jet.along, jet.across], axis=-1)
 
     def normals(self, plane: npt.ArrayLike) -> FloatArray:
@@ -159,7 +159,7 @@ class LeafShape:
         Gauss and Newton's steps from the nearest of a fine set of seeds; where they leave the outline, or
         the margin is nearer, the closest point of the margin.
         """
-        p = as_points(points, dim=3)
+        p = as_near(points, self.bounds)
         tree, places = self._seeds
         inner = self._refine(p, places[tree.query(p)[1]])
         rim = self._rim.closest(p)
@@ -175,6 +175,9 @@ class LeafShape:
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) gradients at (n, 3) points, towards the closest point; 0 on it."""
         return evaluate(self._inside, self.bounds, points)[1]
+
+    def _near(self, plane: npt.ArrayLike) -> FloatArray:
+        return as_near(plane, np.reshape(self.outline.bounds, (2, 2)), "plane")
 
     @cached_property
     def _seeds(self) -> tuple[KDTree, FloatArray]:

@@ -12,7 +12,7 @@ import open3d as o3d
 from o3dleaf.core import journal, progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue, Unit
-from o3dleaf.core.checks import FloatArray, require_breadth, require_choice, require_cloud, require_positive
+from o3dleaf.core.checks import FloatArray, as_array, require_breadth, require_choice, require_cloud, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.field import Field
@@ -138,7 +138,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     require_choice(measure or AUTO, SHOWN, "measure")
     with journal.stage("prepare cloud"):
         require_cloud(pcd, "pcd")
-        need_for(np.shape(raw_points(pcd, "pcd"))[0]).require()
+        need_for(len(np.atleast_1d(as_array(raw_points(pcd, "pcd"), "pcd")))).require()
         cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
         require_breadth(cloud.points, "pcd")
     for decision in cloud.decisions:

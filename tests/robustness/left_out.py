@@ -1,6 +1,4 @@
-"""What is not in the table, and why; and the rows of it that do not hold yet."""
-
-from pathlib import Path
+"""What is not in the table, and why."""
 
 RECORDS = {
     **dict.fromkeys(("FitQuality", "MeshReport", "samples.Feet", "samples.LeafScan", "samples.ScanSample"), "a result"),
@@ -15,7 +13,6 @@ RECORDS = {
     **dict.fromkeys(
         ("LabelledMesh", "Particles", "view.Inset", "view.Points", "view.Scalars"), "checked where it is used"
     ),
-    **dict.fromkeys(("set_memory_limit",), "the same as memory_limit, for all of the process"),
     **dict.fromkeys(("view.show", "view.pick_midrib"), "opens a window"),
 }
 """Public names that no row calls."""
@@ -43,6 +40,3 @@ INNER = {
 
 UNCHANGED = {"dtype"}
 """Arguments that no row spoils: NumPy tells of a type that there is not."""
-
-KNOWN = frozenset((Path(__file__).parent / "known.txt").read_text(encoding="utf-8").splitlines())
-"""Rows that do not hold yet."""

@@ -1,0 +1,64 @@
+"""What the mesh of a leaf will take at least, told from scan and volume alone: asked before the blade is fitted.
+
+What it takes is asked again where its surface is known. This here is a lower bound, so that nothing is refused that
+would have room; what is too fine by far is refused at once, and not after minutes of fitting.
+"""
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import Need, in_words, need_of
+from o3dleaf.core.units import unit_scale
+from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.tiling import TiledField
+
+ASKED = 1000
+"""Points whose distance to the next one is asked for."""
+CELL = 6.0
+"""Side of the cells that points are counted in, in spacings: few of those that the surface crosses have none."""
+CLUTTER = 2.0
+"""Times the blade's cells that noise, stalks and second sheets may add."""
+SHARE = 0.25
+"""Of a volume's face that a tile takes at least: half of it along either axis."""
+
+
+def least_area(points: FloatArray) -> float:
+    """Return an area that the surface through (n, 3) points has at least, but for clutter of more than its own.
+
+    A plane crosses at most √3 cells to each square of a cell's side, and the points lie in some of those.
+    """
+    some = points[:: max(1, len(points) // ASKED)]
+    spacing = float(np.median(cKDTree(points).query(some, k=2)[0][:, 1])) if len(points) > 1 else 0.0
+    if spacing == 0:
+        return 0.0
+    cells = np.unique(np.floor((points - points.min(axis=0)) / (CELL * spacing)), axis=0)
+    return float(len(cells) * (CELL * spacing) ** 2 / (np.sqrt(3.0) * CLUTTER))
+
+
+def need_for_sheet(points: FloatArray, spacing: float, region: npt.ArrayLike | None = None) -> Need:
+    """Return what the mesh of a blade takes at least, of the points of its scan; of a part of it, (2, 2), no more."""
+    area = least_area(points)
+    if region is not None:
+        low, high = np.asarray(region, dtype=np.float64)
+        area = min(area, float(np.prod(np.maximum(high - low, 0.0))))
+    with np.errstate(over="ignore"):
+        count = float(area / (np.sqrt(3.0) / 4) / np.square(np.float64(require_positive(spacing, "spacing"))))
+    what = f"spacing: over {in_words(count)} triangles"
+    return need_of(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=spacing)
+
+
+def need_for_tile(patch: Volume | TiledField | PatchBlend, spacing: float, unit: str) -> Need:
+    """Return what one tile of a volume, or of a texture, takes at least at a spacing in a unit."""
+    if isinstance(patch, Volume):
+        area = SHARE * float(np.prod(np.sort(np.array(patch.shape) * patch.spacing)[1:]))
+    else:
+        area = float(np.prod(patch.period))
+    scale = unit_scale(patch.unit, unit) if patch.unit else 1.0
+    with np.errstate(over="ignore"):
+        count = float(area * np.square(np.float64(scale) / require_positive(spacing, "spacing")))
+    what = f"spacing: over {in_words(count)} columns of the lattice in one tile"
+    return need_of(measured.TILE_COLUMN * count, what, "give a larger one", step=spacing)
