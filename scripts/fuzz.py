@@ -121,8 +121,8 @@ def work(name, home, start, stop, size):
     reader = READERS[name]
     corpus = corpus_of(home / name, reader)
     folder = Path(tempfile.mkdtemp(dir=home))
-    if (home / name / "apart.raw").exists():
-        (folder / "apart.raw").write_bytes((home / name / "apart.raw").read_bytes())
+    for file in (home / name).glob("*.raw"):  # what damaged files lie beside
+        (folder / file.name).write_bytes(file.read_bytes())
     for file, content in corpus:  # loads what is loaded once
         (folder / file).write_bytes(content)
         outcome_of(reader, folder / file, lambda _: None)
@@ -214,6 +214,8 @@ def main():
         if given.show:
             reader = READERS[given.show[0]]
             file, content = case_of(reader, corpus_of(Path(home) / given.show[0], reader), int(given.show[1]))
+            for whole in (Path(home) / given.show[0]).glob("*.raw"):
+                (Path(home) / whole.name).write_bytes(whole.read_bytes())
             (Path(home) / file).write_bytes(content)
             print(file, content[:2000])
             print([array.shape for array in reader.read(Path(home) / file)])

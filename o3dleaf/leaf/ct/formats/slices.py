@@ -15,8 +15,10 @@ from o3dleaf.leaf.ct.formats.stated import Stated
 
 PNG = ".png"
 SUFFIXES = (*tiff.SUFFIXES, PNG)
-GRAY = ("1", "L", "I", "I;16", "I;16B", "F")
-"""Pillow's names of images of one channel, whose numbers are intensities."""
+BITS = {"1": 1, "L": 8, "I": 32, "I;16": 16, "I;16B": 16, "F": 32}
+"""Of Pillow's images of one channel, whose numbers are intensities, the bits of a pixel."""
+MAX_RATIO = 2000
+"""Deflate, the compression of PNG, packs zeros 1032 to 1."""
 
 
 def slices_in(folder: Path) -> list[Path]:
@@ -58,8 +60,11 @@ def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:
         return pages[0] if len(pages) == 1 else pages, lattice
     try:
         with Image.open(file, formats=["PNG"]) as image:
-            if image.mode not in GRAY:
+            if image.mode not in BITS:
                 raise InputError(f"{file}: is in color; export gray values")
+            bits, size = image.width * image.height * BITS[image.mode], file.stat().st_size
+            if bits > 8 * MAX_RATIO * size:
+                raise InputError(f"{file}: is truncated, or its header lies: {image.size} pixels in {size} bytes")
             return np.asarray(image), Stated()
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as cause:
         raise InputError(f"{file}: cannot be read as PNG ({cause}); export it again") from cause
