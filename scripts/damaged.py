@@ -452,7 +452,7 @@ def make_png(folder: Path) -> None:
     """Write a slice as PNG: of 8 and of 16 bits, of one bit, with chunks beside the pixels."""
     from PIL import Image  # noqa: PLC0415 - heavy
 
-    page = (np.arange(16 * 12).reshape(16, 12) * 7 % 251).astype(np.uint8)
+    page = np.random.default_rng(0).integers(0, 64, (24, 20)).astype(np.uint8) * 4
     for name, pixels in {"bytes.png": page, "words.png": page.astype(np.uint16) * 256}.items():
         Image.fromarray(pixels).save(folder / name)
     Image.fromarray(page > 100).save(folder / "bits.png")

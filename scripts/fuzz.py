@@ -78,7 +78,16 @@ def forget_peak():
 
 
 def outcome_of(reader, file, fill):
-    """Return what became of a file: "read" with its numbers, "refused", or what was found, and where."""
+    """Return what became of a file: "read" with its numbers, "refused", or what was found, and where.
+
+    What took much memory is tried again: pages that the system had taken away meanwhile count as taken anew.
+    """
+    kind, where = tried(reader, file, fill)
+    return tried(reader, file, fill) if kind == "memory" else (kind, where)
+
+
+def tried(reader, file, fill):
+    """Return the outcome of one trial."""
     from o3dleaf.core.errors import O3DLeafError  # noqa: PLC0415 - heavy
 
     forget_peak()
