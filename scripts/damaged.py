@@ -504,12 +504,17 @@ def make_isq(folder: Path) -> None:
 
 
 def make_aim(folder: Path) -> None:
-    """Write voxels as AIM: words, bytes."""
+    """Write voxels as AIM: words, runs of bytes, words of the version before."""
     import py_aimio  # noqa: PLC0415 - an extra
 
     facts = {"element_size": (0.01, 0.02, 0.03), "dimensions": _scan().shape[::-1]}
     py_aimio.write_aim(str(folder / "words.aim"), _scan(), facts)
-    py_aimio.write_aim(str(folder / "bytes.aim"), (_scan() % 127).astype(np.int8), facts)
+    py_aimio.write_aim(str(folder / "floats.aim"), _scan().astype(np.float32), facts)
+    py_aimio.write_aim(str(folder / "runs.aim"), (_scan() // 40).astype(np.int8), facts)
+    head = struct.pack("<6i", 16, 0, 0, 0, 0, 0x20002) + struct.pack("<12i", 1, 2, 3, *_scan().shape[::-1], *[0] * 6)
+    head += bytes(36) + struct.pack("<3f", 0.01, 0.02, 0.03) + bytes(20)
+    parts = struct.pack("<5i", 20, len(head), 0, _scan().nbytes, 0)
+    (folder / "old.aim").write_bytes(parts + head + _scan().tobytes())
 
 
 def _write_slice(path: Path, k: int, way: str | None = None) -> None:

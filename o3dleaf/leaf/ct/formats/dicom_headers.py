@@ -55,6 +55,8 @@ class Slice:
         What its pixels take, unpacked.
     order : tuple of float
         By which the slices of a series are sorted: how far along their normal, and their number.
+    place : tuple of float
+        Of the first pixel, in millimeters; empty where it is not said.
     """
 
     file: Path
@@ -62,6 +64,7 @@ class Slice:
     packed: bool
     bytes: int
     order: tuple[float, float]
+    place: tuple[float, ...]
 
 
 def is_dicom(file: Path) -> bool:
@@ -221,7 +224,9 @@ def _slice_of(file: Path, walk: Walk) -> Slice | None:
     packed = walk.syntax.startswith(PACKED)
     if not size or (walk.pixels < size and not packed):
         raise ValueError(f"{walk.pixels} bytes of pixels where {size} are expected")
-    return Slice(file, walk.text(SERIES), packed, size, _order(walk.numbers(PLACE), walk.numbers(TURN), walk))
+    place = walk.numbers(PLACE)
+    order = _order(place, walk.numbers(TURN), walk)
+    return Slice(file, walk.text(SERIES), packed, size, order, tuple(place) if len(place) == 3 else ())
 
 
 def _order(place: list[float], turn: list[float], walk: Walk) -> tuple[float, float]:
@@ -232,6 +237,6 @@ def _order(place: list[float], turn: list[float], walk: Walk) -> tuple[float, fl
         normal = b * f - c * e, c * d - a * f, a * e - b * d
         along = sum(x * n for x, n in zip(place, normal, strict=True))
     number = next(iter(walk.numbers(NUMBER)), 0.0)
-    if not math.isfinite(along) or not math.isfinite(number):
+    if not all(map(math.isfinite, (along, number, *place))):
         raise ValueError("a place that is none")
     return along, number

@@ -36,8 +36,6 @@ MAX_RATIO = 2000
 """Deflate, the compression of these formats, packs zeros 1032 to 1."""
 MIN_NIFTI_HEADER = 348
 """Bytes."""
-PLACE = "0020|0032"
-"""DICOM's name of the place of a slice, of its first pixel, in millimeters."""
 EVEN = 0.01
 """Share of the distance of two slices within which they are even: positions are written in decimals."""
 
@@ -106,6 +104,8 @@ def _require_pixels(path: Path) -> Slice:
 
 def _read_slices(path: Path, slices: list[Slice]) -> tuple[npt.NDArray[Any], Stated]:
     """Return the voxels of slices in their order; packed ones are unpacked in a process of its own, within limits."""
+    if len(slices) > 1 and all(each.place for each in slices):
+        _require_even([each.place for each in slices], path)
     files, size = [str(each.file) for each in slices], sum(each.bytes for each in slices)
     if not any(each.packed for each in slices):
         voxels, spacing, origin = read_files(str(path), files)
@@ -139,18 +139,14 @@ def read_files(path: str, files: list[str], room: int | None = None) -> tuple[np
             reader = itk.ImageSeriesReader()
             reader.SetImageIO(GDCM)
             reader.SetFileNames(files)
-            reader.MetaDataDictionaryArrayUpdateOn()
             image = reader.Execute()
-            if all(reader.HasMetaDataKey(k, PLACE) for k in range(len(files))):
-                _require_even([reader.GetMetaData(k, PLACE) for k in range(len(files))], Path(path))
         voxels, stated = _voxels_of(itk, image, Path(path))
         return voxels, np.asarray(stated.spacing), np.asarray(stated.origin)
 
 
-def _require_even(places: list[str], folder: Path) -> None:
+def _require_even(places: list[tuple[float, ...]], folder: Path) -> None:
     """Refuse slices that are not evenly apart: SimpleITK reads them as if they were."""
-    at = np.array([[float(number) for number in place.split("\\")] for place in places])
-    gaps = np.linalg.norm(np.diff(at, axis=0), axis=1)
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     if len(gaps) and np.ptp(gaps) > EVEN * np.median(gaps):
         k = int(np.argmax(np.abs(gaps - np.median(gaps))))
         raise InputError(
