@@ -22,7 +22,7 @@ NAMES = (
 EDITS = st.lists(st.tuples(*[st.integers(0, (1 << 32) - 1)] * 3), min_size=1, max_size=4)
 EXTRAS = {
     "las": "laspy", "e57": "pye57", "itk": "SimpleITK", "dicom": "SimpleITK", "packed-dicom": "SimpleITK",
-    "hdf5": "h5py", "zarr": "zarr",
+    "aim": "py_aimio", "hdf5": "h5py", "zarr": "zarr",
 }  # fmt: skip
 EXAMPLES = {"packed-dicom": 50, "zarr": 40, "dicom": 60}
 """Of those that take long: packed DICOM is unpacked in a process of its own. Of others 200."""
