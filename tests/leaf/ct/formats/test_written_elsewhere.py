@@ -326,6 +326,17 @@ def test_a_png_that_claims_more_pixels_than_it_can_hold_is_refused(tmp_path):
         read_volume(tmp_path, spacing=1)
 
 
+def test_a_part_of_a_png_that_claims_more_than_there_is_is_refused(tmp_path):
+    from PIL import Image
+
+    Image.fromarray(np.arange(100, dtype=np.uint8).reshape(10, 10)).save(tmp_path / "slice_1.png")
+    whole = bytearray((tmp_path / "slice_1.png").read_bytes())
+    whole[whole.index(b"IDAT") - 4] = 0x7F
+    (tmp_path / "slice_1.png").write_bytes(bytes(whole))
+    with pytest.raises(o3l.errors.InputError, match=r"slice_1\.png.*truncated"):
+        read_volume(tmp_path, spacing=1)
+
+
 def test_a_zarr_folder_with_a_chunk_that_was_cut_off_is_refused(tmp_path, voxels):
     write_zarr(tmp_path / "v.zarr", voxels)
     chunk = max(file for file in (tmp_path / "v.zarr" / "0" / "c").rglob("*") if file.is_file())
