@@ -1,6 +1,7 @@
 """OME-Zarr: the finest level of a multiscale image, with the axes, scales and units that its metadata state."""
 
 import math
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,12 @@ CODECS = {
     "lzma", "bz2", "blosc", "shuffle", "delta", "fixedscaleoffset", "quantize", "bitround", "packbits",
 }  # fmt: skip
 """What may pack voxels: none that makes objects, as pickle does."""
+METADATA = (".z", "zarr.json")
+"""How the names of files begin that are no chunks."""
+BLOSC_HEAD = struct.Struct("<4s3I")
+"""Of a chunk: its versions and flags, bytes unpacked, of a block, and packed."""
+WIDEST = 8
+"""Bytes of a number."""
 MAX_RATIO = 2000
 """No compression packs voxels of a scan tighter; what was never written takes no place, and is no scan."""
 UNITS = {"micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m", "nanometer": "nm"}
@@ -56,13 +63,32 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
 def _require_plain(array: Any, path: Path) -> None:
     """Refuse an array that is no numbers, goes through another codec than those listed, or is larger than its files."""
     facts = array.metadata.to_dict()
-    strange = set(_codecs([facts.get(key) for key in ("codecs", "compressor", "filters")])) - CODECS
+    codecs = set(_codecs([facts.get(key) for key in ("codecs", "compressor", "filters")]))
+    strange = codecs - CODECS
     if strange or array.dtype.kind not in VOXELS:
         what = f"packed by {', '.join(sorted(strange))}" if strange else f"of type {array.dtype}"
         raise InputError(f"{path}: is {what}, and not read; export numbers, packed by zstd, blosc or gzip")
     size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     if max(array.nbytes, math.prod(array.chunks) * array.dtype.itemsize) > MAX_RATIO * size:
         raise InputError(f"{path}: is truncated, or its header lies: {array.shape} voxels in {size} bytes")
+    if "blosc" in codecs:
+        if "sharding_indexed" in codecs:
+            raise InputError(
+                f"{path}: is packed by blosc in shards, which is not read; export without shards, or by zstd"
+            )
+        _require_whole_blosc(path / array.path, math.prod(array.chunks) * array.dtype.itemsize)
+
+
+def _require_whole_blosc(folder: Path, size: int) -> None:
+    """Refuse chunks of other sizes than they state: blosc reads on behind their end, and makes room for any number."""
+    for file in folder.rglob("*"):
+        if file.is_file() and not file.name.startswith(METADATA):
+            with file.open("rb") as stream:
+                head = stream.read(BLOSC_HEAD.size)
+            _, unpacked, _, packed = BLOSC_HEAD.unpack(head.ljust(BLOSC_HEAD.size, b"\0"))
+            # A filter may change the type, a sum stand behind.
+            if not BLOSC_HEAD.size <= packed <= file.stat().st_size or not 0 < unpacked <= WIDEST * size:
+                raise InputError(f"{file}: is truncated or damaged, {unpacked} bytes in {packed}; copy it again")
 
 
 def _codecs(facts: Any) -> Iterator[str]:

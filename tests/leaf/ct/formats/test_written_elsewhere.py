@@ -305,6 +305,22 @@ def test_only_codecs_that_are_known_unpack_zarr(tmp_path, monkeypatch, voxels):
         read_volume(tmp_path / "a.zarr")
 
 
+@pytest.mark.parametrize("spoil", ["cut", "unpacked", "packed"])
+def test_a_chunk_of_blosc_that_states_another_size_is_refused(tmp_path, voxels, spoil):
+    """The library for it reads on, into other memory, and gives what it finds."""
+    write_old_zarr(tmp_path / "a.zarr", voxels)
+    assert json.loads((tmp_path / "a.zarr" / "0" / ".zarray").read_text())["compressor"]["id"] == "blosc"
+    file = max(each for each in (tmp_path / "a.zarr" / "0").iterdir() if not each.name.startswith("."))
+    content = bytearray(file.read_bytes())
+    if spoil == "cut":
+        del content[-7:]
+    else:
+        content[{"unpacked": 7, "packed": 14}[spoil]] = 0x7F
+    file.write_bytes(bytes(content))
+    with pytest.raises(o3l.errors.InputError, match=rf"{file.name}: is truncated or damaged"):
+        read_volume(tmp_path / "a.zarr")
+
+
 def test_a_zarr_folder_that_claims_more_than_it_holds_is_refused(tmp_path, voxels):
     write_zarr(tmp_path / "a.zarr", voxels)
     facts = tmp_path / "a.zarr" / "0" / "zarr.json"
