@@ -22,22 +22,39 @@ Examples
 >>> leaf.write_mesh("leaf.ply", spacing=0.024)  # doctest: +SKIP
 """
 
-from typing import Any
 
-import lazy_loader
-
-_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-
-
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name == "__version__":
         from importlib.metadata import version  # noqa: PLC0415 - reading metadata costs as much as all the rest here
 
         return version("o3dleaf")
-    if name not in __all__:
+    load, _, names = _stub()
+    if name == "__all__":
+        return names
+    if name not in names:
         from o3dleaf.deprecated import old_name  # noqa: PLC0415 - nobody else needs it
 
         thing = old_name(name)
         if thing is not None:
             return thing
-    return _load(name)
+    return load(name)
+
+
+def __dir__() -> list[str]:
+    return _stub()[1]()
+
+
+def _stub():  # type: ignore[no-untyped-def]  # noqa: ANN202 - nothing is imported for its type
+    """Return what loads a name, what lists them, and all names, read from the stub when the first is asked for.
+
+    The program is on its way through here when it cannot handle an interrupt yet: that takes no longer than it must.
+    """
+    global _known  # noqa: PLW0603 - once
+    if _known is None:
+        import lazy_loader  # noqa: PLC0415 - with what it parses the stub by it takes longer than all else here
+
+        _known = lazy_loader.attach_stub(__name__, __file__)
+    return _known
+
+
+_known = None

@@ -2,16 +2,19 @@
 
 import io
 import os
-import re
 import signal
 import sys
-from contextlib import suppress
-from types import FrameType
-from typing import NoReturn
+
+# Until `main` nobody handles an interrupt: what takes milliseconds to import, `typing` and `re`, comes later, or never.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+    from typing import NoReturn
 
 SIGNALS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 """Ctrl-C, and what schedulers send; the exit code is 128 and the number of the signal."""
-LIBRARY = re.compile(r"lib[\w.+-]+\.so(\.\d+)*")
+LIBRARY = r"lib[\w.+-]+\.so(\.\d+)*"
 PACKAGES = {
     "libEGL.so.1": "libegl1",
     "libGL.so.1": "libgl1",
@@ -32,11 +35,8 @@ def main() -> None:
     machine refuses, a library that is not there or a terminal that takes no more, is one line and exit code 2.
     """
     received: signal.Signals | None = None
-    # Into a file or a pipe Windows writes an older encoding, which lacks ρ and much that file names have.
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
 
-    def interrupt(number: int, frame: FrameType | None) -> None:
+    def interrupt(number: int, frame: "FrameType | None") -> None:
         nonlocal received
         received = signal.Signals(number)
         signal.default_int_handler(number, frame)
@@ -45,6 +45,9 @@ def main() -> None:
     for each in SIGNALS:
         if signal.getsignal(each) in {signal.default_int_handler, signal.SIG_DFL}:
             signal.signal(each, interrupt)
+    # Into a file or a pipe Windows writes an older encoding, which lacks ρ and much that file names have.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     try:
         from o3dleaf.core.resources.machine import spare_addresses  # noqa: PLC0415 - under the guard
 
@@ -59,8 +62,18 @@ def main() -> None:
             if line is None:
                 raise
             _end(line, 2)
-        _end(f"{SIGNALS[received]}; a file that was not finished has left nothing behind", 128 + received)
+        _end(f"{SIGNALS[received]}; {_left_behind()}", 128 + received)
     _be_deaf()
+
+
+def _left_behind() -> str:
+    """Return what an interrupt leaves: nothing, but for the finished parts that were asked for."""
+    parts = sys.modules.get("o3dleaf.core.resume.parts")  # whoever did not get there keeps none
+    left_behind: Callable[[], list[str]] = getattr(parts, "left_behind", list)
+    kept = left_behind()
+    if not kept:
+        return "a file that was not finished has left nothing behind"
+    return f"what was finished is in {', '.join(kept)}; the same command with --resume goes on from it"
 
 
 def _be_deaf() -> None:
@@ -72,7 +85,9 @@ def _be_deaf() -> None:
 
 def _refusal(end: BaseException) -> str | None:
     """Return the line for what the machine refuses, or None."""
-    if isinstance(end, ImportError) and (found := LIBRARY.search(str(end))):
+    import re  # noqa: PLC0415 - see above
+
+    if isinstance(end, ImportError) and (found := re.search(LIBRARY, str(end))):
         package = PACKAGES.get(found[0], "")
         how = f", on Debian: apt-get install {package}" if package else ""
         return f"error: the system library {found[0]} is missing ({end}); install it{how}"
@@ -81,11 +96,13 @@ def _refusal(end: BaseException) -> str | None:
     return None
 
 
-def _end(line: str, code: int) -> NoReturn:
+def _end(line: str, code: int) -> "NoReturn":
     """Write a line, if anybody listens, and end at once: at the interpreter's own end half imports spoil exit codes."""
-    with suppress(OSError, ValueError, AttributeError):
+    try:
         sys.stderr.write(f"o3dleaf: {' '.join(line.split())}\n")
         sys.stderr.flush()
+    except (OSError, ValueError, AttributeError):
+        pass
     os._exit(code)
 
 

@@ -4,8 +4,12 @@ An edit is three numbers (kind, place, value), so that the same list of edits da
 """
 
 import gzip
+import io
 import json
+import shutil
 import struct
+import tempfile
+import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -162,6 +166,47 @@ def mended_gzip(content: bytes, edits: Iterable[Edit], other: bytes = b"") -> by
     if not content.startswith(b"\x1f\x8b") or (edits and edits[0][2] % 2):
         return damaged(content, edits, other)
     return gzip.compress(damaged(gzip.decompress(content), edits), mtime=0)
+
+
+def mended_zip(content: bytes, edits: Iterable[Edit], other: bytes = b"") -> bytes:
+    """Damage an array in an archive and pack it anew, with a right sum, three times in four; or the archive."""
+    edits = list(edits)
+    if edits and edits[0][2] % 4 == 0:
+        return damaged(content, edits, other)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        entries = [(entry, archive.read(entry)) for entry in archive.infolist()]
+    chosen = edits[0][2] // 4 % len(entries) if edits else 0
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for k, (entry, data) in enumerate(entries):
+            archive.writestr(entry, damaged(data, edits) if k == chosen else data, entry.compress_type)
+    return packed.getvalue()
+
+
+PNG_START = 8
+"""Bytes before the first chunk of a PNG."""
+
+
+def mended_png(content: bytes, edits: Iterable[Edit], other: bytes = b"") -> bytes:
+    """Damage chunks of a PNG, pixels as they are or before they are packed, and give them right sums; or the file."""
+    edits = list(edits)
+    if not edits or edits[0][2] % 4 == 0:
+        return damaged(content, edits, other)
+    chunks, at = [], PNG_START
+    while at < len(content):
+        (length,) = struct.unpack_from(">I", content, at)
+        chunks.append((content[at + 4 : at + 8], content[at + 8 : at + 8 + length]))
+        at += 12 + length
+    chosen = edits[0][2] // 4 % len(chunks)
+    name, data = chunks[chosen]
+    if name == b"IDAT" and edits[0][2] & 64:
+        data = zlib.compress(damaged(zlib.decompress(data), edits))
+    else:
+        data = damaged(data, edits)
+    chunks[chosen] = name, data
+    return content[:PNG_START] + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in chunks
+    )
 
 
 PAGE, PAGE_SUM = 1024, 4
@@ -392,6 +437,186 @@ def make_itk(folder: Path) -> None:
     (folder / "apart.raw").write_bytes(_voxels().tobytes())
 
 
+def _scan() -> np.ndarray[Any, Any]:
+    """Return (z, y, x) voxels, as a scanner stores them."""
+    return _voxels().astype(np.int16)
+
+
+def make_npz(folder: Path) -> None:
+    """Write voxels as NPZ, packed and not, beside arrays that are none."""
+    np.savez(folder / "plain.npz", scan=_scan(), log=np.arange(4))
+    np.savez_compressed(folder / "packed.npz", scan=np.asfortranarray(_scan().astype(np.float32)))
+
+
+def make_png(folder: Path) -> None:
+    """Write a slice as PNG: of 8 and of 16 bits, of one bit, with chunks beside the pixels."""
+    from PIL import Image  # noqa: PLC0415 - heavy
+
+    page = np.random.default_rng(0).integers(0, 64, (24, 20)).astype(np.uint8) * 4
+    for name, pixels in {"bytes.png": page, "words.png": page.astype(np.uint16) * 256}.items():
+        Image.fromarray(pixels).save(folder / name)
+    Image.fromarray(page > 100).save(folder / "bits.png")
+    Image.fromarray(page).save(folder / "facts.png", dpi=(300, 300), icc_profile=b"none", transparency=3)
+
+
+def make_hdf5(folder: Path) -> None:
+    """Write voxels as HDF5: in one piece, in chunks, packed, of the newer layout."""
+    import h5py  # noqa: PLC0415 - an extra
+
+    chunked = {"chunks": (2, 3, 4), "compression": "gzip", "shuffle": True, "fletcher32": True}
+    for name, newest, options in (
+        ("whole.h5", False, {}),
+        ("newer.h5", True, {}),
+        ("compact.h5", True, {"compact": True}),
+        ("packed.h5", False, chunked),
+        ("chunks.h5", True, chunked | {"compression": "lzf"}),
+        ("scaled.h5", True, {"chunks": (4, 5, 6), "scaleoffset": 0}),
+    ):
+        with h5py.File(folder / name, "w", libver="latest" if newest else "earliest") as file:
+            place = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            if options.pop("compact", False):
+                place.set_layout(h5py.h5d.COMPACT)
+                scan = h5py.Dataset(
+                    h5py.h5d.create(
+                        file.id, b"scan", h5py.h5t.NATIVE_INT16, h5py.h5s.create_simple(_scan().shape), place
+                    )
+                )
+                scan[...] = _scan()
+            else:
+                scan = file.create_dataset("scan", data=_scan(), **options)
+            scan.attrs["element_size_um"] = [3.0, 2.0, 1.0]
+            if name == "packed.h5":
+                scan.attrs["note"] = "of the leaf"
+
+
+def make_isq(folder: Path) -> None:
+    """Write voxels as ISQ, whose header is described by Scanco."""
+    voxels = _scan()
+    head = np.zeros(128, dtype="<i4")
+    head[:4] = np.frombuffer(b"CTDATA-HEADER_V1", dtype="<i4")
+    head[4] = 3
+    head[5] = head[6] = voxels.nbytes // 512 + 1
+    head[11:14] = voxels.shape[::-1]
+    head[14:17] = [60, 50, 40]
+    (folder / "plain.isq").write_bytes(head.tobytes() + voxels.astype("<i2").tobytes())
+    head[127] = 1  # one block of 512 bytes more before the voxels
+    (folder / "offset.isq").write_bytes(head.tobytes() + bytes(512) + voxels.astype("<i2").tobytes())
+
+
+def make_aim(folder: Path) -> None:
+    """Write voxels as AIM: words, runs of bytes, words of the version before."""
+    import py_aimio  # noqa: PLC0415 - an extra
+
+    facts = {"element_size": (0.01, 0.02, 0.03), "dimensions": _scan().shape[::-1]}
+    py_aimio.write_aim(str(folder / "words.aim"), _scan(), facts)
+    py_aimio.write_aim(str(folder / "floats.aim"), _scan().astype(np.float32), facts)
+    py_aimio.write_aim(str(folder / "runs.aim"), (_scan() // 40).astype(np.int8), facts)
+    head = struct.pack("<6i", 16, 0, 0, 0, 0, 0x20002) + struct.pack("<12i", 1, 2, 3, *_scan().shape[::-1], *[0] * 6)
+    head += bytes(36) + struct.pack("<3f", 0.01, 0.02, 0.03) + bytes(20)
+    parts = struct.pack("<5i", 20, len(head), 0, _scan().nbytes, 0)
+    (folder / "old.aim").write_bytes(parts + head + _scan().tobytes())
+
+
+def _write_slice(path: Path, k: int, way: str | None = None) -> None:
+    """Write a slice of a series as DICOM, packed in some way."""
+    import SimpleITK  # noqa: PLC0415 - an extra
+
+    pages = np.arange(2 * 24 * 20, dtype=np.int16).reshape(2, 24, 20) * 37 % 1001 - 200
+    image = SimpleITK.GetImageFromArray(pages[k : k + 1])
+    image.SetSpacing([0.1, 0.2, 0.3])
+    facts = {
+        "0008|0060": "CT", "0020|000e": "1.2.826.0.1.3680043.2.1125.1", "0020|0037": "1\\0\\0\\0\\1\\0",
+        "0020|0032": f"0.5\\0.25\\{0.3 * k}", "0020|0013": str(k), "0018|0050": "0.3",
+    }  # fmt: skip
+    for key, value in facts.items():
+        image.SetMetaData(key, value)
+    writer = SimpleITK.ImageFileWriter()
+    writer.KeepOriginalImageUIDOn()
+    if way is not None:
+        writer.SetUseCompression(True)
+        writer.SetCompressor(way)
+    writer.SetFileName(str(path))
+    writer.Execute(image)
+
+
+def make_dicom(folder: Path) -> None:
+    """Write a slice as DICOM, with and without the kinds of values and a sequence, and the next one, whole, beside."""
+    _write_slice(folder / "plain.dcm", 0)
+    _write_slice(folder / "next.dcm", 1)
+    (folder / "next.dcm").rename(folder / "next.raw")
+
+    def element(group: int, number: int, value: bytes, length: int | None = None) -> bytes:
+        return struct.pack("<2HI", group, number, len(value) if length is None else length) + value
+
+    def explicit(number: int, kind: bytes, value: bytes) -> bytes:
+        return struct.pack("<2H2sH", 2, number, kind, len(value)) + value
+
+    head = explicit(2, b"UI", b"1.2.840.10008.5.1.4.1.1.2\0") + explicit(3, b"UI", b"1.2.3.4\0")
+    head += explicit(16, b"UI", b"1.2.840.10008.1.2\0")
+    inner = element(8, 0x1155, b"1.2.3.9\0")
+    items = element(0xFFFE, 0xE000, inner) + element(0xFFFE, 0xE000, inner + element(0xFFFE, 0xE00D, b""), 0xFFFFFFFF)
+    counts = {2: 1, 0x10: 24, 0x11: 20, 0x100: 16, 0x101: 16, 0x102: 15, 0x103: 1}
+    (folder / "implicit.dcm").write_bytes(
+        bytes(128)
+        + b"DICM"
+        + explicit(0, b"UL", struct.pack("<I", len(head)))
+        + head
+        + element(8, 0x16, b"1.2.840.10008.5.1.4.1.1.2\0")
+        + element(8, 0x18, b"1.2.3.4\0")
+        + element(8, 0x60, b"CT")
+        + element(8, 0x1140, items + element(0xFFFE, 0xE0DD, b""), 0xFFFFFFFF)
+        + element(0x20, 0xE, b"1.2.826.0.1.3680043.2.1125.1")
+        + element(0x20, 0x32, b"0.5\\0.25\\0 ")
+        + element(0x20, 0x37, b"1\\0\\0\\0\\1\\0 ")
+        + b"".join(element(0x28, number, struct.pack("<H", count)) for number, count in counts.items())
+        + element(0x7FE0, 0x10, (np.arange(480) % 301).astype("<i2").tobytes())
+    )
+
+
+def make_packed_dicom(folder: Path) -> None:
+    """Write a slice as DICOM, packed in two ways, and the next one, whole, beside."""
+    _write_slice(folder / "lossless.dcm", 0, "JPEG")
+    _write_slice(folder / "wavelet.dcm", 0, "JPEG2000")
+    _write_slice(folder / "next.dcm", 1)
+    (folder / "next.dcm").rename(folder / "next.raw")
+
+
+def make_zarr(folder: Path) -> None:
+    """Write voxels as OME-Zarr of both versions, of whose files one is damaged; all, whole, are in a zip beside."""
+    import zarr  # noqa: PLC0415 - an extra
+
+    scale = [{"type": "scale", "scale": [1.0, 3.0, 2.0, 1.0]}, {"type": "translation", "translation": [0, 1, 2, 3.0]}]
+    axes = [{"name": "c", "type": "channel"}]
+    axes += [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    image = {"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": scale}]}
+    for version, name in ((2, "v2"), (3, "v3")):
+        with tempfile.TemporaryDirectory() as scratch:
+            place = Path(scratch) / "a.zarr"
+            group = zarr.create_group(place, zarr_format=version)
+            voxels = np.random.default_rng(0).integers(0, 3000, (1, 12, 14, 16)).astype(np.int16)
+            group.create_array("0", data=voxels, chunks=(1, 8, 14, 16))
+            group.create_array("plain", data=voxels, chunks=(1, 8, 14, 16), compressors=None)
+            group.attrs.update(
+                {"ome": {"version": "0.5", "multiscales": [image]}} if version == 3 else {"multiscales": [image]}
+            )
+            files = sorted(file for file in place.rglob("*") if file.is_file())
+            with zipfile.ZipFile(folder / f"{name}.raw", "w") as archive:
+                for file in files:
+                    archive.write(file, file.relative_to(place))
+            for k, file in enumerate(files):
+                (folder / f"{name}.{k}").write_bytes(file.read_bytes())
+
+
+def make_lattice_points(folder: Path) -> None:
+    """Write voxels as points with an intensity, as PLY of numbers and of text."""
+    places = np.argwhere(np.ones((3, 4, 5))) * (0.5, 0.25, 0.125)
+    head = f"element vertex {len(places)}\n" + "".join(f"property float {name}\n" for name in "xyzf") + "end_header\n"
+    rows = np.column_stack([places, np.arange(len(places)) % 17]).astype("<f4")
+    (folder / "binary.ply").write_bytes(f"ply\nformat binary_little_endian 1.0\n{head}".encode() + rows.tobytes())
+    lines = "".join(" ".join(f"{number:g}" for number in row) + "\n" for row in rows[::-1])
+    (folder / "text.ply").write_text(f"ply\nformat ascii 1.0\n{head}{lines}")
+
+
 def make_models(folder: Path) -> None:
     """Save models: an interpolant of one ball, one of some balls, of moving least squares, of creases."""
     import o3dleaf as o3l  # noqa: PLC0415 - heavy
@@ -412,8 +637,10 @@ def make_models(folder: Path) -> None:
 
 def read_cloud(path: Path) -> Arrays:
     """Read points."""
+    from o3dleaf.io.clouds.counts import count_points  # noqa: PLC0415 - heavy
     from o3dleaf.io.point_cloud import read_point_cloud  # noqa: PLC0415 - heavy
 
+    count_points(path)
     cloud = read_point_cloud(path, least=1, finite=False)
     return [np.asarray(cloud.points), np.asarray(cloud.normals), np.asarray(cloud.colors)]
 
@@ -440,15 +667,59 @@ def read_meshes(path: Path) -> Arrays:
 
 
 def read_voxels(path: Path) -> Arrays:
-    """Read a volume."""
+    """Count the voxels of a volume, and read it."""
     from o3dleaf.core.errors import InputError  # noqa: PLC0415 - heavy
+    from o3dleaf.leaf.ct.formats.counts import count_voxels  # noqa: PLC0415 - heavy
     from o3dleaf.leaf.ct.formats.read import read_volume  # noqa: PLC0415 - heavy
 
+    count_voxels(path)
     volume = read_volume(path, spacing=1.0, unit="um")
     if path.suffix != ".npy":
         with suppress(InputError):
             read_volume(path)  # by the spacing that it states
     return [np.array(volume.data)]
+
+
+def read_slices(path: Path) -> Arrays:
+    """Read a slice in a folder of it and a copy."""
+    folder = path.parent / "slices"
+    folder.mkdir(exist_ok=True)
+    for name in ("a_1", "a_2"):
+        (folder / f"{name}{path.suffix}").write_bytes(path.read_bytes())
+    return read_voxels(folder)
+
+
+def read_dicom(path: Path) -> Arrays:
+    """Read a slice, and a folder of it and the whole one that follows it."""
+    from o3dleaf.core.errors import InputError  # noqa: PLC0415 - heavy
+
+    folder = path.parent / "series"
+    folder.mkdir(exist_ok=True)
+    (folder / "a_1.dcm").write_bytes(path.read_bytes())
+    (folder / "a_2.dcm").write_bytes((path.parent / "next.raw").read_bytes())
+    arrays, refused = [], []
+    for place in (path, folder):
+        try:
+            arrays += read_voxels(place)
+        except InputError as error:
+            refused.append(error)
+    if len(refused) == 2:
+        raise refused[0]
+    return arrays
+
+
+def read_zarr(path: Path) -> Arrays:
+    """Read a Zarr folder of which one file is this one."""
+    place = path.parent / "place.zarr"
+    shutil.rmtree(place, ignore_errors=True)
+    with zipfile.ZipFile(path.parent / f"{path.stem}.raw") as archive:
+        archive.extractall(place)
+        name = sorted(archive.namelist(), key=Path)[int(path.suffix[1:])]
+    (place / name).write_bytes(path.read_bytes())
+    from o3dleaf.leaf.ct.formats.read import read_volume  # noqa: PLC0415 - heavy
+
+    wanted = "dataset=plain" if name.startswith("plain") else None
+    return [np.array(read_volume(place, layout=wanted, spacing=1.0 if wanted else None, unit="um").data)]
 
 
 def read_models(path: Path) -> Arrays:
@@ -489,5 +760,14 @@ READERS = {
     "tiff": Reader(make_tiff, read_voxels),
     "npy": Reader(make_npy, read_voxels),
     "itk": Reader(make_itk, read_voxels, mended_gzip),
+    "dicom": Reader(make_dicom, read_dicom),
+    "packed-dicom": Reader(make_packed_dicom, read_dicom),
+    "isq": Reader(make_isq, read_voxels),
+    "aim": Reader(make_aim, read_voxels),
+    "hdf5": Reader(make_hdf5, read_voxels),
+    "zarr": Reader(make_zarr, read_zarr),
+    "npz": Reader(make_npz, read_voxels, mended_zip),
+    "png": Reader(make_png, read_slices, mended_png),
+    "lattice-points": Reader(make_lattice_points, read_voxels),
 }
 """By the names that `fuzz.py` knows."""

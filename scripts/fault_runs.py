@@ -5,7 +5,8 @@
     scripts/fault_runs.py kill --moments 10 --jobs fit report
 
 kill       SIGKILL: a final name holds a whole file or nothing; what is left over goes with the next run
-interrupt  SIGINT: exit code 130 within a second, one line, nothing left over; so from the first millisecond on
+interrupt  SIGINT: exit code 130 within a second of processor time, one line, nothing left over; the first milliseconds,
+           in which the interpreter starts and the program does not listen yet, are told apart
 terminate  SIGTERM: the same with 143
 full       a disk of 64 KiB to 4 MiB (a tmpfs, where it may be mounted, else the largest size of a file): one line, exit
            code 2, nothing left over
@@ -167,42 +168,69 @@ def killed(name, job, count, home):
 
 def stopped(name, job, count, home, *, number):
     """Send a signal to a job at `count` moments."""
-    arguments, names = job
     took, expected = whole_run(job, home)
-    faults, outcomes, longest = [], collections.Counter(), 0.0
+    faults, outcomes, longest, busiest = [], collections.Counter(), 0.0, 0.0
     for moment in moments(count, took, np.random.default_rng(2)):
         folder = fresh(home)
-        run = start(arguments, folder)
-        time.sleep(moment)
-        sent = time.monotonic()
-        run.send_signal(number)
-        out, said = run.communicate()
-        ended = time.monotonic() - sent
-        code = 128 - run.returncode if run.returncode < 0 else run.returncode
-        if run.returncode == 0:
+        code, words, wall, busy, listened = send(job[0], folder, moment, number)
+        faults += [f"{moment:.3f} s: {fault}" for fault in wrong_with(code, words, number, listened=listened)]
+        if code == 0:
             outcomes["ended before"] += 1
-        elif run.returncode < 0:
-            outcomes["died of it, before Python listens"] += 1
         else:
-            outcomes[f"exit code {code}"] += 1
-        lines = [line for line in said.replace("\r", "\n").splitlines() if line.startswith("o3dleaf: ")]
-        where = f"{moment:.3f} s"
-        if code not in {0, 128 + number}:
-            faults.append(f"{where}: exit code {code}: {said[-300:]!r}")
-        if "Traceback" in said + out or "Exception ignored" in said:
-            faults.append(f"{where}: a traceback: {said[-600:]!r}")
-        elif run.returncode > 0 and len(lines) != 1:
-            faults.append(f"{where}: {len(lines)} lines: {said[-300:]!r}")
-        if run.returncode:
-            longest = max(longest, ended)
-            if ended > SECONDS:
-                faults.append(f"{where}: ended after {ended:.2f} s")
-        require_whole(folder, expected, faults, where)
-        if left_over(folder, names):
-            faults.append(f"{where}: left {left_over(folder, names)}")
+            outcomes[f"exit code {code}" if code > 0 else "died of it, before the program listens"] += 1
+            longest, busiest = max(longest, wall), max(busiest, busy)
+            if busy > SECONDS:
+                faults.append(f"{moment:.3f} s: ended after {busy:.2f} s of processor time, {wall:.2f} s")
+        require_whole(folder, expected, faults, f"{moment:.3f} s")
+        if left_over(folder, job[1]):
+            faults.append(f"{moment:.3f} s: left {left_over(folder, job[1])}")
         shutil.rmtree(folder)
     word = signal.Signals(number).name
-    return {"fault": word, "job": name, "longest": round(longest, 2), **outcomes, "wrong": faults}
+    times = {"longest": round(longest, 2), "processor": round(busiest, 2), "load": round(os.getloadavg()[0], 1)}
+    return {"fault": word, "job": name, "seconds": round(took, 1), **times, **outcomes, "wrong": faults}
+
+
+def send(arguments, folder, moment, number):
+    """Run a job, send it a signal, and return its exit code, its words, the time from then on, and if it listened."""
+    spent = children_seconds()
+    run = start(arguments, folder)
+    time.sleep(moment)
+    listened, used = listening(run.pid), processor_seconds(run.pid)
+    sent = time.monotonic()
+    run.send_signal(number)
+    out, said = run.communicate()
+    return run.returncode, said + out, time.monotonic() - sent, children_seconds() - spent - used, listened
+
+
+def wrong_with(code, words, number, *, listened):
+    """Yield what a run that got a signal did wrong: its code, a traceback, several lines, death though it listened."""
+    if code not in {0, 128 + number, -number}:
+        yield f"exit code {code}: {words[-300:]!r}"
+    if code == -number and listened:
+        yield "died of it, though it listened"
+    lines = [line for line in words.replace("\r", "\n").splitlines() if line.startswith("o3dleaf: ")]
+    if code != -number and ("Traceback" in words or "Exception ignored" in words):
+        yield f"a traceback: {words[-600:]!r}"
+    elif code > 0 and len(lines) != 1:
+        yield f"{len(lines)} lines: {words[-300:]!r}"
+
+
+def listening(process):
+    """Return whether a process has a handler for SIGTERM: it is the program's, Python has none."""
+    caught = Path(f"/proc/{process}/status").read_text().split("SigCgt:")[1].split()[0]
+    return bool(int(caught, 16) >> signal.SIGTERM - 1 & 1)
+
+
+def processor_seconds(process):
+    """Return the processor time that a process has taken."""
+    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def children_seconds():
+    """Return the processor time of all processes that were waited for."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def on_full_disk(name, job, count, home):

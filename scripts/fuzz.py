@@ -78,7 +78,16 @@ def forget_peak():
 
 
 def outcome_of(reader, file, fill):
-    """Return what became of a file: "read" with its numbers, "refused", or what was found, and where."""
+    """Return what became of a file: "read" with its numbers, "refused", or what was found, and where.
+
+    What took much memory is tried again: pages that the system had taken away meanwhile count as taken anew.
+    """
+    kind, where = tried(reader, file, fill)
+    return tried(reader, file, fill) if kind == "memory" else (kind, where)
+
+
+def tried(reader, file, fill):
+    """Return the outcome of one trial."""
     from o3dleaf.core.errors import O3DLeafError  # noqa: PLC0415 - heavy
 
     forget_peak()
@@ -121,8 +130,8 @@ def work(name, home, start, stop, size):
     reader = READERS[name]
     corpus = corpus_of(home / name, reader)
     folder = Path(tempfile.mkdtemp(dir=home))
-    if (home / name / "apart.raw").exists():
-        (folder / "apart.raw").write_bytes((home / name / "apart.raw").read_bytes())
+    for file in (home / name).glob("*.raw"):  # what damaged files lie beside
+        (folder / file.name).write_bytes(file.read_bytes())
     for file, content in corpus:  # loads what is loaded once
         (folder / file).write_bytes(content)
         outcome_of(reader, folder / file, lambda _: None)
@@ -214,6 +223,8 @@ def main():
         if given.show:
             reader = READERS[given.show[0]]
             file, content = case_of(reader, corpus_of(Path(home) / given.show[0], reader), int(given.show[1]))
+            for whole in (Path(home) / given.show[0]).glob("*.raw"):
+                (Path(home) / whole.name).write_bytes(whole.read_bytes())
             (Path(home) / file).write_bytes(content)
             print(file, content[:2000])
             print([array.shape for array in reader.read(Path(home) / file)])

@@ -1,5 +1,6 @@
 """Files appear whole or not at all: written under another name and renamed, refused before the work if they cannot."""
 
+import errno
 import json
 import os
 import platform
@@ -11,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from o3dleaf.core.errors import InputError, O3DLeafError
 
@@ -30,11 +31,12 @@ MAX_STEM = 80
 
 
 @contextmanager
-def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
+def whole_file(path: str | PathLike[str], size: float = 0) -> Iterator[Path]:
     """Yield a temporary name beside `path`, with its suffix; what was written there takes the name at the end.
 
     A failure or an interruption leaves nothing behind, and an old file of the name survives it. A symbolic link stays
-    one: what it leads to is replaced, or made, as by any program that opens the link and writes.
+    one: what it leads to is replaced, or made, as by any program that opens the link and writes. Room for `size` bytes,
+    where they are known, is asked for before the first is written (`claim` asks for what is known later).
 
     Raises
     ------
@@ -47,6 +49,8 @@ def whole_file(path: str | PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     temporary = _beside(target)
     try:
+        if size:
+            require_free(target, size)
         yield temporary
         temporary.replace(target.resolve())
     except OSError as cause:
@@ -91,6 +95,16 @@ def require_free(path: str | PathLike[str], size: float) -> None:
         )
 
 
+def claim(out: IO[bytes], size: int) -> None:
+    """Raise `OSError`, to which `whole_file` gives the name, if the disk has no room for an open file of this size."""
+    there = out.seek(0, os.SEEK_END)
+    out.seek(0)
+    place = getattr(out, "name", None)  # a descriptor, if it has no name; None in memory
+    free = size if place is None else shutil.disk_usage(place).free
+    if size - there > free:
+        raise OSError(errno.ENOSPC, f"it takes {size / 1e9:.3g} GB, {free / 1e9:.3g} GB are free")
+
+
 def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
     """Raise `InputError` if a file to be written (None: none) is one of those that are read, or written twice."""
     read, written = {_resolved(path) for path in inputs if path is not None}, set[Path]()
@@ -107,9 +121,14 @@ def require_apart(outputs: Iterable[Path | None], inputs: Iterable[Path | None])
 
 def write_json(content: dict[str, Any], path: str | PathLike[str]) -> None:
     """Write `content` as JSON, whole or not at all; arrays become lists, and what JSON does not know its text."""
-    text = json.dumps(content, indent=2, ensure_ascii=False, default=_plain)
-    with whole_file(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8", newline="\n")
+    write_text(json.dumps(content, indent=2, ensure_ascii=False, default=_plain) + "\n", path)
+
+
+def write_text(text: str, path: str | PathLike[str]) -> None:
+    """Write a text as it is, whole or not at all."""
+    content = text.encode()
+    with whole_file(path, len(content)) as temporary:
+        temporary.write_bytes(content)
 
 
 def _plain(value: Any) -> Any:

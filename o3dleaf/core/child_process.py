@@ -84,7 +84,7 @@ def run_in_subprocess(
 
 def _wait(home: Path, name: str, cure: str, seconds: float) -> tuple[int, str]:
     """Run the child and return its exit code and what it printed; it never outlives this call."""
-    path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
+    path = os.pathsep.join(map(os.path.abspath, sys.path))  # the child works elsewhere
     with subprocess.Popen(  # noqa: S603  the command is this interpreter and this file
         [sys.executable, "-m", __name__, str(home), str(os.getpid())],
         cwd=home,

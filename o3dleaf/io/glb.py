@@ -10,6 +10,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.io.mesh_data import MeshData
 
 MAGIC, VERSION, JSON_CHUNK, BIN_CHUNK = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
@@ -75,6 +76,7 @@ def _write_chunks(out: IO[bytes], scene: dict[str, Any], arrays: list[npt.NDArra
     text = json.dumps(scene, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     size = scene["buffers"][0]["byteLength"]
+    claim(out, 28 + len(text) + size)
     out.write(np.array([MAGIC, VERSION, 28 + len(text) + size, len(text), JSON_CHUNK], dtype="<u4").tobytes())
     out.write(text)
     out.write(np.array([size, BIN_CHUNK], dtype="<u4").tobytes())

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_text
 from o3dleaf.core.checks import FloatArray, as_bounds, as_step
 from o3dleaf.core.parallel import blocks
 
@@ -104,7 +104,7 @@ class GridFile:
     def write(self, parts: Iterable[npt.NDArray[Any]]) -> None:
         """Write the numbers, which come in parts, x fastest, then y, then z; the file appears whole or not at all."""
         suffix, done = self.path.suffix.lower(), 0
-        with whole_file(self.path) as temporary, temporary.open("wb") as out:
+        with whole_file(self.path, self.size * self.dtype.itemsize) as temporary, temporary.open("wb") as out:
             if suffix == ".npy":
                 header = {"descr": self.dtype.newbyteorder("<").str, "fortran_order": False, "shape": self.shape[::-1]}
                 np.lib.format.write_array_header_1_0(out, header)
@@ -129,8 +129,7 @@ class GridFile:
         content: dict[str, Any] = {"what": meaning, "axes": "[k, j, i]: z, y, x", "unit": self.unit}
         steps = self.step.tolist()
         content |= {"origin": self.origin.tolist(), "spacing": steps[0] if len(set(steps)) == 1 else steps}
-        with whole_file(self.path.with_suffix(".json")) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
+        write_text(json.dumps(content, indent=1) + "\n", self.path.with_suffix(".json"))
 
 
 def _words(numbers: FloatArray) -> list[str]:

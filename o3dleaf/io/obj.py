@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
@@ -18,6 +19,10 @@ from o3dleaf.io.polygons.triangulation import triangulate
 
 BLOCK = 1 << 17
 """Rows turned into text at once."""
+
+
+SHORTEST = 8
+"""Bytes of a line, at least."""
 
 
 def write_obj(out: IO[bytes], mesh: MeshBlocks, comments: tuple[str, ...] = (), *, group: str | None = None) -> None:
@@ -34,6 +39,7 @@ def write_obj(out: IO[bytes], mesh: MeshBlocks, comments: tuple[str, ...] = (), 
     """
     total = mesh.vertex_count + mesh.triangle_count
     normals = mesh.normals
+    claim(out, SHORTEST * (total + (0 if normals is None else len(normals))))
     out.writelines(f"# {line}\n".encode() for line in comments)
     for start, stop in blocks(mesh.vertex_count, BLOCK):
         out.write(_rows("v %r %r %r\n", mesh.vertex_block(start, stop)))

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.labelled_mesh import LabelArray
@@ -99,6 +100,7 @@ class PlyFile:
         self._place = Lock()
         self.vertex_count, self.triangle_count = layout.vertices, layout.triangles or 0
         self.label_names = layout.names or ()
+        claim(file, layout.size)
         self._write(layout.header, 0)
         os.ftruncate(self._file, layout.size)
 

@@ -6,6 +6,7 @@ from typing import IO
 import numpy as np
 
 from o3dleaf.core import progress
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import blocks
@@ -27,6 +28,7 @@ BLOCK = 1 << 17
 def write_stl(out: IO[bytes], mesh: MeshBlocks, words: bytes) -> None:
     """Write a mesh with the normals of its triangles; `words` are cut off or filled up with blanks."""
     total = mesh.triangle_count
+    claim(out, START + TRIANGLE.itemsize * total)
     out.write(words[:HEADER].ljust(HEADER))
     out.write(np.uint32(total).tobytes())
     for start, stop in blocks(total, BLOCK):

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
@@ -52,6 +53,7 @@ def write_stl_text(out: IO[bytes], mesh: MeshData, name: str) -> None:
 
     The format has no place for a unit.
     """
+    claim(out, FACET.itemsize * mesh.triangle_count)
     done = 0
     for solid, triangles in mesh.parts(name):
         out.write(f"solid {solid}\n".encode())

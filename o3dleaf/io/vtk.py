@@ -6,6 +6,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.io.mesh_data import MeshData
 
@@ -64,6 +65,7 @@ def _write(
         + "\n".join(body)
         + '\n</Piece>\n</PolyData>\n<AppendedData encoding="raw">\n_'
     )
+    claim(out, len(header) + place)
     out.write(header.encode("ascii", "replace"))
     for array in arrays:
         out.write(array.nbytes.to_bytes(8, "little"))

@@ -9,7 +9,7 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.atomic_files import make_folder, whole_file
+from o3dleaf.core.atomic_files import make_folder, whole_file, write_text
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.formats.tiff import write_volume
@@ -82,14 +82,13 @@ def write_samples(folder: str | PathLike[str], *, seed: Whole = 0) -> list[Path]
         voxels=volume.data.size,
         sums="\n".join(sums),
     )
-    with whole_file(page) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_text(text, page)
     return [*paths, page]
 
 
 def write_points(path: Path, points: FloatArray) -> None:
     """Write (n, 3) points in millimeters, rounded, whole or not at all."""
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.round(DECIMALS_MM)))
-    with whole_file(path) as temporary:
+    with whole_file(path, points.astype(np.float64).nbytes) as temporary:
         if not o3d.io.write_point_cloud(temporary, cloud):
             raise O3DLeafError(f"{path}: could not be written; check the folder's permissions and free space")

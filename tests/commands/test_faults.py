@@ -34,6 +34,42 @@ WAITING = (
 )
 
 
+RESUMING = (
+    "import o3dleaf.commands.cli as cli, time, pathlib, o3dleaf.core.resume.parts as parts\n"
+    "def work():\n"
+    "    with parts.resuming('out.ply', 'key', None):\n"
+    "        pathlib.Path('ready').touch()\n"
+    "        time.sleep(30)\n"
+    "cli.main = work\n"
+)
+
+
+def test_what_is_kept_for_another_run_is_said(tmp_path):
+    code = f"import sys; from o3dleaf.__main__ import main\n{RESUMING}main()"
+    command = [sys.executable, "-c", code]
+    run = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment())
+    try:
+        wait_for(tmp_path / "ready")
+        run.send_signal(signal.SIGTERM)
+        _, said = run.communicate(timeout=30)
+    finally:
+        run.kill()
+    assert run.returncode == 128 + signal.SIGTERM
+    kept = "what was finished is in out.ply.o3dleaf-part; the same command with --resume goes on from it"
+    assert said == f"o3dleaf: terminated; {kept}\n"
+    assert (tmp_path / "out.ply.o3dleaf-part").is_dir()
+
+
+def test_the_program_listens_before_it_imports_what_takes_long():
+    """Until then a signal is the interpreter's, which says it by a traceback or not at all."""
+    code = "import sys; before = set(sys.modules); import o3dleaf.__main__; print(*set(sys.modules) - before)"
+    run = subprocess.run(
+        [sys.executable, "-S", "-c", code], capture_output=True, text=True, check=True, env=environment()
+    )
+    late = {"typing", "re", "ast", "lazy_loader", "contextlib", "numpy", "typer", "o3dleaf.core", "o3dleaf.commands"}
+    assert not late & set(run.stdout.split())
+
+
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
 def test_a_signal_ends_a_run_within_a_second_in_one_line(tmp_path, number, word):
     run = subprocess.Popen(program(WAITING), cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=environment())

@@ -1,20 +1,24 @@
 """What has a name and is no file keeps it; a link leads to what is written."""
 
 import os
+import shutil
 import socket
 import stat
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_json
+from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.output.export.consumers import export_mesh
+from o3dleaf.output.export.particles import Particles, export_particles
 from o3dleaf.surface.isosurface.isosurface import extract_isosurface
 
 pipes = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pipes, sockets and devices among its files")
@@ -144,3 +148,49 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
         assert new.exists()
         assert not (tmp_path / left[0]).exists()
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*others, "other.ply"])
+
+
+def nearly_full(monkeypatch, free):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+
+
+@pytest.mark.parametrize("name", ["ball.ply", "ball.stl", "ball.obj", "foam.stl", "web.glb", "view.vtp"])
+def test_room_for_a_mesh_is_asked_for_before_it_is_written(tmp_path, monkeypatch, name):
+    mesh = extract_isosurface(sphere(), 0.3)
+    consumer = {"foam": "openfoam", "web": "web", "view": "paraview"}.get(name.split(".")[0])
+
+    def write():
+        if consumer is None:
+            write_mesh(mesh, tmp_path / name)
+        else:
+            export_mesh(mesh, tmp_path / name, unit="mm", consumer=consumer)
+
+    write()
+    size = (tmp_path / name).stat().st_size
+    (tmp_path / name).unlink()
+    # Of a text of digits the least that it can take is known.
+    nearly_full(monkeypatch, size // 8 if name.endswith(".obj") else 0.95 * size)
+    with pytest.raises(O3DLeafError, match=rf"{name}: could not be written \(it takes .* are free\); free space"):
+        write()
+    assert not list(tmp_path.iterdir())
+    nearly_full(monkeypatch, size)
+    write()
+    assert (tmp_path / name).stat().st_size == size
+
+
+def test_room_for_what_is_no_mesh_is_asked_for_too(tmp_path, monkeypatch):
+    points = np.random.default_rng(0).uniform(size=(500, 3))
+    particles = Particles(points, None, np.ones(500))
+    volume = Volume(np.arange(1000.0).reshape(10, 10, 10), np.ones(3), np.zeros(3), "um")
+    write = {
+        "ct.tif": lambda path: write_volume(volume, path),
+        "note.json": lambda path: write_json({"a": "b" * 5000}, path),
+        "points.csv": lambda path: export_particles(particles, path),
+        "points.vtp": lambda path: export_particles(particles, path),
+        "points.ply": lambda path: export_particles(particles, path),
+    }
+    nearly_full(monkeypatch, 2000)
+    for name, written in write.items():
+        with pytest.raises(O3DLeafError, match=rf"{name}.*free"):
+            written(tmp_path / name)
+        assert not list(tmp_path.iterdir())

@@ -17,10 +17,16 @@ from o3dleaf.core.errors import InputError, O3DLeafError
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 NAMES = (
     "model", "ply-points", "ply-mesh", "obj", "off", "stl", "pcd", "columns", "text", "las", "e57", "tiff", "npy",
-    "itk",
+    "itk", "dicom", "packed-dicom", "isq", "aim", "hdf5", "zarr", "npz", "png", "lattice-points",
 )  # fmt: skip
 EDITS = st.lists(st.tuples(*[st.integers(0, (1 << 32) - 1)] * 3), min_size=1, max_size=4)
-EXTRAS = {"las": "laspy", "e57": "pye57", "itk": "SimpleITK"}
+EXTRAS = {
+    "las": "laspy", "e57": "pye57", "itk": "SimpleITK", "dicom": "SimpleITK", "packed-dicom": "SimpleITK",
+    "aim": "py_aimio", "hdf5": "h5py", "zarr": "zarr",
+}  # fmt: skip
+EXAMPLES = {"packed-dicom": 50, "zarr": 40, "dicom": 60}
+"""Of those that take long: packed DICOM is unpacked in a process of its own. Of others 200."""
+SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "packed-dicom" else name for name in NAMES]
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +49,14 @@ def test_all_readers_are_fuzzed(damaged):
     assert list(module.READERS) == list(NAMES)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SLOW)
 def test_a_damaged_file_is_read_or_refused_in_one_line(damaged, name):
     if name in EXTRAS:
         pytest.importorskip(EXTRAS[name])
     module, whole_files = damaged
     reader, (folder, files) = module.READERS[name], whole_files(name)
 
-    @settings(max_examples=200)
+    @settings(max_examples=EXAMPLES.get(name, 200))
     @given(which=st.integers(0, len(files) - 1), other=st.integers(0, len(files) - 1), edits=EDITS)
     def check(which, other, edits):
         file, content = files[which]

@@ -89,6 +89,18 @@ def spare_addresses() -> None:
         ctypes.CDLL(None).mallopt(M_ARENA_MAX, ARENAS)
 
 
+def limit_memory(room: int) -> None:
+    """Let this process take so many bytes more at most, where the system holds it to that; less stays less."""
+    held = _fields(PROCESS).get("VmSize")
+    if sys.platform == "win32" or held is None:
+        return
+    import resource  # noqa: PLC0415 - Windows has none
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limits = [each for each in (soft, hard, held + room) if each != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+
+
 def available() -> Limit | None:
     """Return what the machine has left, or None where it does not say."""
     free = _fields(MACHINE).get("MemAvailable")

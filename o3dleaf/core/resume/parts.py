@@ -60,6 +60,7 @@ class Parts:
         write_json(self.state, self.folder / STATE)
 
 
+_left: list[Path] = []
 _parts: ContextVar[Parts | None] = ContextVar("o3dleaf.parts", default=None)
 
 
@@ -86,11 +87,18 @@ def resuming(path: str | PathLike[str], key: str, load: Callable[[Path], Any]) -
     make_folder(parts.folder)
     parts.record("key", key)
     token = _parts.set(parts)
+    _left.append(parts.folder)
     try:
         yield parts
     finally:
         _parts.reset(token)
     shutil.rmtree(parts.folder, ignore_errors=True)
+    _left.remove(parts.folder)
+
+
+def left_behind() -> list[str]:
+    """Return the folders of parts of work that did not come to its end in this process."""
+    return [str(folder) for folder in _left if folder.is_dir()]
 
 
 def kept(name: str, make: Callable[[], T]) -> T:
@@ -105,12 +113,13 @@ def kept(name: str, make: Callable[[], T]) -> T:
     return cast(T, made)
 
 
-def key_of(files: Iterable[Path], options: dict[str, Any]) -> str:
+def key_of(inputs: Iterable[Path], options: dict[str, Any]) -> str:
     """Return a digest of the contents of files (of folders: of the files in them), of options and of our version."""
     digest = hashlib.sha256(json.dumps([version("o3dleaf"), options], default=str, sort_keys=True).encode())
-    for path in files:
-        for each in sorted(path.iterdir()) if path.is_dir() else [path]:
-            digest.update(f"{each.name} {each.stat().st_size} ".encode())
+    for path in inputs:
+        files = sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else [path]
+        for each in files:
+            digest.update(f"{each.relative_to(path.parent)} {each.stat().st_size} ".encode())
             with each.open("rb") as stream:
                 while chunk := stream.read(CHUNK):
                     digest.update(chunk)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit, Whole
-from o3dleaf.core.atomic_files import require_writable, whole_file
+from o3dleaf.core.atomic_files import claim, require_writable, whole_file
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
@@ -306,7 +306,9 @@ def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit
         if particles.labels is not None:
             columns["label"] = particles.labels
         if target.suffix.lower() == ".csv":
-            out.write(_csv(columns, note))
+            content = _csv(columns, note)
+            claim(out, len(content))
+            out.write(content)
         else:
             write_ply_points(out, columns, unit_comment(unit))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite
-from o3dleaf.core.atomic_files import make_folder, whole_file
+from o3dleaf.core.atomic_files import make_folder, write_text
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, O3DLeafError
@@ -176,7 +176,6 @@ def check_request(formats: Iterable[str], only: Iterable[str] | None) -> tuple[l
 def _write_captions(path: Path, captions: list[str], drawn: Drawn) -> Drawn:
     """Write what the figures show, and which were left out."""
     lines = captions + [f"*{name}* was left out: {reason}\n" for name, reason in drawn.left_out.items()]
-    with whole_file(path) as temporary:
-        temporary.write_text("\n".join(lines), encoding="utf-8", newline="\n")
+    write_text("\n".join(lines), path)
     drawn.paths.append(path)
     return drawn

@@ -7,7 +7,7 @@ from typing import Any
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.atomic_files import require_writable, whole_file, write_json
+from o3dleaf.core.atomic_files import require_writable, write_json, write_text
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
@@ -73,8 +73,7 @@ class Examination:
     def write_html(self, path: str | PathLike[str], title: str) -> None:
         """Write the page, whole or not at all."""
         page = compose_page(self.inspection, self.result, self.points, title, colors=self.colors)
-        with whole_file(path) as temporary:
-            temporary.write_text(page, encoding="utf-8", newline="\n")
+        write_text(page, path)
 
 
 @checked

@@ -53,7 +53,7 @@ def write_midrib(control: npt.ArrayLike, path: str | PathLike[str]) -> None:
     points = as_sites(control, "control", dim=3)
     target = require_writable(path, (".ply",))
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-    with whole_file(target) as temporary:
+    with whole_file(target, points.nbytes) as temporary:
         if not o3d.io.write_point_cloud(temporary, cloud):
             raise O3DLeafError(f"{target}: could not be written; free space on the disk or choose another")
 

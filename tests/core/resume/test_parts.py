@@ -61,6 +61,17 @@ def test_a_key_knows_content_and_options(tmp_path):
     assert before != key_of([tmp_path / "a"], {"rho": 1.0})
 
 
+def test_a_key_knows_the_files_in_folders_of_a_folder(tmp_path):
+    """An OME-Zarr volume is one."""
+    inner = tmp_path / "a.zarr" / "0" / "c"
+    inner.mkdir(parents=True)
+    (inner / "0").write_bytes(b"1")
+    before = key_of([tmp_path / "a.zarr"], {})
+    assert before == key_of([tmp_path / "a.zarr"], {})
+    (inner / "0").write_bytes(b"2")
+    assert before != key_of([tmp_path / "a.zarr"], {})
+
+
 @pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
 @pytest.mark.parametrize("rows", [1, 2])
 def test_a_streamed_leaf_goes_on_after_its_finished_rows(suffix, rows, tmp_path, monkeypatch):

@@ -6,8 +6,9 @@
 `slices`    folders of TIFF and PNG slices
 `bare`      NPY, NPZ, and bare numbers of a given layout
 `lattice_headers`  headers of MetaImage, NRRD and NIfTI, looked over
+`dicom_headers`  headers of DICOM, looked over
 `itk`       NRRD, MetaImage, NIfTI and DICOM, by SimpleITK
-`scanco`    ISQ and AIM, by aimio-py
+`scanco`    ISQ and AIM
 `hdf5`      HDF5, by h5py
 `ome_zarr`  OME-Zarr, by zarr
 `points`    PLY of points with an intensity

@@ -1,5 +1,6 @@
 """HDF5: a dataset of three dimensions, slices first, with the voxel size that Fiji and its kin note beside it."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,12 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
 
 
 def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
-    if dataset.nbytes > MAX_RATIO * path.stat().st_size:
+    if dataset.external or dataset.is_virtual:
+        raise InputError(f"{path}: its voxels are in other files; export them into one")
+    chunk = math.prod(dataset.chunks or ()) * dataset.dtype.itemsize
+    if max(dataset.nbytes, chunk) > MAX_RATIO * path.stat().st_size:
         raise InputError(f"{path}: is truncated, or its header lies: {dataset.shape} voxels in so small a file")
-    offset = dataset.id.get_offset() if dataset.chunks is None and dataset.external is None else None
+    offset = dataset.id.get_offset() if dataset.chunks is None else None
     if offset is None or not dataset.nbytes:
         return np.asarray(dataset[...])
     return np.memmap(path, dtype=dataset.dtype, mode="r", offset=offset, shape=dataset.shape)

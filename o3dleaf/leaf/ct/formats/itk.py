@@ -10,27 +10,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.child_process import run_in_subprocess
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.memory.machine import limit_memory
+from o3dleaf.leaf.ct.formats.dicom_headers import Slice, is_dicom, look_over
 from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header
 from o3dleaf.leaf.ct.formats.stated import Stated, import_extra
 
 NIFTI = (".nii", ".nii.gz")
 DETACHED = (".mhd", ".nhdr")
 DICOM = (".dcm", ".dicom", ".ima")
+GDCM = "GDCMImageIO"
 READERS = (
     ((".nrrd", ".nhdr"), "NrrdImageIO"),
     ((".mha", ".mhd"), "MetaImageIO"),
     (NIFTI, "NiftiImageIO"),
-    (DICOM, "GDCMImageIO"),
+    (DICOM, GDCM),
 )
 """SimpleITK's names."""
 SUFFIXES = tuple(suffix for suffixes, _ in READERS for suffix in suffixes)
+CHILD_ROOM, CHILD_TIMES = 1 << 30, 8
+CHILD_SECONDS, CHILD_SPEED = 60, 1 << 20
+"""What unpacking in another process may take: bytes, and for each of the voxels'; seconds, and the bytes in each."""
 MAX_RATIO = 2000
 """Deflate, the compression of these formats, packs zeros 1032 to 1."""
 MIN_NIFTI_HEADER = 348
 """Bytes."""
-PLACE = "0020|0032"
-"""DICOM's name of the place of a slice, of its first pixel, in millimeters."""
 EVEN = 0.01
 """Share of the distance of two slices within which they are even: positions are written in decimals."""
 
@@ -43,10 +48,12 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If SimpleITK is not installed, the file is truncated or damaged, in color, not three-dimensional or oblique.
     """
+    import_extra("SimpleITK", "formats", path)
+    name = path.name.lower()
+    if name.endswith(DICOM):
+        return _read_slices(path, [_require_pixels(path)])
+    require_sane_header(path)
     with _simple_itk(path) as itk:
-        name = path.name.lower()
-        if not name.endswith(DICOM):
-            require_sane_header(path)
         header = itk.ImageFileReader()
         # By the name alone: of what a file says of itself SimpleITK would try twenty other readers.
         header.SetImageIO(next(reader for suffixes, reader in READERS if name.endswith(suffixes)))
@@ -63,7 +70,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
 
 def has_series(folder: Path) -> bool:
     """Return whether a folder has DICOM files; only the first bytes of each are read."""
-    return any(_is_dicom(file) for file in folder.iterdir() if file.is_file())
+    return any(is_dicom(file) for file in folder.iterdir() if file.is_file())
 
 
 def read_series(folder: Path, wanted: str | None) -> tuple[npt.NDArray[Any], Stated]:
@@ -74,37 +81,78 @@ def read_series(folder: Path, wanted: str | None) -> tuple[npt.NDArray[Any], Sta
     InputError
         If there are several series, a slice is missing or damaged, or SimpleITK is not installed.
     """
-    with _simple_itk(folder) as itk:
-        reader = itk.ImageSeriesReader()
-        series = list(reader.GetGDCMSeriesIDs(str(folder)))
-        if wanted not in series and (wanted is not None or len(series) != 1):
-            raise InputError(
-                f"{folder}: has {len(series)} DICOM series: {', '.join(series)}; say which: dataset=SERIES"
-            )
-        files = reader.GetGDCMSeriesFileNames(str(folder), wanted or series[0])
-        reader.SetFileNames(files)
-        reader.MetaDataDictionaryArrayUpdateOn()
-        image = reader.Execute()
-        if all(reader.HasMetaDataKey(k, PLACE) for k in range(len(files))):
-            _require_even([reader.GetMetaData(k, PLACE) for k in range(len(files))], folder)
-        return _voxels_of(itk, image, folder)
+    import_extra("SimpleITK", "formats", folder)
+    files = sorted(file for file in folder.iterdir() if file.is_file() and is_dicom(file))
+    series: dict[str, list[Slice]] = {}
+    for each in filter(None, map(look_over, files)):
+        series.setdefault(each.series, []).append(each)
+    if wanted not in series and (wanted is not None or len(series) != 1):
+        raise InputError(f"{folder}: has {len(series)} DICOM series: {', '.join(series)}; say which: dataset=SERIES")
+    return _read_slices(folder, sorted(series[next(iter(series)) if wanted is None else wanted], key=_in_order))
 
 
-def _require_even(places: list[str], folder: Path) -> None:
+def _in_order(each: Slice) -> tuple[tuple[float, float], str]:
+    return each.order, each.file.name
+
+
+def _require_pixels(path: Path) -> Slice:
+    found = look_over(path)
+    if found is None:
+        raise InputError(f"{path}: has no pixels; give the file or the folder of a scan")
+    return found
+
+
+def _read_slices(path: Path, slices: list[Slice]) -> tuple[npt.NDArray[Any], Stated]:
+    """Return the voxels of slices in their order; packed ones are unpacked in a process of its own, within limits."""
+    if len(slices) > 1 and all(each.place for each in slices):
+        _require_even([each.place for each in slices], path)
+    files, size = [str(each.file) for each in slices], sum(each.bytes for each in slices)
+    if not any(each.packed for each in slices):
+        voxels, spacing, origin = read_files(str(path), files)
+        return voxels, Stated(spacing, origin, "mm")
+    if size > MAX_RATIO * sum(each.file.stat().st_size for each in slices):
+        raise InputError(f"{path}: is truncated, or its header lies: {size} bytes in so small a file; export it again")
+    try:
+        (voxels, spacing, origin), _ = run_in_subprocess(
+            read_files,
+            (),
+            {"path": str(path), "files": files, "room": CHILD_ROOM + CHILD_TIMES * size},
+            name=f"{path}: unpacking",
+            cure="the file is damaged; export it again, not packed",
+            seconds=CHILD_SECONDS + size / CHILD_SPEED,
+        )
+    except InputError:
+        raise
+    except O3DLeafError as cause:  # whatever its codecs do to the process: the file is to blame
+        raise InputError(str(cause)) from cause
+    return voxels, Stated(spacing, origin, "mm")
+
+
+def read_files(path: str, files: list[str], room: int | None = None) -> tuple[npt.NDArray[Any], ...]:
+    """Return the (z, y, x) voxels, spacing and origin of DICOM files, in a process that may take `room` bytes more."""
+    if room is not None:
+        limit_memory(room)
+    with _simple_itk(Path(path)) as itk:
+        if len(files) == 1:
+            image = itk.ReadImage(files[0], imageIO=GDCM)
+        else:
+            reader = itk.ImageSeriesReader()
+            reader.SetImageIO(GDCM)
+            reader.SetFileNames(files)
+            image = reader.Execute()
+        voxels, stated = _voxels_of(itk, image, Path(path))
+        return voxels, np.asarray(stated.spacing), np.asarray(stated.origin)
+
+
+def _require_even(places: list[tuple[float, ...]], folder: Path) -> None:
     """Refuse slices that are not evenly apart: SimpleITK reads them as if they were."""
-    at = np.array([[float(number) for number in place.split("\\")] for place in places])
-    gaps = np.linalg.norm(np.diff(at, axis=0), axis=1)
+    gaps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     if len(gaps) and np.ptp(gaps) > EVEN * np.median(gaps):
         k = int(np.argmax(np.abs(gaps - np.median(gaps))))
         raise InputError(
             f"{folder}: slices are missing, or not evenly apart: {gaps[k]:.4g} mm from slice {k + 1} to the next, "
             f"{np.median(gaps):.4g} mm between most; export the series again"
         )
-
-
-def _is_dicom(file: Path) -> bool:
-    with file.open("rb") as content:
-        return content.read(132)[128:] == b"DICM"
 
 
 @contextmanager

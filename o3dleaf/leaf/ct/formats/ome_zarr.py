@@ -1,5 +1,8 @@
 """OME-Zarr: the finest level of a multiscale image, with the axes, scales and units that its metadata state."""
 
+import math
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,19 @@ from o3dleaf.core.units import METERS
 from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, require_only
 
 SUFFIXES = (".zarr",)
+CODECS = {
+    "bytes", "transpose", "sharding_indexed", "crc32c", "crc32", "adler32", "fletcher32", "gzip", "zlib", "zstd", "lz4",
+    "lzma", "bz2", "blosc", "shuffle", "delta", "fixedscaleoffset", "quantize", "bitround", "packbits",
+}  # fmt: skip
+"""What may pack voxels: none that makes objects, as pickle does."""
+METADATA = (".z", "zarr.json")
+"""How the names of files begin that are no chunks."""
+BLOSC_HEAD = struct.Struct("<4s3I")
+"""Of a chunk: its versions and flags, bytes unpacked, of a block, and packed."""
+WIDEST = 8
+"""Bytes of a number."""
+MAX_RATIO = 2000
+"""No compression packs voxels of a scan tighter; what was never written takes no place, and is no scan."""
 UNITS = {"micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m", "nanometer": "nm"}
 
 
@@ -30,6 +46,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
             array, stated = node, Stated(axes=layout.axes or Stated().axes)
         else:
             array, stated = _array_of(zarr, node, layout, path)
+        _require_plain(array, path)
         squeezed = np.asarray(array[...])
         if squeezed.ndim > 3 and squeezed.shape[: squeezed.ndim - 3] == (1,) * (squeezed.ndim - 3):
             squeezed = squeezed.reshape(squeezed.shape[-3:])
@@ -41,6 +58,49 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     if squeezed.ndim != 3:
         raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
     return squeezed, stated
+
+
+def _require_plain(array: Any, path: Path) -> None:
+    """Refuse an array that is no numbers, goes through another codec than those listed, or is larger than its files."""
+    facts = array.metadata.to_dict()
+    codecs = set(_codecs([facts.get(key) for key in ("codecs", "compressor", "filters")]))
+    strange = codecs - CODECS
+    if strange or array.dtype.kind not in VOXELS:
+        what = f"packed by {', '.join(sorted(strange))}" if strange else f"of type {array.dtype}"
+        raise InputError(f"{path}: is {what}, and not read; export numbers, packed by zstd, blosc or gzip")
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    if max(array.nbytes, math.prod(array.chunks) * array.dtype.itemsize) > MAX_RATIO * size:
+        raise InputError(f"{path}: is truncated, or its header lies: {array.shape} voxels in {size} bytes")
+    if "blosc" in codecs:
+        if "sharding_indexed" in codecs:
+            raise InputError(
+                f"{path}: is packed by blosc in shards, which is not read; export without shards, or by zstd"
+            )
+        _require_whole_blosc(path / array.path, math.prod(array.chunks) * array.dtype.itemsize)
+
+
+def _require_whole_blosc(folder: Path, size: int) -> None:
+    """Refuse chunks of other sizes than they state: blosc reads on behind their end, and makes room for any number."""
+    for file in folder.rglob("*"):
+        if file.is_file() and not file.name.startswith(METADATA):
+            with file.open("rb") as stream:
+                head = stream.read(BLOSC_HEAD.size)
+            _, unpacked, _, packed = BLOSC_HEAD.unpack(head.ljust(BLOSC_HEAD.size, b"\0"))
+            # A filter may change the type, a sum stand behind.
+            if not BLOSC_HEAD.size <= packed <= file.stat().st_size or not 0 < unpacked <= WIDEST * size:
+                raise InputError(f"{file}: is truncated or damaged, {unpacked} bytes in {packed}; copy it again")
+
+
+def _codecs(facts: Any) -> Iterator[str]:
+    """Yield the names of all codecs in what is stated of an array, in both versions of Zarr."""
+    if isinstance(facts, dict):
+        named = facts.get("name") or facts.get("id")
+        if named is not None:
+            yield str(named).removeprefix("numcodecs.")
+        facts = list((facts.get("configuration") or {}).values())
+    if isinstance(facts, list | tuple):
+        for each in facts:
+            yield from _codecs(each)
 
 
 def _array_of(zarr: Any, group: Any, layout: VoxelLayout, path: Path) -> tuple[Any, Stated]:

@@ -38,9 +38,9 @@ def read_volume(
     ----------
     path : path-like
         A TIFF stack; a folder of TIFF or PNG slices (in the order of the numbers in their names) or of one DICOM
-        series; ``.npy``, ``.npz``; bare numbers (``.raw``, ``.bin``) with their `layout`; a PLY of points on a lattice
-        with an intensity ``f``. With ``pip install 'o3dleaf[formats]'`` NRRD, MetaImage, NIfTI, DICOM, HDF5 and
-        OME-Zarr; with ``o3dleaf[scanco]`` ISQ and AIM.
+        series; ISQ, AIM; ``.npy``, ``.npz``; bare numbers (``.raw``, ``.bin``) with their `layout`; a PLY of points on
+        a lattice with an intensity ``f``. With ``pip install 'o3dleaf[formats]'`` NRRD, MetaImage, NIfTI, DICOM, HDF5
+        and OME-Zarr.
     spacing : float or (3,) array_like, optional
         Distance between voxels along (x, y, z), in `unit`; overrides what the file states. Needed where it states none.
     unit : str, optional

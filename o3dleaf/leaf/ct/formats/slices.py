@@ -15,8 +15,12 @@ from o3dleaf.leaf.ct.formats.stated import Stated
 
 PNG = ".png"
 SUFFIXES = (*tiff.SUFFIXES, PNG)
-GRAY = ("1", "L", "I", "I;16", "I;16B", "F")
-"""Pillow's names of images of one channel, whose numbers are intensities."""
+PNG_START, CHUNK_FRAME = 8, 12
+"""Bytes of a PNG before its first part, and of a part beside what it holds."""
+BITS = {"1": 1, "L": 8, "I": 32, "I;16": 16, "I;16B": 16, "F": 32}
+"""Of Pillow's images of one channel, whose numbers are intensities, the bits of a pixel."""
+MAX_RATIO = 2000
+"""Deflate, the compression of PNG, packs zeros 1032 to 1."""
 
 
 def slices_in(folder: Path) -> list[Path]:
@@ -57,12 +61,27 @@ def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:
         pages, lattice = tiff.read(file)
         return pages[0] if len(pages) == 1 else pages, lattice
     try:
+        _require_whole_chunks(file)
         with Image.open(file, formats=["PNG"]) as image:
-            if image.mode not in GRAY:
+            if image.mode not in BITS:
                 raise InputError(f"{file}: is in color; export gray values")
+            bits, size = image.width * image.height * BITS[image.mode], file.stat().st_size
+            if bits > 8 * MAX_RATIO * size:
+                raise InputError(f"{file}: is truncated, or its header lies: {image.size} pixels in {size} bytes")
             return np.asarray(image), Stated()
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as cause:
         raise InputError(f"{file}: cannot be read as PNG ({cause}); export it again") from cause
+
+
+def _require_whole_chunks(file: Path) -> None:
+    """Raise `ValueError` where a part of a PNG is longer than what is left: Pillow makes room for what it claims."""
+    size, place = file.stat().st_size, PNG_START
+    with file.open("rb") as stream:
+        while place < size:
+            stream.seek(place)
+            place += CHUNK_FRAME + int.from_bytes(stream.read(4), "big")
+    if place > size:
+        raise ValueError("it is truncated")
 
 
 def _by_number(file: Path) -> list[tuple[bool, int, str]]:

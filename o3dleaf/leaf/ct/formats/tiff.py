@@ -88,7 +88,7 @@ def write_volume(volume: Volume, path: str | PathLike[str]) -> None:
     metadata: dict[str, Any] = dict(zip(("xorigin", "yorigin", "zorigin"), steps, strict=True))
     metadata |= {"axes": "ZYX", "spacing": float(volume.spacing[2]), "unit": volume.unit or "pixel"}
     across, down = (Fraction(float(s)).limit_denominator(10**6) for s in volume.spacing[:2])
-    with whole_file(path) as temporary:
+    with whole_file(path, pages.nbytes) as temporary:
         tifffile.imwrite(
             temporary,
             np.ascontiguousarray(pages),
