@@ -25,7 +25,7 @@ MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 @checked
 def align_blade(
     volume: Volume,
-    level: str | Finite = "valley",
+    level: str | Finite = "mixture",
     *,
     up: npt.ArrayLike | None = None,
     along: npt.ArrayLike | None = None,
@@ -43,7 +43,7 @@ def align_blade(
     ----------
     volume : Volume
         The patch, in any orientation.
-    level : {"valley", "otsu", "mixture"} or float
+    level : {"mixture", "valley", "otsu"} or float
         The surface's intensity, as in `Volume.threshold`.
     up, along : (3,) array_like, optional
         Hints, in the volume's coordinates: roughly the adaxial side, and roughly towards the

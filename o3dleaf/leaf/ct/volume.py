@@ -79,23 +79,24 @@ class Volume:
         return self.voxel_bounds + np.stack([-half, half])
 
     @checked
-    def threshold(self, method: str | Finite = "valley") -> float:
+    def threshold(self, method: str | Finite = "mixture") -> float:
         """Return the intensity that separates leaf from air.
 
         Parameters
         ----------
-        method : {"valley", "otsu", "mixture"} or float
-            The valley between the two peaks of the histogram, Otsu's threshold, or the number itself.
+        method : {"mixture", "valley", "otsu"} or float
+            The middle of air and leaf in a model of the histogram, the valley between its two peaks, Otsu's threshold,
+            or the number itself.
 
         Raises
         ------
         InputError
-            If all voxels hold one value, the histogram has not two peaks, or a given number lies
+            If all voxels hold one value, the histogram shows no two classes, or a given number lies
             outside the range of the data, so that there is no surface.
 
         See Also
         --------
-        histogram_threshold : the two automatic methods.
+        histogram_threshold : the automatic methods.
         """
         if isinstance(method, str):
             return histogram_threshold(self.data, method)
@@ -110,7 +111,7 @@ class Volume:
     @checked
     def to_samples(
         self,
-        level: str | Finite = "valley",
+        level: str | Finite = "mixture",
         *,
         mask: npt.ArrayLike | None = None,
         transform: npt.ArrayLike | None = None,
@@ -122,7 +123,7 @@ class Volume:
 
         Parameters
         ----------
-        level : {"valley", "otsu", "mixture"} or float
+        level : {"mixture", "valley", "otsu"} or float
             The surface's intensity, as in `threshold`.
         mask : (nx, ny, nz) array_like of bool, optional
             The voxels to keep (default: all).

@@ -81,13 +81,13 @@ def height_map(blade: HeightMapBlade) -> FigureSheet:
     )
 
 
-def histogram(volume: Volume, level: float | str = "valley") -> FigureSheet:
+def histogram(volume: Volume, level: float | str = "mixture") -> FigureSheet:
     """Return the histogram of a volume's intensities, zeros left out, with the threshold between air and leaf.
 
     Parameters
     ----------
     volume : Volume
-    level : float, "valley", "otsu" or "mixture"
+    level : float, "mixture", "valley" or "otsu"
         The threshold, or how it is found.
     """
     threshold = volume.threshold(level)
