@@ -9,7 +9,7 @@ from skimage.filters import threshold_otsu
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.mixture import fit_mixture
+from o3dleaf.leaf.ct.mixture import Mixture, fit_mixture
 
 METHODS = ("mixture", "valley", "otsu")
 BINS = 256
@@ -112,8 +112,19 @@ def _otsu(sample: FloatArray) -> float | None:
     return level if between > MIN_SEPARATION * total else None
 
 
+def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
+    """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
+    sample = np.asarray(thin(data), dtype=np.float64).ravel()
+    return _classes(sample[sample != 0.0]) or _classes(sample)
+
+
 def _mixture(sample: FloatArray) -> float | None:
     """Middle of air and leaf, or None if they cannot be told apart."""
+    mixture = _classes(sample)
+    return None if mixture is None else mixture.level
+
+
+def _classes(sample: FloatArray) -> Mixture | None:
     histogram = _histogram(sample)
     if histogram is None:
         return None
@@ -121,7 +132,7 @@ def _mixture(sample: FloatArray) -> float | None:
     half = 0.5 * (centers[1] - centers[0])
     mixture = fit_mixture(counts, np.append(centers - half, centers[-1] + half))
     apart = mixture.contrast > MIN_CONTRAST and mixture.weights[2] < MAX_BETWEEN
-    return mixture.level if apart and centers[0] < mixture.level < centers[-1] else None
+    return mixture if apart and centers[0] < mixture.level < centers[-1] else None
 
 
 def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:

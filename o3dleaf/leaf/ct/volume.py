@@ -11,7 +11,7 @@ from o3dleaf.core.arguments.kinds import Finite, Unit
 from o3dleaf.core.checks import FloatArray, as_bounds, as_floats, as_mask, as_points, as_voxels, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
-from o3dleaf.leaf.ct.threshold import histogram_threshold
+from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride
 
 
 @checked
@@ -173,6 +173,12 @@ class Volume:
         stop = np.clip(np.floor((high - self.origin) / self.spacing + 1e-6) + 1, first, count).astype(int)
         part = self.data[tuple(slice(a, b) for a, b in zip(first, stop, strict=True))]
         return Volume(part, self.spacing, self.origin + self.spacing * first, self.unit)
+
+
+def thinned(volume: Volume) -> Volume:
+    """Return every n-th voxel along each axis, a few millions of them, without a copy."""
+    spacing = volume.spacing * thinning_stride(volume.data)
+    return Volume(thin(volume.data), spacing, volume.origin, volume.unit)
 
 
 def apply_transform(transform: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:
