@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.patch import LAYOUT_HELP
+from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, parse_box, require_box
 from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.checks import is_folder
@@ -24,6 +24,7 @@ class InfoJob(UnitOption, Job):
         None, "Edge of a voxel (needed if the file does not state it)", unit="unit", needs=("volume_file",)
     )
     layout: str | None = option(None, LAYOUT_HELP, needs=("volume_file",))
+    crop: Any = option(None, CROP_HELP, kind=str, parse=parse_box, unit="unit", needs=("volume_file",))
     level: Finite | str = option(
         "mixture",
         "Of a volume's surface: a number, 'mixture', 'valley' or 'otsu'.",
@@ -47,6 +48,11 @@ class InfoJob(UnitOption, Job):
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
         return is_folder(self.file) or self.file.name.lower().endswith(volumes)
 
+    def check(self) -> None:
+        """Refuse a box that is none."""
+        super().check()
+        require_box(self.crop, "crop")
+
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""
         contents = self.volume() if self.volume_file else self.geometry()
@@ -58,12 +64,17 @@ class InfoJob(UnitOption, Job):
         """Return the figures of a volume."""
         import numpy as np
 
-        from o3dleaf.leaf.ct.formats.read import read_stated
+        from o3dleaf.leaf.ct.formats.read import open_stated, read_stated
         from o3dleaf.leaf.ct.threshold import find_classes
         from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
         from o3dleaf.leaf.ct.volume import thinned
 
-        volume, stated = read_stated(self.file, spacing=self.voxel_spacing, unit=self.unit, layout=self.layout)
+        how: dict[str, Any] = {"spacing": self.voxel_spacing, "unit": self.unit, "layout": self.layout}
+        if self.crop is None:
+            volume, stated = read_stated(self.file, **how)
+        else:
+            opened, stated = open_stated(self.file, **how)
+            volume = opened.crop(self.crop)
         small = thinned(volume)
         level = self.level_of(volume)
         classes = find_classes(small.data)

@@ -1,6 +1,7 @@
 """Micro-CT volume in, (points, values) out: formats, threshold, alignment, samples.
 
 `volume`     `Volume`: voxels with spacing, origin and unit
+`on_disk`    `VolumeOnDisk`: read where it is asked for
 `formats`    files in, `Volume` out; TIFF out
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf

@@ -14,9 +14,32 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride
 
 
+class VoxelLattice:
+    """Where the voxels of a volume lie, in memory or on disk."""
+
+    spacing: FloatArray
+    origin: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along (x, y, z)."""
+        raise NotImplementedError
+
+    @property
+    def voxel_bounds(self) -> FloatArray:
+        """(2, 3) box of the voxel centers, in `unit`."""
+        return np.stack([self.origin, self.origin + self.spacing * (np.array(self.shape) - 1)])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) box of the voxels, face to face, in `unit`; its sides are the periods of a tiling."""
+        half = 0.5 * self.spacing
+        return self.voxel_bounds + np.stack([-half, half])
+
+
 @checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Volume:
+class Volume(VoxelLattice):
     r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
 
     Parameters
@@ -66,17 +89,6 @@ class Volume:
         """Number of voxels along (x, y, z)."""
         nx, ny, nz = self.data.shape
         return nx, ny, nz
-
-    @property
-    def voxel_bounds(self) -> FloatArray:
-        """(2, 3) box of the voxel centers, in `unit`."""
-        return np.stack([self.origin, self.origin + self.spacing * (np.array(self.shape) - 1)])
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) box of the voxels, face to face, in `unit`; its sides are the periods of a tiling."""
-        half = 0.5 * self.spacing
-        return self.voxel_bounds + np.stack([-half, half])
 
     @checked
     def threshold(self, method: str | Finite = "mixture") -> float:
@@ -166,13 +178,21 @@ class Volume:
         InputError
             If fewer than 2 voxels are left along an axis.
         """
-        low, high = as_bounds(bounds, 3)
-        count = np.array(self.shape)
-        # A millionth of a voxel forgives the rounding of a box that was computed from this lattice.
-        first = np.clip(np.ceil((low - self.origin) / self.spacing - 1e-6), 0, count).astype(int)
-        stop = np.clip(np.floor((high - self.origin) / self.spacing + 1e-6) + 1, first, count).astype(int)
-        part = self.data[tuple(slice(a, b) for a, b in zip(first, stop, strict=True))]
-        return Volume(part, self.spacing, self.origin + self.spacing * first, self.unit)
+        slices, origin = slices_in(self, bounds)
+        return Volume(self.data[slices], self.spacing, origin, self.unit)
+
+
+def slices_in(lattice: VoxelLattice, bounds: npt.ArrayLike) -> tuple[tuple[slice, ...], FloatArray]:
+    """Return the slices of the voxels whose centers lie in `bounds` (2, 3), and the first one's center."""
+    low, high = as_bounds(bounds, 3)
+    count = np.array(lattice.shape)
+    # A millionth of a voxel forgives the rounding of a box that was computed from this lattice.
+    first = np.clip(np.ceil((low - lattice.origin) / lattice.spacing - 1e-6), 0, count).astype(int)
+    stop = np.clip(np.floor((high - lattice.origin) / lattice.spacing + 1e-6) + 1, first, count).astype(int)
+    if (stop - first < 2).any():
+        left = " × ".join(str(n) for n in stop - first)
+        raise InputError(f"bounds: leave {left} voxels of {lattice.bounds.tolist()}; give a box in the volume")
+    return tuple(slice(a, b) for a, b in zip(first, stop, strict=True)), lattice.origin + lattice.spacing * first
 
 
 def thinned(volume: Volume) -> Volume:

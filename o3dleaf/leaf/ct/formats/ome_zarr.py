@@ -1,5 +1,7 @@
 """OME-Zarr: the finest level of a multiscale image, with the axes, scales and units that its metadata state."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +24,41 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If zarr is not installed, the folder is damaged, or it does not say which array is meant.
     """
+    array, stated = open_array(path, layout)
+    with _refused(path):
+        return np.asarray(array[...]).reshape(array.shape[-3:]), stated
+
+
+def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
+    """Return the same, its chunks read where they are asked for.
+
+    Raises
+    ------
+    InputError
+        As of `read`.
+    """
     require_only(layout, ("dataset", "axes"), path)
     zarr = import_extra("zarr", "formats", path)
-    try:
+    with _refused(path):
         node = zarr.open(str(path), mode="r")
         if isinstance(node, zarr.Array):
             array, stated = node, Stated(axes=layout.axes or Stated().axes)
         else:
             array, stated = _array_of(zarr, node, layout, path)
-        squeezed = np.asarray(array[...])
-        if squeezed.ndim > 3 and squeezed.shape[: squeezed.ndim - 3] == (1,) * (squeezed.ndim - 3):
-            squeezed = squeezed.reshape(squeezed.shape[-3:])
+    if array.ndim < 3 or any(count != 1 for count in array.shape[:-3]):
+        raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
+    return array, stated
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Raise `InputError` for whatever zarr makes of broken metadata and chunks."""
+    try:
+        yield
     except InputError:
         raise
     except Exception as cause:
-        # zarr raises what broken metadata and chunks make it.
         raise InputError(f"{path}: cannot be read as Zarr ({cause}); export it again") from cause
-    if squeezed.ndim != 3:
-        raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
-    return squeezed, stated
 
 
 def _array_of(zarr: Any, group: Any, layout: VoxelLayout, path: Path) -> tuple[Any, Stated]:
