@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from o3dleaf.core.checks import FloatArray, as_points, require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import METHODS, histogram_threshold
-from o3dleaf.leaf.ct.volume import Volume, VoxelLattice, as_spacing, slices_in
+from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume, as_spacing, slices_in
 
 BLOCK = 32**3
 """Voxels in a block of the sample."""
@@ -25,19 +25,9 @@ ROUNDS = 4
 """What five hundred blocks do not meet is less than a hundredth of the volume, and wants to be cropped to."""
 
 
-class Voxels(Protocol):
-    """What a `VolumeOnDisk` reads from: an array of NumPy's, h5py's, zarr's, or pages in a folder."""
-
-    shape: tuple[int, ...]
-    dtype: Any
-
-    def __getitem__(self, where: Any) -> Any:
-        """Return the voxels in three slices."""
-
-
 @checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class VolumeOnDisk(VoxelLattice):
+class VolumeOnDisk(PlacedVoxels):
     """A volume in a file, opened by `open_volume`: a part of it is read by `crop`, as a `Volume`.
 
     Nothing is looked at before it is read: a file whose far end holds NaN is found out there.

@@ -14,7 +14,7 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride
 
 
-class VoxelLattice:
+class PlacedVoxels:
     """Where the voxels of a volume lie, in memory or on disk."""
 
     spacing: FloatArray
@@ -39,7 +39,7 @@ class VoxelLattice:
 
 @checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Volume(VoxelLattice):
+class Volume(PlacedVoxels):
     r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
 
     Parameters
@@ -182,7 +182,7 @@ class Volume(VoxelLattice):
         return Volume(self.data[slices], self.spacing, origin, self.unit)
 
 
-def slices_in(lattice: VoxelLattice, bounds: npt.ArrayLike) -> tuple[tuple[slice, ...], FloatArray]:
+def slices_in(lattice: PlacedVoxels, bounds: npt.ArrayLike) -> tuple[tuple[slice, ...], FloatArray]:
     """Return the slices of the voxels whose centers lie in `bounds` (2, 3), and the first one's center."""
     low, high = as_bounds(bounds, 3)
     count = np.array(lattice.shape)
