@@ -11,8 +11,10 @@ from .surface.cloud.downsample import voxel_down_sample as voxel_down_sample
 from .surface.cloud.downsample import adaptive_down_sample as adaptive_down_sample
 from .surface.cloud.constraints import offset_constraints as offset_constraints
 from .leaf.ct.formats.read import read_volume as read_volume
+from .leaf.ct.formats.read import open_volume as open_volume
 from .leaf.ct.formats.stated import VoxelLayout as VoxelLayout
 from .leaf.ct.volume import Volume as Volume
+from .leaf.ct.on_disk import VolumeOnDisk as VolumeOnDisk
 from .leaf.ct.align import align_blade as align_blade
 from .leaf.ct.formats.tiff import write_volume as write_volume
 from .fitting.rbf.kernels import polyharmonic as polyharmonic

@@ -24,7 +24,7 @@ def main():
 
     # Micro-scale: threshold, voxels as samples, an implicit interpolant with the paper's rho, tiles.
     volume = o3l.read_volume(SAMPLES / "wheat_ct_24um.tif")
-    level = volume.threshold("valley")
+    level = volume.threshold()
     transform = o3l.align_blade(volume, level)
     points, values = volume.to_samples(level, transform=transform)
     micro = o3l.PUInterpolant.fit(points, values, rho=3e-5, unit=volume.unit)

@@ -67,7 +67,8 @@ def jobs(folder):
     # The paper's frame has the names that its files have had since the first release.
     for frame, prefix in (("paper", ""), ("surface", "surface_")):
         files = {name: folder / f"{prefix}{name}" for name in LEAVES}
-        way = ["--frame", frame, "--ct", CT]
+        # Of the paper's frame what was printed before the mixture chose the level can be compared with still.
+        way = ["--frame", frame, "--ct", CT, *(["--level", "valley"] if frame == "paper" else [])]
         model = ["--model", files["leaf.o3l"], "-o", files["leaf.ply"]]
         yield ["leaf", *sample, *way, "--spacing", "0.1", *model], [files["leaf.ply"], files["leaf.o3l"]]
         if SCAN.is_file():

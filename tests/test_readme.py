@@ -37,7 +37,7 @@ def given():
     across[0] = 7, 0
     blade = np.column_stack([across, 0.02 * across[:, 0] ** 2 + 0.03 * across[:, 1] ** 2])
     volume, _ = wheat_ct(size=(720, 720, 480))
-    voxels, intensities = volume.to_samples(volume.threshold("valley"))
+    voxels, intensities = volume.to_samples(volume.threshold())
     points = rng.random((500, 3))
     ring = 5 * torus(1500, tube=0.5)[0]
     return {

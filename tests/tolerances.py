@@ -903,6 +903,9 @@ counted took minutes and gigabytes."""
 MIXTURE_LEVEL = 0.025
 """Of the step from air to leaf: hairs and pockets thinner than the blur are no edge between the two. Otsu's threshold
 is 0.05 off, the valley's 0.18."""
+ROUND_LEVEL = 0.02
+"""Of the step: a ball so small that a model of even layers is 0.05 off with noise; the valley and Otsu's threshold are
+0.15 off where they are found at all."""
 
 # --- files ---
 

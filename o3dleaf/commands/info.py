@@ -1,15 +1,15 @@
 """`o3dleaf info`: the contents of a file."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.patch import LAYOUT_HELP
-from o3dleaf.core.arguments.kinds import Positive
+from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, parse_box, require_box
+from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.checks import is_folder
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, UnitOption, argument, option
+from o3dleaf.core.job import Job, UnitOption, argument, number_or_word, option
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need
@@ -25,6 +25,20 @@ class InfoJob(UnitOption, Job):
         None, "Edge of a voxel (needed if the file does not state it)", unit="unit", needs=("volume_file",)
     )
     layout: str | None = option(None, LAYOUT_HELP, needs=("volume_file",))
+    crop: Any = option(None, CROP_HELP, kind=str, parse=parse_box, unit="unit", needs=("volume_file",))
+    level: Finite | str = option(
+        "mixture",
+        "Of a volume's surface: a number, 'mixture', 'valley' or 'otsu'.",
+        kind=str,
+        parse=number_or_word,
+        needs=("volume_file",),
+    )
+    plot: Path | None = option(
+        None,
+        "Also draw a volume's histogram, and its voids over the level, into this file.",
+        writes=(".png", ".pdf", ".svg"),
+        needs=("volume_file",),
+    )
     json: Path | None = option(None, "Also write it as JSON.", writes=())
 
     @property
@@ -34,6 +48,11 @@ class InfoJob(UnitOption, Job):
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
         return is_folder(self.file) or self.file.name.lower().endswith(volumes)
+
+    def check(self) -> None:
+        """Refuse a box that is none."""
+        super().check()
+        require_box(self.crop, "crop")
 
     def estimate(self) -> "list[Need]":
         """Return what the voxels, the triangles or the points of the file take."""
@@ -59,9 +78,30 @@ class InfoJob(UnitOption, Job):
 
     def volume(self) -> dict[str, Any]:
         """Return the figures of a volume."""
-        from o3dleaf.leaf.ct.formats.read import read_stated
+        import numpy as np
 
-        volume, stated = read_stated(self.file, spacing=self.voxel_spacing, unit=self.unit, layout=self.layout)
+        from o3dleaf.leaf.ct.formats.read import open_stated, read_stated
+        from o3dleaf.leaf.ct.threshold import find_classes
+        from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
+        from o3dleaf.leaf.ct.volume import thinned
+
+        how: dict[str, Any] = {"spacing": self.voxel_spacing, "unit": self.unit, "layout": self.layout}
+        if self.crop is None:
+            volume, stated = read_stated(self.file, **how)
+        else:
+            opened, stated = open_stated(self.file, **how)
+            volume = opened.crop(self.crop)
+        small = thinned(volume)
+        level = self.level_of(volume)
+        classes = find_classes(small.data)
+        low, high = (float(volume.data.min()), float(volume.data.max()))
+        ends = classes.means if classes is not None else np.array([low, high])
+        rows = pieces_at_levels(small, levels_around(*ends))
+        if self.plot is not None:
+            from o3dleaf.output.figures.plots import levels
+            from o3dleaf.output.view.panel import save_figure
+
+            save_figure(levels(small, rows, level if isinstance(level, float) else None).figure, self.plot)
         return {
             "kind": "volume",
             "shape": list(volume.shape),
@@ -70,9 +110,26 @@ class InfoJob(UnitOption, Job):
             "spacing": volume.spacing.tolist(),
             "bounds": volume.bounds.tolist(),
             "unit": volume.unit,
-            "intensity": [float(volume.data.min()), float(volume.data.max())],
-            "threshold": _threshold_of(volume),
+            "intensity": [low, high],
+            "air_and_leaf": "cannot be told apart" if classes is None else classes.means.tolist(),
+            "noise": None if classes is None else classes.deviations.tolist(),
+            "threshold": level,
+            "level": self.level,
+            "voids_looked_for_in": list(small.shape),
+            "levels": [asdict(row) for row in rows],
         }
+
+    def level_of(self, volume: "Volume") -> float | str:
+        """Return the intensity of the surface, or why none was found: without two classes it is a volume all the same.
+
+        A number that lies outside is refused.
+        """
+        if not isinstance(self.level, str):
+            return volume.threshold(self.level)
+        try:
+            return volume.threshold(self.level)
+        except InputError as none:
+            return str(none)
 
     def geometry(self) -> dict[str, Any]:
         """Return the figures of a mesh or a point cloud."""
@@ -96,13 +153,14 @@ class InfoJob(UnitOption, Job):
         }
 
     def lines(self, summary: dict[str, Any]) -> list[str]:
-        """Return a line a figure."""
-        return [f"{name:>24}  {value}" for name, value in summary.items()]
-
-
-def _threshold_of(volume: "Volume") -> float | str:
-    """Return the intensity of the surface, or why none was found: without two peaks it is a volume all the same."""
-    try:
-        return volume.threshold()
-    except InputError as none:
-        return str(none)
+        """Return a line a figure, and of a volume a line a level."""
+        rows = summary.get("levels", [])
+        lines = [f"{name:>24}  {value}" for name, value in summary.items() if name != "levels"]
+        if rows:
+            cubed = f"{summary['unit']}³" if summary["unit"] else "volume"
+            lines.append(f"{'level':>24}  {'leaf':>7} {'voids':>8} {cubed:>12} {'pieces':>8} {cubed:>12}")
+        return lines + [
+            f"{row['level']:>24.5g}  {row['share']:>6.1%} {row['voids']:>8,} {row['void_volume']:>12.4g} "
+            f"{row['pieces']:>8,} {row['piece_volume']:>12.4g}"
+            for row in rows
+        ]

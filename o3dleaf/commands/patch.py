@@ -2,12 +2,13 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, LongJob, argument, option, output, table
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.job import Job, LongJob, argument, number_or_word, option, output, table, words_of
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
@@ -24,6 +25,23 @@ LAYOUT_HELP = (
     "What the file of a volume does not say of its voxels, such as 'dataset=scan/raw axes=zyx' (axes of the array, the "
     "slowest first), or of bare numbers 'shape=700x700x160 dtype=uint16 offset=512'."
 )
+CROP_HELP = "Read only this box of the volume, 'X0 Y0 Z0 X1 Y1 Z1'"
+
+
+def parse_box(text: str) -> Any:
+    """Return the two corners in a text of six numbers, or the text, which is refused later."""
+    values = [number_or_word(word) for word in words_of(text)]
+    return [values[:3], values[3:]] if len(values) == 6 else text
+
+
+def require_box(box: Any, name: str) -> None:
+    """Raise `InputError` for what is neither None nor a box."""
+    from o3dleaf.core.checks import as_bounds
+
+    if isinstance(box, str):
+        raise InputError(f"{name}: is {box!r}; give six numbers, 'X0 Y0 Z0 X1 Y1 Z1'")
+    if box is not None:
+        as_bounds(box, 3, name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +55,7 @@ class CtOptions(TextureOptions):
         None, "Edge of a voxel (needed if the file does not state it)", unit="ct-unit", **OF_VOLUME
     )
     ct_layout: str | None = option(None, LAYOUT_HELP, **OF_VOLUME)
+    ct_crop: Any = option(None, CROP_HELP, kind=str, parse=parse_box, unit="ct-unit", **OF_VOLUME)
 
     @staticmethod
     def volume_of(path: Path | None) -> Path | None:
@@ -55,6 +74,7 @@ class CtOptions(TextureOptions):
             require_choice(self.level, METHODS, "level")
         else:
             as_number(self.level, "level")
+        require_box(self.ct_crop, "ct-crop")
         as_smoothing(polyharmonic(2, 3), None, self.rho)
         require_tiling(self.period, self.flip, self.shift)
 
@@ -63,13 +83,27 @@ class CtOptions(TextureOptions):
         from o3dleaf.leaf.ct.formats.counts import count_voxels
         from o3dleaf.leaf.pipeline import need_for_texture
 
-        return [] if path.suffix.lower() in table(MODEL) else [need_for_texture(count_voxels(path))]
+        if path.suffix.lower() in table(MODEL):
+            return []
+        return [need_for_texture(count_voxels(path) if self.ct_crop is None else self.cropped_voxels(path))]
+
+    def cropped_voxels(self, path: Path) -> int:
+        """Return how many voxels the crop of a file has; 0 where nothing can be told, and its reader will say why."""
+        from o3dleaf.leaf.ct.formats.read import open_volume
+        from o3dleaf.leaf.ct.volume import slices_in
+
+        try:
+            volume = open_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit, layout=self.ct_layout)
+            return prod(each.stop - each.start for each in slices_in(volume, self.ct_crop)[0])
+        except O3DLeafError:
+            return 0
 
     def read_volume(self, path: Path) -> "Volume":
-        """Return the volume of a file."""
-        from o3dleaf.leaf.ct.formats.read import read_volume
+        """Return the volume of a file, or of the part of it that is wanted."""
+        from o3dleaf.leaf.ct.formats.read import open_volume, read_volume
 
-        return read_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit, layout=self.ct_layout)
+        how: dict[str, Any] = {"spacing": self.voxel_spacing, "unit": self.ct_unit, "layout": self.ct_layout}
+        return read_volume(path, **how) if self.ct_crop is None else open_volume(path, **how).crop(self.ct_crop)
 
     def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
         """Return the volume of a file, or the texture of a model file."""

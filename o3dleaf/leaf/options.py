@@ -113,8 +113,8 @@ class TextureOptions:
 
     Attributes
     ----------
-    level : float, "valley", "otsu" or "mixture"
-        Intensity of the surface, or the method that finds it between the two peaks of the histogram.
+    level : float, "mixture", "valley" or "otsu"
+        Intensity of the surface, or the method that finds it in the histogram.
     rho : float, "gcv" or "gcv-per-ball"
         The paper's ρ, in (CT unit)³.
     period : (2,) array_like or "best", optional
@@ -125,8 +125,8 @@ class TextureOptions:
     """
 
     level: Finite | str = option(
-        "valley",
-        "Of the surface: a number, 'valley', 'otsu' or 'mixture'.",
+        "mixture",
+        "Of the surface: a number, 'mixture', 'valley' or 'otsu'.",
         kind=str,
         parse=number_or_word,
         **OF_VOLUME,

@@ -93,7 +93,7 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
     Raises
     ------
     InputError, UnitError
-        If the volume's histogram has no two peaks, it holds no blade, or its size is impossible.
+        If the volume's intensities do not fall into two classes, it holds no blade, or its size is impossible.
     """
     return _begin_texture(volume, options or TextureOptions())()
 
@@ -101,7 +101,7 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
 def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], TiledField]:
     """Refuse a volume that holds no patch of a blade, and return what fits one that does."""
     _require_size(float(np.max(np.ptp(volume.bounds, axis=0))), volume.unit, PATCH_WIDTH_MM, "volume", "patch")
-    # The threshold lies between the two peaks, air and leaf; the blade is turned into the plane.
+    # The threshold lies between air and leaf; the blade is turned into the plane.
     with stage("threshold and align"):
         level = volume.threshold(options.level)
         transform = align_blade(volume, level)

@@ -102,6 +102,29 @@ class WheatPatch:
             air[i] *= keep
         return LEAF * (1.0 - air), -LEAF * d_air
 
+    def on_lattice(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+        """Return the (nx, ny, nz) intensities of `inside` at the points of a lattice in the bounds, unchecked.
+
+        The faces are found once a column, and without slopes the rest takes a fraction of the time.
+        """
+        (top, _), (bottom, _) = self._faces(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
+        columns = (len(x), len(y), 1)
+        solid = ndtr((top.reshape(columns) - z) / self.blur)
+        solid *= ndtr((z - bottom.reshape(columns)) / self.blur)
+        centers, half = self.pockets[:, :3], self.pockets[:, 3:]
+        reach = half * (1 + REACH * self.blur / half.mean(axis=1, keepdims=True))
+        for j, place, points in _near_on((x, y, z), centers, reach):
+            keep = ndtr(-_ellipsoid(points, self.pockets[j])[0] / self.blur)
+            solid[place] *= keep.reshape(solid[place].shape)
+        air = np.subtract(1.0, solid, out=solid)
+        feet, tips, radii = self.hairs[:, :3], self.hairs[:, 3:6], self.hairs[:, 6:7]
+        half = 0.5 * abs(tips - feet) + radii + REACH * self.blur
+        for j, place, points in _near_on((x, y, z), 0.5 * (feet + tips), half):
+            keep = ndtr(-_round_cone(points, self.hairs[j])[0] / self.blur)
+            air[place] *= keep.reshape(air[place].shape)
+        leaf: FloatArray = LEAF * (1.0 - air)
+        return leaf
+
     def _blade(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Opacity between the two faces."""
         (top, d_top), (bottom, d_bottom) = self._faces(p[:, :2])
@@ -147,6 +170,20 @@ def _near(points: FloatArray, centers: FloatArray, half: FloatArray) -> Iterator
             # One axis after the other, as few rows are left after the first.
             rows = rows[abs(points[rows, axis] - centers[j, axis]) < half[j, axis]]
         yield int(j), rows
+
+
+def _near_on(
+    axes: tuple[FloatArray, FloatArray, FloatArray], centers: FloatArray, half: FloatArray
+) -> Iterator[tuple[int, tuple[slice, ...], FloatArray]]:
+    """Yield each box (m, 3) that meets a lattice, with the slices and the (n, 3) points of the lattice in it."""
+    for j in range(len(centers)):
+        place = []
+        for axis, ticks in enumerate(axes):
+            rows = np.flatnonzero(abs(ticks - centers[j, axis]) < half[j, axis])
+            place.append(slice(rows[0], rows[-1] + 1) if len(rows) else slice(0, 0))
+        ticks_in = [ticks[where] for ticks, where in zip(axes, place, strict=True)]
+        if all(len(ticks) for ticks in ticks_in):
+            yield j, tuple(place), np.stack(np.meshgrid(*ticks_in, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def _opacity(g: FloatArray, d_g: FloatArray, blur: float) -> tuple[FloatArray, FloatArray]:

@@ -288,6 +288,29 @@ def test_info_says_what_a_file_holds(run, files, tmp_path):
     assert str(POINTS) in run("info", files / "scan.ply", "--unit", "mm").stdout
 
 
+def test_info_on_levels_of_a_volume(run, files, tmp_path):
+    result = run(
+        "info", files / "ct.tif", "--level", 0.08, "--plot", tmp_path / "ct.svg", "--json", tmp_path / "ct.json"
+    )
+    assert result.returncode == 0, result.stderr
+    assert "svg" in (tmp_path / "ct.svg").read_text()
+    contents = json.loads((tmp_path / "ct.json").read_text())
+    assert contents["threshold"] == contents["level"] == 0.08
+    assert len(contents["levels"]) == 9
+    assert " voids " in result.stdout
+    outside = run("info", files / "ct.tif", "--level", 7)
+    assert outside.returncode == 2
+    assert "range of intensities" in outside.stderr
+
+
+def test_info_takes_a_volume_without_two_classes(run, tmp_path):
+    np.save(tmp_path / "fog.npy", np.random.default_rng(0).normal(size=(20, 20, 20)))
+    result = run("info", tmp_path / "fog.npy", "--voxel-spacing", 1, "--plot", tmp_path / "fog.png")
+    assert result.returncode == 0, result.stderr
+    assert "two classes" in result.stdout
+    assert (tmp_path / "fog.png").is_file()
+
+
 def test_clean_and_render(run, tmp_path):
     sphere = o3d.geometry.TriangleMesh.create_sphere(1.0, 30)
     sphere += o3d.geometry.TriangleMesh.create_sphere(0.01).translate((3, 0, 0))

@@ -29,7 +29,7 @@ FILES = {"ct": "good.tif", "midrib": "good.xyz", "model": "good.o3l", "field": "
 FILES |= {"scan": "good.xyz"}
 """Good files for options that name one to be read."""
 OUTPUTS = {"model": "out.o3l", "tile_solid": "tile.ply", "grid": "grid.vti", "picture": "out.png", "html": "out.html"}
-OUTPUTS |= {"json": "out.json", "output": "out.ply"}
+OUTPUTS |= {"json": "out.json", "output": "out.ply", "plot": "out.png"}
 
 NUMBERS = {
     "a NaN": float("nan"),
@@ -166,6 +166,7 @@ def good_value(command: str, name: str, known: Option) -> Any:
     words |= {"fine": ["1 1 2 2 0.1"], "region": (1.0, 1.0, 2.0, 2.0), "around": (0.0, 0.0, 0.0)}
     words |= {"grid_of": "mask", "ct_unit": "um", "scan_unit": "cm", "unit": "mm", "scalar": ("curvature",)}
     words |= {"bounds": (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "consumer": "gmsh", "what": "distance", "samples": "new"}
+    words |= dict.fromkeys(("crop", "ct_crop"), "0 0 0 1 1 1")
     if name in words:
         return words[name]
     if get_type_hints(JOBS[command])[name] is bool:

@@ -167,6 +167,11 @@ def patch_blend(w: Any) -> Any:
     return o3l.PatchBlend([w.texture, w.texture], [4.0])
 
 
+def on_disk(w: Any) -> Any:
+    """Return a volume that is read by parts."""
+    return o3l.VolumeOnDisk(w.volume.data, w.volume.spacing, w.volume.origin, w.volume.unit)
+
+
 PU = {
     "kernel": KERNEL,
     "degree": DEGREE,
@@ -469,6 +474,15 @@ DOORS: dict[str, Door] = {
         bounds=BOX.optional,
     ),
     "Volume.crop": method(lambda w: w.volume, "crop", bounds=BOX),
+    "VolumeOnDisk": door(
+        o3l.VolumeOnDisk,
+        voxels=OBJECT.like(lambda w: w.volume.data),
+        spacing=STEP,
+        origin=VECTOR,
+        unit=maybe_unit,
+    ),
+    "VolumeOnDisk.threshold": method(on_disk, "threshold", method=one_of("mixture")),
+    "VolumeOnDisk.crop": method(on_disk, "crop", bounds=BOX),
     "adaptive_down_sample": door(o3l.adaptive_down_sample, cloud=ORIENTED),
     "align_blade": door(
         o3l.align_blade,
@@ -667,6 +681,14 @@ DOORS: dict[str, Door] = {
         least=WHOLE,
         finite=FLAG,
         columns=WORD.like("x y z").optional,
+    ),
+    "open_volume": door(
+        o3l.open_volume,
+        path=read_from("good.tif"),
+        spacing=STEP.optional,
+        unit=maybe_unit,
+        origin=VECTOR.optional,
+        layout=OBJECT.optional,
     ),
     "read_volume": door(
         o3l.read_volume,

@@ -1,9 +1,11 @@
 """Micro-CT volume in, (points, values) out: formats, threshold, alignment, samples.
 
 `volume`     `Volume`: voxels with spacing, origin and unit
+`on_disk`    `VolumeOnDisk`: read where it is asked for
 `formats`    files in, `Volume` out; TIFF out
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
+`voids`      what a range of levels makes of a volume
 `align`      the rigid motion that lays a blade flat
 `box`        the largest upright box in a turned one
 """

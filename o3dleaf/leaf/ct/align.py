@@ -11,8 +11,7 @@ from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import single_threaded_blas
-from o3dleaf.leaf.ct.threshold import thin, thinning_stride
-from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.ct.volume import Volume, thinned
 
 MIN_TURN = np.radians(0.25)
 """A smaller turn is within the accuracy of a ridge's direction; left out, it keeps the voxels on straight rows."""
@@ -25,7 +24,7 @@ MIN_WAVE, MAX_WAVE = 4.0, 1.0 / 2.5
 @checked
 def align_blade(
     volume: Volume,
-    level: str | Finite = "valley",
+    level: str | Finite = "mixture",
     *,
     up: npt.ArrayLike | None = None,
     along: npt.ArrayLike | None = None,
@@ -43,7 +42,7 @@ def align_blade(
     ----------
     volume : Volume
         The patch, in any orientation.
-    level : {"valley", "otsu", "mixture"} or float
+    level : {"mixture", "valley", "otsu"} or float
         The surface's intensity, as in `Volume.threshold`.
     up, along : (3,) array_like, optional
         Hints, in the volume's coordinates: roughly the adaxial side, and roughly towards the
@@ -62,7 +61,7 @@ def align_blade(
         If no blade spans the volume.
     """
     with single_threaded_blas():
-        return _align(_thinned(volume), level, up, along)
+        return _align(thinned(volume), level, up, along)
 
 
 def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: npt.ArrayLike | None) -> FloatArray:
@@ -87,11 +86,6 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     transform[:3, :3] = R
     transform[:3, 3] = [*(center - R @ center)[:2], -(R @ on_plane)[2]]
     return transform
-
-
-def _thinned(volume: Volume) -> Volume:
-    spacing = volume.spacing * thinning_stride(volume.data)
-    return Volume(thin(volume.data), spacing, volume.origin, volume.unit)
 
 
 def _thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:

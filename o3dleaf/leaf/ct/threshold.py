@@ -1,4 +1,4 @@
-"""The threshold between leaf and air: the intensity between the two peaks of the histogram."""
+"""The threshold between leaf and air: where the histogram parts the two."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from skimage.filters import threshold_otsu
 
 from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.mixture import fit_mixture
+from o3dleaf.leaf.ct.mixture import Mixture, fit_mixture
 
-METHODS = ("valley", "otsu", "mixture")
+METHODS = ("mixture", "valley", "otsu")
 BINS = 256
 MAX_VOXELS = 4_000_000
 """A histogram of so many voxels is smooth, and a blade is found in them as well; larger volumes are thinned."""
@@ -21,29 +21,31 @@ MIN_SEPARATION = 0.8
 """Share of the variance that Otsu's two classes explain: 2/π for one normal peak, 3/4 for a flat histogram."""
 MIN_CONTRAST = 2.5
 """Deviations between two classes: a single normal peak is taken for two that are at most about 2 apart."""
+MAX_BETWEEN = 0.98
+"""Share of voxels between air and leaf beyond which there is no class to speak of: 0.995 for a flat histogram."""
 CURE = "give the threshold as a number"
 
 
-def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float:
-    """Return the threshold between the two peaks, air and leaf, of the intensities' histogram.
+def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> float:
+    """Return the threshold between air and leaf in the histogram of intensities.
 
-    ``"valley"`` smooths the histogram until two peaks are left and takes the lowest point between
-    them (Prewitt and Mendelsohn 1966); ``"otsu"`` maximizes the variance between the two classes
-    (Otsu 1979); ``"mixture"`` is the middle of air and leaf in a model of both and of the voxels between them
-    (`fit_mixture`), which is at the surface whatever the noise. Zero-valued voxels are padding and are excluded, as in
-    the paper's section on micro-scale data; where nothing with two peaks is left, they are taken for air.
+    ``"mixture"`` is the middle of air and leaf in a model of both and of the voxels between them (`fit_mixture`),
+    which is at the surface whatever the noise, peaks or not; ``"valley"`` smooths the histogram until two peaks are
+    left and takes the lowest point between them (Prewitt and Mendelsohn 1966); ``"otsu"`` maximizes the variance
+    between the two classes (Otsu 1979). Zero-valued voxels are padding and are excluded, as in the paper's section on
+    micro-scale data; where nothing with two classes is left, they are taken for air.
 
     Parameters
     ----------
     data : ndarray
         Intensities, any shape.
-    method : {"valley", "otsu", "mixture"}
+    method : {"mixture", "valley", "otsu"}
         How to choose.
 
     Raises
     ------
     InputError
-        If all voxels have one value or the histogram has not two distinct peaks.
+        If all voxels have one value or no two classes can be told apart.
     """
     choose = {"valley": _valley, "otsu": _otsu, "mixture": _mixture}[require_choice(method, METHODS, "threshold")]
     low, high = data.min(), data.max()
@@ -54,7 +56,7 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "valley") -> float
     if level is None:
         level = choose(sample)
     if level is None:
-        raise InputError(f"threshold: the intensities do not fall into two peaks, air and leaf; {CURE}")
+        raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
     return level
 
 
@@ -110,15 +112,27 @@ def _otsu(sample: FloatArray) -> float | None:
     return level if between > MIN_SEPARATION * total else None
 
 
+def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
+    """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
+    sample = np.asarray(thin(data), dtype=np.float64).ravel()
+    return _classes(sample[sample != 0.0]) or _classes(sample)
+
+
 def _mixture(sample: FloatArray) -> float | None:
     """Middle of air and leaf, or None if they cannot be told apart."""
+    mixture = _classes(sample)
+    return None if mixture is None else mixture.level
+
+
+def _classes(sample: FloatArray) -> Mixture | None:
     histogram = _histogram(sample)
     if histogram is None:
         return None
     counts, centers = histogram
     half = 0.5 * (centers[1] - centers[0])
     mixture = fit_mixture(counts, np.append(centers - half, centers[-1] + half))
-    return mixture.level if centers[0] < mixture.level < centers[-1] and mixture.contrast > MIN_CONTRAST else None
+    apart = mixture.contrast > MIN_CONTRAST and mixture.weights[2] < MAX_BETWEEN
+    return mixture if apart and centers[0] < mixture.level < centers[-1] else None
 
 
 def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:

@@ -11,12 +11,35 @@ from o3dleaf.core.arguments.kinds import Finite, Unit
 from o3dleaf.core.checks import FloatArray, as_bounds, as_floats, as_mask, as_points, as_voxels, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
-from o3dleaf.leaf.ct.threshold import histogram_threshold
+from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride
+
+
+class PlacedVoxels:
+    """Where the voxels of a volume lie, in memory or on disk."""
+
+    spacing: FloatArray
+    origin: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along (x, y, z)."""
+        raise NotImplementedError
+
+    @property
+    def voxel_bounds(self) -> FloatArray:
+        """(2, 3) box of the voxel centers, in `unit`."""
+        return np.stack([self.origin, self.origin + self.spacing * (np.array(self.shape) - 1)])
+
+    @property
+    def bounds(self) -> FloatArray:
+        """(2, 3) box of the voxels, face to face, in `unit`; its sides are the periods of a tiling."""
+        half = 0.5 * self.spacing
+        return self.voxel_bounds + np.stack([-half, half])
 
 
 @checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Volume:
+class Volume(PlacedVoxels):
     r"""Intensities on a regular lattice, voxel (i, j, k) centered at ``origin + spacing * (i, j, k)``.
 
     Parameters
@@ -67,35 +90,25 @@ class Volume:
         nx, ny, nz = self.data.shape
         return nx, ny, nz
 
-    @property
-    def voxel_bounds(self) -> FloatArray:
-        """(2, 3) box of the voxel centers, in `unit`."""
-        return np.stack([self.origin, self.origin + self.spacing * (np.array(self.shape) - 1)])
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) box of the voxels, face to face, in `unit`; its sides are the periods of a tiling."""
-        half = 0.5 * self.spacing
-        return self.voxel_bounds + np.stack([-half, half])
-
     @checked
-    def threshold(self, method: str | Finite = "valley") -> float:
+    def threshold(self, method: str | Finite = "mixture") -> float:
         """Return the intensity that separates leaf from air.
 
         Parameters
         ----------
-        method : {"valley", "otsu", "mixture"} or float
-            The valley between the two peaks of the histogram, Otsu's threshold, or the number itself.
+        method : {"mixture", "valley", "otsu"} or float
+            The middle of air and leaf in a model of the histogram, the valley between its two peaks, Otsu's threshold,
+            or the number itself.
 
         Raises
         ------
         InputError
-            If all voxels hold one value, the histogram has not two peaks, or a given number lies
+            If all voxels hold one value, the histogram shows no two classes, or a given number lies
             outside the range of the data, so that there is no surface.
 
         See Also
         --------
-        histogram_threshold : the two automatic methods.
+        histogram_threshold : the automatic methods.
         """
         if isinstance(method, str):
             return histogram_threshold(self.data, method)
@@ -110,7 +123,7 @@ class Volume:
     @checked
     def to_samples(
         self,
-        level: str | Finite = "valley",
+        level: str | Finite = "mixture",
         *,
         mask: npt.ArrayLike | None = None,
         transform: npt.ArrayLike | None = None,
@@ -122,7 +135,7 @@ class Volume:
 
         Parameters
         ----------
-        level : {"valley", "otsu", "mixture"} or float
+        level : {"mixture", "valley", "otsu"} or float
             The surface's intensity, as in `threshold`.
         mask : (nx, ny, nz) array_like of bool, optional
             The voxels to keep (default: all).
@@ -165,13 +178,27 @@ class Volume:
         InputError
             If fewer than 2 voxels are left along an axis.
         """
-        low, high = as_bounds(bounds, 3)
-        count = np.array(self.shape)
-        # A millionth of a voxel forgives the rounding of a box that was computed from this lattice.
-        first = np.clip(np.ceil((low - self.origin) / self.spacing - 1e-6), 0, count).astype(int)
-        stop = np.clip(np.floor((high - self.origin) / self.spacing + 1e-6) + 1, first, count).astype(int)
-        part = self.data[tuple(slice(a, b) for a, b in zip(first, stop, strict=True))]
-        return Volume(part, self.spacing, self.origin + self.spacing * first, self.unit)
+        slices, origin = slices_in(self, bounds)
+        return Volume(self.data[slices], self.spacing, origin, self.unit)
+
+
+def slices_in(lattice: PlacedVoxels, bounds: npt.ArrayLike) -> tuple[tuple[slice, ...], FloatArray]:
+    """Return the slices of the voxels whose centers lie in `bounds` (2, 3), and the first one's center."""
+    low, high = as_bounds(bounds, 3)
+    count = np.array(lattice.shape)
+    # A millionth of a voxel forgives the rounding of a box that was computed from this lattice.
+    first = np.clip(np.ceil((low - lattice.origin) / lattice.spacing - 1e-6), 0, count).astype(int)
+    stop = np.clip(np.floor((high - lattice.origin) / lattice.spacing + 1e-6) + 1, first, count).astype(int)
+    if (stop - first < 2).any():
+        left = " × ".join(str(n) for n in stop - first)
+        raise InputError(f"bounds: leave {left} voxels of {lattice.bounds.tolist()}; give a box in the volume")
+    return tuple(slice(a, b) for a, b in zip(first, stop, strict=True)), lattice.origin + lattice.spacing * first
+
+
+def thinned(volume: Volume) -> Volume:
+    """Return every n-th voxel along each axis, a few millions of them, without a copy."""
+    spacing = volume.spacing * thinning_stride(volume.data)
+    return Volume(thin(volume.data), spacing, volume.origin, volume.unit)
 
 
 def apply_transform(transform: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:

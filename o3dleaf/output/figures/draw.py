@@ -101,7 +101,7 @@ def draw_figures(
     *,
     scan: CloudLike | None = None,
     volume: Volume | None = None,
-    level: Finite | str = "valley",
+    level: Finite | str = "mixture",
     formats: Iterable[str] = ("png", "pdf"),
     only: Iterable[str] | None = None,
 ) -> Drawn:
@@ -120,7 +120,7 @@ def draw_figures(
         The points that the leaf was built from, in its unit.
     volume : Volume, optional
         The CT volume that the micro-structure was fitted to.
-    level : float, "valley", "otsu" or "mixture"
+    level : float, "mixture", "valley" or "otsu"
         Its threshold, or how it was found.
     formats : sequence of {"png", "pdf", "svg", "jpg"}
     only : sequence of str, optional

@@ -1,5 +1,7 @@
 """Figures of numbers: the flattened scan, the height map with the outline, the histogram with the threshold."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -10,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.leaf.ct.threshold import thin
+from o3dleaf.leaf.ct.voids import PiecesAtLevel
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.output.figures.style import ALONG, HEIGHT, VERMILION, FigureSheet, plot, styled, words
@@ -81,44 +84,84 @@ def height_map(blade: HeightMapBlade) -> FigureSheet:
     )
 
 
-def histogram(volume: Volume, level: float | str = "valley") -> FigureSheet:
+def histogram(volume: Volume, level: float | str = "mixture") -> FigureSheet:
     """Return the histogram of a volume's intensities, zeros left out, with the threshold between air and leaf.
 
     Parameters
     ----------
     volume : Volume
-    level : float, "valley", "otsu" or "mixture"
+    level : float, "mixture", "valley" or "otsu"
         The threshold, or how it is found.
     """
     threshold = volume.threshold(level)
-    sample = np.asarray(thin(volume.data), dtype=np.float64).ravel()
-    sample = sample[sample != 0]
-    low, high = np.quantile(sample, (0.0005, 0.9995))
-    counts, edges = np.histogram(sample, BINS, (min(low, threshold), max(high, threshold)))
-    share = 100 * counts / len(sample)
     with styled():
         figure, (axis,) = plot(2.0)
-        axis.stairs(share, edges, fill=True, color="#9fb4a4")
-        axis.axvline(threshold, color=VERMILION, linewidth=1.2)
-        top = 1.12 * float(share.max())
-        axis.set_ylim(0, top)
-        axis.set_xlim(edges[0], edges[-1])
-        right = threshold < (edges[0] + edges[-1]) / 2
-        axis.annotate(
-            f"threshold {threshold:.3g}", (threshold, 0.93 * top), (4 if right else -4, 0), textcoords="offset points",
-            ha="left" if right else "right", va="center", color=VERMILION,
-        )  # fmt: skip
-        for name, side in (("air", edges[:-1] < threshold), ("leaf", edges[:-1] >= threshold)):
-            _name_peak(axis, name, np.where(side, share, 0), edges)
+        _draw_histogram(axis, volume, threshold)
         axis.set_xlabel("CT intensity")
-        axis.set_ylabel("voxels, %")
-        axis.yaxis.set_major_locator(MaxNLocator(4))
     how = f"“{level}”" if isinstance(level, str) else "given"
     return FigureSheet(
         figure,
         f"Histogram of the intensities of {' × '.join(str(n) for n in volume.shape)} voxels, zeros left out, in "
         f"{BINS} bins; the line is the threshold f_surface = {threshold:.4g} ({how}) between air and leaf.",
     )
+
+
+def levels(volume: Volume, rows: Sequence[PiecesAtLevel], level: float | None = None) -> FigureSheet:
+    """Return the histogram of a volume, and below it number and volume of voids and of loose pieces over the level.
+
+    Parameters
+    ----------
+    volume : Volume
+    rows : sequence of PiecesAtLevel
+    level : float, optional
+        The threshold.
+    """
+    kinds = (("voids in the leaf", "voids", "void_volume"), ("loose pieces", "pieces", "piece_volume"))
+    with styled():
+        figure, axes = plot(4.0, 3, sharex=True)
+        _draw_histogram(axes[0], volume, level)
+        for axis, which, name in zip(axes[1:], (1, 2), ("number", words(volume.unit, "volume")), strict=True):
+            for kind, color in zip(kinds, (VERMILION, INK), strict=True):
+                values = [getattr(row, kind[which]) for row in rows]
+                axis.plot([row.level for row in rows], values, "o-", color=color, label=kind[0], markersize=2.5)
+            axis.set_yscale("symlog")
+            axis.set_ylabel(name if which == 1 or volume.unit is None else f"{name}³")
+            if level is not None:
+                axis.axvline(level, color=FAINT, linewidth=0.8, zorder=0)
+        axes[1].legend(frameon=False)
+        axes[2].set_xlabel("level")
+    return FigureSheet(
+        figure,
+        "Histogram of the intensities, zeros left out; and for each level the voids, which are air that no way leads "
+        "out of, and the pieces of leaf beside the largest. The line is the threshold.",
+    )
+
+
+def _draw_histogram(axis: Axes, volume: Volume, threshold: float | None) -> None:
+    """Draw shares of the voxels, and a line at the threshold between air and leaf."""
+    sample = np.asarray(thin(volume.data), dtype=np.float64).ravel()
+    sample = sample[sample != 0]
+    low, high = np.quantile(sample, (0.0005, 0.9995))
+    if threshold is not None:
+        low, high = min(low, threshold), max(high, threshold)
+    counts, edges = np.histogram(sample, BINS, (low, high))
+    share = 100 * counts / len(sample)
+    axis.stairs(share, edges, fill=True, color="#9fb4a4")
+    top = 1.12 * float(share.max())
+    axis.set_ylim(0, top)
+    axis.set_xlim(edges[0], edges[-1])
+    axis.set_ylabel("voxels, %")
+    axis.yaxis.set_major_locator(MaxNLocator(4))
+    if threshold is None:
+        return
+    axis.axvline(threshold, color=VERMILION, linewidth=1.2)
+    right = threshold < (edges[0] + edges[-1]) / 2
+    axis.annotate(
+        f"threshold {threshold:.3g}", (threshold, 0.93 * top), (4 if right else -4, 0), textcoords="offset points",
+        ha="left" if right else "right", va="center", color=VERMILION,
+    )  # fmt: skip
+    for name, side in (("air", edges[:-1] < threshold), ("leaf", edges[:-1] >= threshold)):
+        _name_peak(axis, name, np.where(side, share, 0), edges)
 
 
 def _name_peak(axis: Axes, name: str, share: FloatArray, edges: FloatArray) -> None:

@@ -24,7 +24,10 @@ def turned(angles, seed=0, shape=(70, 70, 34)):
     R = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
     origin = -0.5 * SPACING * (np.array(shape) - 1)
     ct = np.argwhere(np.ones(shape, dtype=bool)) * SPACING + origin
-    intensity = np.maximum(truth(ct @ R + truth.bounds.mean(axis=0)), 0.0)
+    place = ct @ R + truth.bounds.mean(axis=0)
+    # Below and above the patch there is air; a field of known bounds falls with the distance there.
+    within = (place[:, 2] > truth.bounds[0, 2]) & (place[:, 2] < truth.bounds[1, 2])
+    intensity = np.where(within, np.maximum(truth(place), 0.0), 0.0)
     intensity += np.random.default_rng(seed).normal(0, 0.01, len(ct))
     return Volume(intensity.reshape(shape), SPACING, origin, "um"), R
 
@@ -43,6 +46,24 @@ def test_a_known_turn_is_recovered(angles, seed):
     # The middle of the blade is 2.5 um above the truth's z = 0, which passes 40 um under the holder's center.
     middle = apply_transform(found, (np.array([[0, 0, 2.5 - 40.0]]) @ R.T))[0]
     assert abs(middle[2]) < ALIGNED_VOXELS * SPACING
+
+
+TALL = (70, 70, 64)
+"""Voxels of a holder in which a blade that leans by 30° still passes from side to side."""
+
+
+@pytest.mark.parametrize("angles", [(30, -30, 30), (-29, 26, -25)])
+def test_a_turn_of_thirty_degrees_about_every_axis_is_recovered(angles):
+    volume, R = turned(angles, shape=TALL)
+    assert degrees_between(align_blade(volume)[:3, :3], R.T) < ALIGNED_DEGREES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_any_turn_of_up_to_thirty_degrees_is_recovered(seed):
+    for angles in np.random.default_rng(seed).uniform(-30, 30, (10, 3)):
+        volume, R = turned(tuple(angles), seed, TALL)
+        assert degrees_between(align_blade(volume)[:3, :3], R.T) < ALIGNED_DEGREES
 
 
 def test_hints_choose_among_the_four_senses():

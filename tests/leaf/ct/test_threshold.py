@@ -6,12 +6,12 @@ from scipy.special import ndtr
 
 from o3dleaf import Volume
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.mixture import fit_mixture
+from o3dleaf.leaf.ct.mixture import _chances, fit_mixture
 from o3dleaf.leaf.ct.threshold import histogram_threshold
 from o3dleaf.samples import wheat_ct
-from tolerances import MIXTURE_LEVEL
+from tolerances import MIXTURE_LEVEL, ROUND_LEVEL
 
-METHODS = ["valley", "otsu", "mixture"]
+METHODS = ["mixture", "valley", "otsu"]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -68,7 +68,7 @@ def test_air_that_the_scanner_set_to_zero_counts_as_air():
 @pytest.mark.parametrize("name", ["normal", "uniform", "exponential"])
 def test_one_peak_is_refused(method, name):
     data = getattr(np.random.default_rng(2), name)(size=(40, 40, 40))
-    with pytest.raises(InputError, match="two peaks"):
+    with pytest.raises(InputError, match="two classes"):
         histogram_threshold(data, method)
 
 
@@ -85,10 +85,26 @@ def test_an_unknown_method_is_refused():
         histogram_threshold(np.arange(10.0), "magic")
 
 
-@pytest.mark.parametrize("noise", [0.003, 0.01, 0.06])
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.01, 0.06])
 def test_the_mixture_s_level_is_the_surface_s_at_every_noise(noise):
     volume, truth = wheat_ct(seed=1, noise=noise, drift=0.0)
-    assert abs(volume.threshold("mixture") - truth.level) < MIXTURE_LEVEL * 2 * truth.level
+    assert abs(volume.threshold() - truth.level) < MIXTURE_LEVEL * 2 * truth.level
+
+
+@pytest.mark.parametrize(("sign", "noise"), [(1, 0.0), (1, 0.05), (-1, 0.0), (-1, 0.05)])
+def test_the_level_is_the_surface_s_where_it_is_round(sign, noise):
+    # A ball of four voxels, or its hole: parallel surfaces grow outward, and one class is a hundredth of the volume.
+    place = np.linalg.norm(np.stack(np.meshgrid(*[np.arange(-12.0, 13)] * 3)), axis=0)
+    data = 300 + 800 * (ndtr(sign * (4 - place)) + noise * np.random.default_rng(3).normal(size=place.shape))
+    assert abs(histogram_threshold(data) - 700) < ROUND_LEVEL * 800
+
+
+def test_the_slopes_of_the_mixture_are_its_own():
+    edges, at, step = np.linspace(-0.1, 1.1, 60), np.array([0.2, -0.4, -2.5, -2.2, 0.3, -0.4, 0.2]), 1e-6
+    slopes = _chances(at, edges, 0.01)[1]
+    for k, move in enumerate(step * np.eye(7)):
+        quotient = (_chances(at + move, edges, 0.01)[0] - _chances(at - move, edges, 0.01)[0]) / (2 * step)
+        assert abs(slopes[k] - quotient).max() < 1e-8
 
 
 def test_a_mixture_is_found_from_its_histogram():

@@ -101,7 +101,7 @@ def test_the_height_map_is_that_of_the_blade_clipped_by_its_outline(uneven):
     assert figure.get_figwidth() == COLUMN
 
 
-@pytest.mark.parametrize("level", ["valley", "otsu", 0.07])
+@pytest.mark.parametrize("level", ["mixture", "otsu", 0.07])
 def test_the_histogram_counts_voxels_and_marks_the_threshold(volume, level):
     figure, caption = histogram(volume, level)
     axis = figure.axes[0]

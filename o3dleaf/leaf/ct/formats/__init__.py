@@ -14,5 +14,5 @@
 `points`    PLY of points with an intensity
 `content`   what a file of another name holds
 `counts`    about how many voxels a file has
-`read`      `read_volume`, by the suffix of the name
+`read`      `read_volume` and `open_volume`, by the suffix of the name
 """

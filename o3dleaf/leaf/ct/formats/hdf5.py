@@ -1,6 +1,8 @@
 """HDF5: a dataset of three dimensions, slices first, with the voxel size that Fiji and its kin note beside it."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +27,24 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If h5py is not installed, the file is damaged, or it does not say which dataset is meant.
     """
+    dataset, stated = open_array(path, layout)
+    with dataset.file, _refused(path):
+        return _values_of(dataset, path), stated
+
+
+def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
+    """Return a dataset of a file that stays open as long as it is used, and its lattice.
+
+    Raises
+    ------
+    InputError
+        As of `read`.
+    """
     require_only(layout, ("dataset", "axes"), path)
     h5py = import_extra("h5py", "formats", path)
-    try:
-        with h5py.File(path, "r") as file:
+    with _refused(path):
+        file = h5py.File(path, "r")
+        try:
             names: list[str] = []
 
             def note(name: str, node: Any) -> None:
@@ -37,21 +53,39 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
 
             file.visititems(note)
             dataset = file[only_array(names, layout.dataset, path)]
+            _require_here(dataset, path)
             axes = layout.axes or Stated().axes
-            return _values_of(dataset, path), Stated(_spacing_of(dataset, axes), None, _unit_of(dataset), axes)
+            return dataset, Stated(_spacing_of(dataset, axes), None, _unit_of(dataset), axes)
+        except BaseException:
+            file.close()
+            raise
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Raise `InputError` for whatever h5py makes of a broken file: OSError, RuntimeError, KeyError, ..."""
+    try:
+        yield
     except InputError:
         raise
     except Exception as cause:
-        # h5py raises what a broken file makes it: OSError, RuntimeError, KeyError, ...
         raise InputError(f"{path}: cannot be read as HDF5 ({cause}); export it again") from cause
 
 
-def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
+def _require_here(dataset: Any, path: Path) -> None:
+    """Refuse a dataset whose voxels are elsewhere, or whose chunks are larger than its file can hold."""
     if dataset.external or dataset.is_virtual:
         raise InputError(f"{path}: its voxels are in other files; export them into one")
-    chunk = math.prod(dataset.chunks or ()) * dataset.dtype.itemsize
-    if max(dataset.nbytes, chunk) > MAX_RATIO * path.stat().st_size:
+    _require_held(math.prod(dataset.chunks or ()) * dataset.dtype.itemsize, dataset, path)
+
+
+def _require_held(size: int, dataset: Any, path: Path) -> None:
+    if size > MAX_RATIO * path.stat().st_size:
         raise InputError(f"{path}: is truncated, or its header lies: {dataset.shape} voxels in so small a file")
+
+
+def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
+    _require_held(dataset.nbytes, dataset, path)
     offset = dataset.id.get_offset() if dataset.chunks is None else None
     if offset is None or not dataset.nbytes:
         return np.asarray(dataset[...])

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.memory.machine import limit_memory
+from o3dleaf.core.resources.machine import limit_memory
 from o3dleaf.leaf.ct.formats.dicom_headers import Slice, is_dicom, look_over
 from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header
 from o3dleaf.leaf.ct.formats.stated import Stated, import_extra

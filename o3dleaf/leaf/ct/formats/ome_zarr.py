@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,45 +39,67 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If zarr is not installed, the folder is damaged, or it does not say which array is meant.
     """
+    array, stated = open_array(path, layout)
+    with _refused(path):
+        _require_held(array.nbytes, array, path)
+        return np.asarray(array[...]).reshape(array.shape[-3:]), stated
+
+
+def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
+    """Return the same, its chunks read where they are asked for.
+
+    Raises
+    ------
+    InputError
+        As of `read`.
+    """
     require_only(layout, ("dataset", "axes"), path)
     zarr = import_extra("zarr", "formats", path)
-    try:
+    with _refused(path):
         node = zarr.open(str(path), mode="r")
         if isinstance(node, zarr.Array):
             array, stated = node, Stated(axes=layout.axes or Stated().axes)
         else:
             array, stated = _array_of(zarr, node, layout, path)
         _require_plain(array, path)
-        squeezed = np.asarray(array[...])
-        if squeezed.ndim > 3 and squeezed.shape[: squeezed.ndim - 3] == (1,) * (squeezed.ndim - 3):
-            squeezed = squeezed.reshape(squeezed.shape[-3:])
+    if array.ndim < 3 or any(count != 1 for count in array.shape[:-3]):
+        raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
+    return array, stated
+
+
+@contextmanager
+def _refused(path: Path) -> Iterator[None]:
+    """Raise `InputError` for whatever zarr makes of broken metadata and chunks."""
+    try:
+        yield
     except InputError:
         raise
     except Exception as cause:
-        # zarr raises what broken metadata and chunks make it.
         raise InputError(f"{path}: cannot be read as Zarr ({cause}); export it again") from cause
-    if squeezed.ndim != 3:
-        raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
-    return squeezed, stated
 
 
 def _require_plain(array: Any, path: Path) -> None:
-    """Refuse an array that is no numbers, goes through another codec than those listed, or is larger than its files."""
+    """Refuse an array that is no numbers, has another codec than those listed, or chunks larger than its files."""
     facts = array.metadata.to_dict()
     codecs = set(_codecs([facts.get(key) for key in ("codecs", "compressor", "filters")]))
     strange = codecs - CODECS
     if strange or array.dtype.kind not in VOXELS:
         what = f"packed by {', '.join(sorted(strange))}" if strange else f"of type {array.dtype}"
         raise InputError(f"{path}: is {what}, and not read; export numbers, packed by zstd, blosc or gzip")
-    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-    if max(array.nbytes, math.prod(array.chunks) * array.dtype.itemsize) > MAX_RATIO * size:
-        raise InputError(f"{path}: is truncated, or its header lies: {array.shape} voxels in {size} bytes")
+    chunk = math.prod(array.chunks) * array.dtype.itemsize
+    _require_held(chunk, array, path)
     if "blosc" in codecs:
         if "sharding_indexed" in codecs:
             raise InputError(
                 f"{path}: is packed by blosc in shards, which is not read; export without shards, or by zstd"
             )
-        _require_whole_blosc(path / array.path, math.prod(array.chunks) * array.dtype.itemsize)
+        _require_whole_blosc(path / array.path, chunk)
+
+
+def _require_held(size: int, array: Any, path: Path) -> None:
+    held = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    if size > MAX_RATIO * held:
+        raise InputError(f"{path}: is truncated, or its header lies: {array.shape} voxels in {held} bytes")
 
 
 def _require_whole_blosc(folder: Path, size: int) -> None:

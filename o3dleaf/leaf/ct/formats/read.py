@@ -14,7 +14,8 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.leaf.ct.formats import bare, hdf5, itk, ome_zarr, points, scanco, slices, tiff
 from o3dleaf.leaf.ct.formats.content import content_hint
-from o3dleaf.leaf.ct.formats.stated import Stated, VoxelLayout, parse_layout, require_only, turn_to_xyz
+from o3dleaf.leaf.ct.formats.stated import Stated, TurnedVoxels, VoxelLayout, parse_layout, require_only, turn_to_xyz
+from o3dleaf.leaf.ct.on_disk import VolumeOnDisk
 from o3dleaf.leaf.ct.volume import Volume
 
 TAKING_LAYOUT = (bare, hdf5, ome_zarr)
@@ -73,9 +74,56 @@ def read_stated(
     layout: str | VoxelLayout | None = None,
 ) -> tuple[Volume, Stated]:
     """Return the volume as `read_volume` does, and what its file states of it."""
-    place, unit = Path(path), check_unit(unit)
-    data, stated = _read_voxels(place, parse_layout(layout))
-    wanted = unit or stated.unit
+    data, stated = _read_voxels(Path(path), parse_layout(layout))
+    volume = Volume(data, *_lattice(Path(path), stated, spacing, unit, origin))
+    if data.min() == data.max():
+        raise InputError(f"{path}: all voxels have one value, {data.min()}; check the export, or scan again")
+    return volume, stated
+
+
+@checked
+def open_volume(
+    path: str | PathLike[str],
+    *,
+    spacing: npt.ArrayLike | None = None,
+    unit: Unit | None = None,
+    origin: npt.ArrayLike | None = None,
+    layout: str | VoxelLayout | None = None,
+) -> VolumeOnDisk:
+    """Open a micro-CT volume of any size; its voxels stay in the file until `crop` reads some of them.
+
+    Parameters
+    ----------
+    path, spacing, unit, origin, layout
+        As of `read_volume`. Chunks of HDF5 and Zarr and the slices of a folder are read where they are asked for;
+        TIFF, NPY and bare numbers are mapped where they are not packed. All other formats are read whole.
+
+    Raises
+    ------
+    InputError, UnitError
+        As of `read_volume`.
+    """
+    return open_stated(path, spacing=spacing, unit=unit, origin=origin, layout=layout)[0]
+
+
+def open_stated(
+    path: str | PathLike[str],
+    *,
+    spacing: npt.ArrayLike | None = None,
+    unit: str | None = None,
+    origin: npt.ArrayLike | None = None,
+    layout: str | VoxelLayout | None = None,
+) -> tuple[VolumeOnDisk, Stated]:
+    """Return the volume as `open_volume` does, and what its file states of it."""
+    voxels, stated = _open_voxels(Path(path), parse_layout(layout))
+    return VolumeOnDisk(voxels, *_lattice(Path(path), stated, spacing, unit, origin)), stated
+
+
+def _lattice(
+    place: Path, stated: Stated, spacing: npt.ArrayLike | None, unit: str | None, origin: npt.ArrayLike | None
+) -> tuple[npt.ArrayLike, npt.ArrayLike, str | None]:
+    """Return spacing, origin and unit as given, where they are, or as stated."""
+    wanted = check_unit(unit) or stated.unit
     scale = unit_scale(stated.unit, wanted) if stated.unit else 1.0
     if spacing is None:
         if stated.spacing is None:
@@ -83,10 +131,21 @@ def read_stated(
         spacing = stated.spacing * scale
         if origin is None and stated.origin is not None:
             origin = stated.origin * scale
-    volume = Volume(data, spacing, (0.0, 0.0, 0.0) if origin is None else origin, wanted)
-    if data.min() == data.max():
-        raise InputError(f"{place}: all voxels have one value, {data.min()}; check the export, or scan again")
-    return volume, stated
+    return spacing, (0.0, 0.0, 0.0) if origin is None else origin, wanted
+
+
+def _open_voxels(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
+    """Return voxels along (x, y, z), read by slices where the format allows, and what the file states of them."""
+    read = _reader_of(path)
+    if read in (hdf5, ome_zarr):
+        array, stated = read.open_array(path, layout)
+    elif read is slices:
+        require_only(layout, (), path)
+        array, stated = slices.open_array(path)
+    else:
+        return _read_voxels(path, layout)
+    stated = replace(stated, axes=layout.axes or stated.axes)
+    return TurnedVoxels(array, stated.axes, path), stated
 
 
 def _read_voxels(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:

@@ -39,20 +39,60 @@ def read(folder: Path) -> tuple[npt.NDArray[Any], Stated]:
     InputError
         If there is no slice, one is damaged or in color, or they differ in size or type.
     """
+    pages, stated = open_array(folder)
+    stack = np.empty(pages.shape, dtype=pages.dtype)
+    for k in range(len(stack)):
+        stack[k] = pages[k : k + 1, :, :][0]
+    return stack, stated
+
+
+class SlicePages:
+    """The (page, row, column) stack of a folder of slices, each read when it is asked for."""
+
+    ndim = 3
+
+    def __init__(self, files: list[Path]) -> None:
+        self.files = files
+        page, self.stated = _read_page(files[0])
+        if page.ndim != 2:
+            raise InputError(f"{files[0]}: has shape {page.shape}; give slices of one page each")
+        self.shape, self.dtype = (len(files), *page.shape), page.dtype
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        """A page."""
+        return (1, *self.shape[1:])
+
+    def __getitem__(self, where: tuple[slice, ...]) -> npt.NDArray[Any]:
+        return np.stack([self._page(file)[where[1:]] for file in self.files[where[0]]])
+
+    def _page(self, file: Path) -> npt.NDArray[Any]:
+        page = _read_page(file)[0]
+        if page.shape != self.shape[1:] or page.dtype != self.dtype:
+            raise InputError(
+                f"{file}: has shape {page.shape} and type {page.dtype} where {self.files[0].name} has {self.shape[1:]} "
+                f"and {self.dtype}; the slices in a folder must form one volume, one page each"
+            )
+        return page
+
+
+def open_array(folder: Path) -> tuple[SlicePages, Stated]:
+    """Return the stack of a folder of slices, read page by page, and what the first of them states.
+
+    Raises
+    ------
+    InputError
+        If there is no slice, or the first is damaged.
+    """
+    pages = SlicePages(_require_slices(folder))
+    return pages, pages.stated
+
+
+def _require_slices(folder: Path) -> list[Path]:
     files = slices_in(folder)
     if not files:
         raise InputError(f"{folder}: contains no slices; give a folder of TIFF, PNG or DICOM slices")
-    first, stated = _read_page(files[0])
-    stack = np.empty((len(files), *first.shape), dtype=first.dtype)
-    for k, file in enumerate(files):
-        page = _read_page(file)[0]
-        if page.shape != first.shape or page.dtype != first.dtype or page.ndim != 2:
-            raise InputError(
-                f"{file}: has shape {page.shape} and type {page.dtype} where {files[0].name} has {first.shape} and "
-                f"{first.dtype}; the slices in a folder must form one volume, one page each"
-            )
-        stack[k] = page
-    return stack, stated
+    return files
 
 
 def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Whole
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, O3DLeafError
 
 SLICES_FIRST = "zyx"
 """The order of axes of pages, rows and columns, the last one fastest: of nearly every file."""
@@ -121,6 +121,44 @@ def turn_to_xyz(array: npt.NDArray[Any], axes: str = SLICES_FIRST) -> npt.NDArra
     The turn of "zyx" is its own inverse.
     """
     return array.transpose([axes.index(axis) for axis in "xyz"])
+
+
+class TurnedVoxels:
+    """Voxels along (x, y, z) of an array in a file, read where they are asked for; leading axes have length 1."""
+
+    def __init__(self, array: Any, axes: str, path: Path) -> None:
+        self.array, self.axes, self.path = array, axes, path
+        self.lead = array.ndim - 3 if hasattr(array, "ndim") else 0
+
+    def _turned(self, numbers: tuple[int, ...]) -> tuple[int, int, int]:
+        x, y, z = (numbers[self.lead + self.axes.index(axis)] for axis in "xyz")
+        return x, y, z
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along (x, y, z)."""
+        return self._turned(self.array.shape)
+
+    @property
+    def chunks(self) -> tuple[int, int, int] | None:
+        """What the file keeps in one piece, if it does."""
+        chunks = getattr(self.array, "chunks", None)
+        return None if chunks is None else self._turned(chunks)
+
+    @property
+    def dtype(self) -> Any:
+        """Type of the numbers."""
+        return self.array.dtype
+
+    def __getitem__(self, where: tuple[slice, ...]) -> npt.NDArray[Any]:
+        stored = tuple(where["xyz".index(axis)] for axis in self.axes)
+        try:
+            return turn_to_xyz(np.asarray(self.array[(0,) * self.lead + stored]), self.axes)
+        except O3DLeafError:
+            raise
+        except Exception as cause:  # whatever the format's library makes of a damaged part
+            reason = " ".join(str(cause).split())
+            raise InputError(f"{self.path}: is damaged there ({reason}); export it again") from cause
 
 
 def only_array(names: list[str], wanted: str | None, path: Path) -> str:

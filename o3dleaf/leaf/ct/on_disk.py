@@ -1,0 +1,140 @@
+"""A volume that stays in its file: its voxels are read where they are asked for."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.arguments.checked import checked
+from o3dleaf.core.checks import FloatArray, as_points, require_choice
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.units import check_unit
+from o3dleaf.leaf.ct.threshold import METHODS, histogram_threshold
+from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume, as_spacing, slices_in
+
+BLOCK = 32**3
+"""Voxels in a block of the sample."""
+ALONG = (8, 16, 256)
+"""Edges of a block where voxels lie in rows, the row last: one page of memory each, not one for every 32 voxels."""
+STRATA = 5
+"""Blocks along each axis in a round of the sample: 125 blocks, four million voxels."""
+ROUNDS = 4
+"""What five hundred blocks do not meet is less than a hundredth of the volume, and wants to be cropped to."""
+
+
+@checked
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class VolumeOnDisk(PlacedVoxels):
+    """A volume in a file, opened by `open_volume`: a part of it is read by `crop`, as a `Volume`.
+
+    Nothing is looked at before it is read: a file whose far end holds NaN is found out there.
+
+    Attributes
+    ----------
+    voxels : array-like
+        Intensities along (x, y, z), read by slices.
+    spacing, origin : (3,) ndarray
+    unit : str or None
+        As of `Volume`.
+    """
+
+    voxels: Any
+    spacing: FloatArray
+    origin: FloatArray
+    unit: str | None = None
+
+    def __init__(
+        self,
+        voxels: Any,
+        spacing: npt.ArrayLike,
+        origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+        unit: str | None = None,
+    ) -> None:
+        shape = getattr(voxels, "shape", None)
+        if not isinstance(shape, tuple) or len(shape) != 3 or not hasattr(voxels, "__getitem__"):
+            raise InputError("voxels: are no array of three dimensions; open a file by open_volume")
+        object.__setattr__(self, "voxels", voxels)
+        object.__setattr__(self, "spacing", as_spacing(spacing))
+        object.__setattr__(self, "origin", as_points(origin, "origin", dim=3)[0])
+        object.__setattr__(self, "unit", check_unit(unit))
+
+    def __repr__(self) -> str:
+        shape = " × ".join(f"{count:,}" for count in self.shape)
+        return f"VolumeOnDisk({shape} voxels, {self.voxels.dtype}, unit {self.unit})"
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along (x, y, z)."""
+        nx, ny, nz = self.voxels.shape
+        return int(nx), int(ny), int(nz)
+
+    @checked
+    def crop(self, bounds: npt.ArrayLike) -> Volume:
+        """Read the voxels whose centers lie in `bounds` (2, 3), in `unit`, and no others.
+
+        Raises
+        ------
+        InputError
+            If fewer than 2 voxels are left along an axis, or those that are read are not finite.
+        """
+        slices, origin = slices_in(self, bounds)
+        return Volume(np.asarray(self.voxels[slices]), self.spacing, origin, self.unit)
+
+    @checked
+    def threshold(self, method: str = "mixture") -> float:
+        """Return the intensity that separates leaf from air, from a sample of blocks of 32,768 voxels.
+
+        Of 5 × 5 × 5 parts of the volume one block each is read at a place drawn with a fixed seed, four million voxels
+        in all; where they show no two classes, as in a file that is mostly empty, as many again, up to four times.
+
+        Parameters
+        ----------
+        method : {"mixture", "valley", "otsu"}
+            As of `Volume.threshold`.
+
+        Raises
+        ------
+        InputError
+            If the sample shows no two classes.
+        """
+        require_choice(method, METHODS, "threshold")
+        rng = np.random.default_rng(0)
+        seen: list[npt.NDArray[Any]] = []
+        for _ in range(ROUNDS):
+            for block in self._blocks(rng):
+                values = np.asarray(self.voxels[block]).ravel()
+                seen.append(values[values != 0])
+            sample = np.concatenate(seen)
+            try:
+                return histogram_threshold(sample, method)
+            except (InputError, ValueError):  # nothing but zeros, or one class: look elsewhere
+                continue
+        raise InputError(
+            f"threshold: a sample of {ROUNDS * STRATA**3:,} blocks does not show two classes, air and leaf; crop the "
+            "volume to the leaf, or give the threshold as a number"
+        )
+
+    def _blocks(self, rng: np.random.Generator) -> Iterator[tuple[slice, ...]]:
+        """Yield the slices of one block in each part of the volume, in one chunk of the file where it has chunks."""
+        shape = np.array(self.shape)
+        chunks = np.minimum(getattr(self.voxels, "chunks", None) or shape, shape)
+        sides = self._sides(chunks)
+        parts = np.clip(shape // sides, 1, STRATA)
+        for cell in product(*map(range, parts)):
+            first = np.floor((np.array(cell) + rng.random(3)) * shape / parts).astype(int)
+            inside = chunks * (first // chunks)
+            first = np.maximum(np.minimum(first, np.minimum(inside + chunks, shape) - sides), inside)
+            yield tuple(slice(a, b) for a, b in zip(first, np.minimum(first + sides, shape), strict=True))
+
+    def _sides(self, chunks: npt.NDArray[np.int_]) -> npt.NDArray[np.int_]:
+        """Return the edges of a block: a cube if it may be, flat in flat chunks, long where voxels lie in rows."""
+        sides, left = np.ones(3, dtype=int), float(BLOCK)
+        strides = getattr(self.voxels, "strides", None)
+        for k, axis in enumerate(np.argsort(chunks) if strides is None else np.argsort(strides)[::-1]):
+            edge = ALONG[k] if strides is not None else int(np.ceil(left ** (1 / (3 - k))))
+            sides[axis] = min(chunks[axis], edge)
+            left /= sides[axis]
+        return sides
