@@ -59,10 +59,11 @@ class InfoJob(UnitOption, Job):
         from o3dleaf.core.resources import measured
         from o3dleaf.core.resources.needs import need_of
         from o3dleaf.io.geometry import count_geometry
-        from o3dleaf.leaf.ct.formats.counts import count_voxels
+        from o3dleaf.leaf.ct.formats.counts import count_cropped, count_voxels
 
         if self.volume_file:
-            voxels = count_voxels(self.file)
+            crop = self.crop
+            voxels = count_voxels(self.file) if crop is None else count_cropped(self.file, crop, **self.lattice)
             return [need_of(measured.LOOKED_AT_VOXEL * voxels, f"info: {voxels:,} voxels", "crop the volume")]
         triangles, points = count_geometry(self.file)
         held = measured.REPORTED_TRIANGLE * triangles + measured.MEASURED_POINT * points
@@ -85,11 +86,10 @@ class InfoJob(UnitOption, Job):
         from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
         from o3dleaf.leaf.ct.volume import thinned
 
-        how: dict[str, Any] = {"spacing": self.voxel_spacing, "unit": self.unit, "layout": self.layout}
         if self.crop is None:
-            volume, stated = read_stated(self.file, **how)
+            volume, stated = read_stated(self.file, **self.lattice)
         else:
-            opened, stated = open_stated(self.file, **how)
+            opened, stated = open_stated(self.file, **self.lattice)
             volume = opened.crop(self.crop)
         small = thinned(volume)
         level = self.level_of(volume)
@@ -118,6 +118,11 @@ class InfoJob(UnitOption, Job):
             "voids_looked_for_in": list(small.shape),
             "levels": [asdict(row) for row in rows],
         }
+
+    @property
+    def lattice(self) -> dict[str, Any]:
+        """What was said of the lattice, where the file does not say it."""
+        return {"spacing": self.voxel_spacing, "unit": self.unit, "layout": self.layout}
 
     def level_of(self, volume: "Volume") -> float | str:
         """Return the intensity of the surface, or why none was found: without two classes it is a volume all the same.

@@ -2,12 +2,11 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, LongJob, argument, number_or_word, option, output, table, words_of
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
@@ -80,30 +79,26 @@ class CtOptions(TextureOptions):
 
     def need_for(self, path: Path) -> "list[Need]":
         """Return what the volume of a file takes, to be read and to be fitted; nothing for the texture of a model."""
-        from o3dleaf.leaf.ct.formats.counts import count_voxels
+        from o3dleaf.leaf.ct.formats.counts import count_cropped, count_voxels
         from o3dleaf.leaf.pipeline import need_for_texture
 
         if path.suffix.lower() in table(MODEL):
             return []
-        return [need_for_texture(count_voxels(path) if self.ct_crop is None else self.cropped_voxels(path))]
-
-    def cropped_voxels(self, path: Path) -> int:
-        """Return how many voxels the crop of a file has; 0 where nothing can be told, and its reader will say why."""
-        from o3dleaf.leaf.ct.formats.read import open_volume
-        from o3dleaf.leaf.ct.volume import slices_in
-
-        try:
-            volume = open_volume(path, spacing=self.voxel_spacing, unit=self.ct_unit, layout=self.ct_layout)
-            return prod(each.stop - each.start for each in slices_in(volume, self.ct_crop)[0])
-        except O3DLeafError:
-            return 0
+        crop = self.ct_crop
+        return [need_for_texture(count_voxels(path) if crop is None else count_cropped(path, crop, **self.lattice))]
 
     def read_volume(self, path: Path) -> "Volume":
         """Return the volume of a file, or of the part of it that is wanted."""
         from o3dleaf.leaf.ct.formats.read import open_volume, read_volume
 
-        how: dict[str, Any] = {"spacing": self.voxel_spacing, "unit": self.ct_unit, "layout": self.ct_layout}
-        return read_volume(path, **how) if self.ct_crop is None else open_volume(path, **how).crop(self.ct_crop)
+        if self.ct_crop is None:
+            return read_volume(path, **self.lattice)
+        return open_volume(path, **self.lattice).crop(self.ct_crop)
+
+    @property
+    def lattice(self) -> dict[str, Any]:
+        """What was said of the lattice, where the file does not say it."""
+        return {"spacing": self.voxel_spacing, "unit": self.ct_unit, "layout": self.ct_layout}
 
     def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
         """Return the volume of a file, or the texture of a model file."""

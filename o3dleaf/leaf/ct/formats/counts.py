@@ -1,14 +1,20 @@
 """About how many voxels a file has, before it is read."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import tifffile
 
 from o3dleaf.core.checks import is_file, is_folder
+from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.formats import tiff
 from o3dleaf.leaf.ct.formats.bare import NPY
+from o3dleaf.leaf.ct.formats.read import open_volume
 from o3dleaf.leaf.ct.formats.slices import slices_in
+from o3dleaf.leaf.ct.volume import slices_in as slices_of_box
 
 VOXEL_BYTES = 2
 """Of the formats whose header is left to their reader."""
@@ -21,6 +27,24 @@ def count_voxels(path: Path) -> int:
             return _in_folder(path)
         return _in_file(path) if is_file(path) else 0
     except Exception:  # noqa: BLE001 - whatever a broken file makes libraries raise
+        return 0
+
+
+def count_cropped(path: Path, crop: npt.ArrayLike, **how: Any) -> int:
+    """Return how many voxels the part of a volume in a box has; 0 as of `count_voxels`.
+
+    Parameters
+    ----------
+    path : Path
+    crop : array-like (2, 3)
+        In the volume's unit.
+    how
+        Of `open_volume`.
+    """
+    try:
+        volume = open_volume(path, **how)
+        return math.prod(each.stop - each.start for each in slices_of_box(volume, crop)[0])
+    except O3DLeafError:
         return 0
 
 
