@@ -4,6 +4,7 @@ A strip can be laid flat without stretch, so that flat coordinates on it are the
 """
 
 import numpy as np
+import pytest
 
 from o3dleaf import (
     AlphaShape,
@@ -19,6 +20,8 @@ from o3dleaf import (
 )
 
 FRAMES = ("surface", "paper")
+MAIN_FRAME = ("surface", pytest.param("paper", marks=pytest.mark.slow))
+"""Where one code serves both."""
 HALF_WIDTH = 3.0
 COLLAR, STEP = 2.0, 0.4
 """Width of the strip beside the leaf that the surface is fitted to as well, and the step of its data: all in

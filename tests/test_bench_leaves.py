@@ -57,6 +57,7 @@ def test_what_is_beside_the_truth_is_neither_near_it_nor_it_near_that(script, sc
     assert {"mesh to truth", "truth to mesh"} <= lost
 
 
+@pytest.mark.slow
 def test_a_run_prints_marks_and_refusals_and_writes_them(script, scan, monkeypatch, tmp_path, capsys):
     bench, some = script("bench_leaves"), script("leaf_cases").cases(["winding", "eaten"], ["clean"], 1)
 

@@ -40,12 +40,14 @@ def baselines(script):
     return script("baselines")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bench_paper", "bench_field"])
 def test_a_quick_run_writes_rows_of_numbers(name, script, capsys, tmp_path):
     script(name).main(["--quick", "--json", str(tmp_path / "rows.json")])
     check_rows(tmp_path / "rows.json", capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_quick_run_is_a_program(tmp_path):
     found = tmp_path / "rows.json"
     command = [sys.executable, str(SCRIPTS / "bench_engine.py"), "--quick", "--json", str(found)]

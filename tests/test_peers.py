@@ -296,6 +296,7 @@ def test_topology_counts_where_a_peer_has_it(script):
     )
 
 
+@pytest.mark.slow
 def test_a_quick_run_writes_records_with_the_promised_keys(script, capsys, tmp_path):
     found = tmp_path / "found.json"
     arguments = [

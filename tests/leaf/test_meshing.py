@@ -10,7 +10,7 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from leaf_fields import FRAMES, HALF_WIDTH, leaf_of
+from leaf_fields import HALF_WIDTH, MAIN_FRAME, leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError, ReconstructionError
@@ -33,7 +33,7 @@ def ridged(phase=0.0, half=HALF):
     return lambda x, y, z: half + 0.05 * np.cos(np.pi * x + phase) + 0.03 * np.sin(np.pi * y) - np.abs(z)
 
 
-@pytest.fixture(scope="module", params=FRAMES)
+@pytest.fixture(scope="module", params=MAIN_FRAME)
 def leaf(request):
     """A strip of 20 by 6, bent about a circle of radius 15."""
     return leaf_of(texture_of(ridged()), bend=15.0, frame=request.param)[0]
@@ -372,6 +372,7 @@ def peak(work):
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "frame"), [(".ply", "surface"), (".ply", "paper"), (".stl", "surface")])
 def test_the_memory_of_writing_does_not_grow_with_the_leaf(tmp_path, suffix, frame):
     """Twice as long, the same memory: counting and writing hold three rows of tiles."""

@@ -10,7 +10,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from leaf_fields import FRAMES
+from leaf_fields import MAIN_FRAME
 from o3dleaf import (
     BladeOptions,
     HeightMapBlade,
@@ -49,7 +49,7 @@ def blade_in(wheat):
     return cache(lambda frame: create_blade(*wheat, options=BladeOptions(frame=frame)))
 
 
-@pytest.fixture(scope="module", params=FRAMES)
+@pytest.fixture(scope="module", params=MAIN_FRAME)
 def blade(request, blade_in):
     return blade_in(request.param)
 
@@ -97,6 +97,7 @@ def test_the_blade_of_the_real_leaf(wheat, blade):
     check_blade(blade, wheat[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frame", "every"), [("surface", 2), ("paper", 1)])
 def test_the_blade_of_the_real_leaf_without_a_midrib(wheat, frame, every):
     """Of half the points a surface is fitted in half the time; their outline, as the paper finds it, has holes."""
@@ -154,7 +155,7 @@ def test_leaf_to_world_to_leaf_is_the_identity_inside_the_outline(paper_blade):
     assert np.linalg.det(frame.jacobian(coordinates)).min() > 0
 
 
-@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("frame", MAIN_FRAME)
 def test_the_synthetic_leaf_is_recovered(frame):
     """The blade of a scan whose truth is known lies on the truth, within half the scanner's noise on the whole."""
     sample = wheat_scan(count=800)
@@ -165,7 +166,7 @@ def test_the_synthetic_leaf_is_recovered(frame):
     assert np.quantile(off, 0.95) < 0.4
 
 
-@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("frame", MAIN_FRAME)
 def test_the_result_does_not_depend_on_the_number_of_threads(texture, frame):
     sample, before, found = wheat_scan(count=800), o3l.get_num_threads(), []
     try:

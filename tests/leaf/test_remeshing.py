@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 import reference
-from leaf_fields import FRAMES, leaf_of
+from leaf_fields import MAIN_FRAME, leaf_of
 from leaf_fields import texture as texture_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
@@ -23,7 +23,7 @@ WINDOW = [[5.03, -1.07], [8.9, 1.9]]
 EDGE = 0.15
 
 
-@pytest.fixture(scope="module", params=FRAMES)
+@pytest.fixture(scope="module", params=MAIN_FRAME)
 def leaf(request):
     """A strip of 20 by 6 with ridges across, bent about a circle of radius 15."""
 

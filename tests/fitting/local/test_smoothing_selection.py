@@ -11,7 +11,7 @@ from o3dleaf.fitting.rbf.tail import tail_exponents
 from o3dleaf.samples.ct import wheat_ct
 from tolerances import CT_FALL, GCV_CHOICE, GCV_EFFICIENCY, ROUNDING
 
-LEVELS = (0.01, 0.03, 0.1, 0.3)
+LEVELS = (0.01, *(pytest.param(level, marks=pytest.mark.slow) for level in (0.03, 0.1)), 0.3)
 SEEDS = (0, 1, 2, 3)
 
 

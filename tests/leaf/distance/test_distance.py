@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from leaf_fields import FRAMES, leaf_of, texture
+from leaf_fields import MAIN_FRAME, leaf_of, texture
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.distance import distance
@@ -22,12 +22,12 @@ def slab():
     return leaf_of(texture(lambda x, y, z: HALF**2 - z**2))[0]
 
 
-@pytest.fixture(scope="module", params=FRAMES)
+@pytest.fixture(scope="module", params=MAIN_FRAME)
 def bent(request):
     return leaf_of(texture(lambda x, y, z: HALF**2 - z**2), bend=10.0, frame=request.param)
 
 
-@pytest.fixture(scope="module", params=FRAMES)
+@pytest.fixture(scope="module", params=MAIN_FRAME)
 def rough(request):
     """Ridges and bumps on a bent blade."""
 
@@ -136,6 +136,7 @@ def test_it_depends_on_neither_company_nor_threads(rough, monkeypatch):
         set_num_threads(before)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_points(rough, monkeypatch):
     leaf, _ = rough
     monkeypatch.setattr(distance, "BLOCK", distance.BLOCK // 4)

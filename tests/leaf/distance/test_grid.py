@@ -71,6 +71,7 @@ def test_the_whole_leaf_is_the_default(leaf, tmp_path):
     assert values.sum() * spacing.prod() == pytest.approx(20 * 6 * 0.6, rel=0.1)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_grid(leaf, tmp_path, monkeypatch):
     monkeypatch.setattr(grid, "SLAB", 1 << 13)
     leaf.write_grid(tmp_path / "g.nrrd", 1.0, what="mask")

@@ -1,6 +1,7 @@
 """Blades of known leaves: each point of a scan without noise says where the leaf ends, and noise is averaged."""
 
 import numpy as np
+import pytest
 
 import o3dleaf as o3l
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
@@ -19,6 +20,7 @@ def test_a_point_nearer_than_half_a_spacing_says_where_the_leaf_ends():
     assert np.mean(blade.outline.contains(blade.flatten(scan.points)[:, :2])) > INSIDE
 
 
+@pytest.mark.slow
 def test_noise_of_half_a_spacing_is_averaged():
     leaf = o3l.samples.leaf_shape("lobed")
     scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.7, noise=0.5)

@@ -170,6 +170,7 @@ def test_blends_that_cannot_be_meant_are_refused(base, middle):
         PatchBlend([base, TiledField(patch(1, unit="um"), (3.1, 2.3))], [10.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["cropped", "blend of blends"])
 def test_it_keeps_to_the_memory_that_a_blend_promises(kind):
     """Beside arguments and result, Hessians at more than a chunk of points: what they need is the most."""

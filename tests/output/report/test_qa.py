@@ -297,8 +297,9 @@ def test_every_defect_is_on_the_page(page):
     assert {each["data-kind"] for each in figures} == PLANTED
 
 
-def test_a_mesh_is_drawn_in_its_own_colors():
+def test_a_mesh_is_drawn_in_its_own_colors(monkeypatch):
     """A red ball is red from all sides, drawn whole or with fewer triangles; one without colors is leaf green."""
+    monkeypatch.setattr(shots, "FINER", 0.25)
     mesh = o3d.geometry.TriangleMesh.create_sphere(1.0, 12)
     mesh.paint_uniform_color([1, 0, 0])
     red, bare = Examination.of(mesh).colors, Examination.of(ball()).colors
