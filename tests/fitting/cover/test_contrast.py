@@ -1,9 +1,11 @@
 """Balls beside a cluster many times as dense as what is around it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from o3dleaf.fitting.cover.contrast import widen_clusters
+from o3dleaf.fitting.cover.contrast import CELL, _occupied, widen_clusters
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from tolerances import CLUSTER_ERROR
@@ -37,3 +39,18 @@ def test_points_of_one_density_are_left_as_they_are():
         bounds = np.array([points.min(axis=0), points.max(axis=0) + box])
         cover = Cover.fit(points, bounds, (50, 100), 1.1)
         np.testing.assert_array_equal(widen_clusters(cover, points, 50).members, cover.members)
+
+
+def test_cells_are_as_large_as_their_balls():
+    """So that their numbers do not depend on the unit, and are those counted one by one."""
+    points = np.random.default_rng(2).random((400, 3))
+    bounds = np.array([points.min(axis=0), points.max(axis=0)])
+    cover = Cover.fit(points, bounds, (50, 100), 1.1)
+    counts = _occupied(points, cover)
+    scaled = replace(cover, centers=16 * cover.centers, radii=16 * cover.radii)
+    np.testing.assert_array_equal(_occupied(16 * points, scaled), counts)
+    for ball, rows in enumerate(np.split(cover.members, cover.offsets[1:-1])):
+        away = (points[rows] - cover.centers[ball]) / (CELL * cover.radii[ball])
+        inside = np.all(np.abs(away) < 1 / CELL, axis=1)
+        assert inside.all()
+        assert counts[ball] == len(np.unique(np.floor(away), axis=0)) > 1

@@ -133,3 +133,18 @@ def test_points_share_a_ball_as_their_distances_say():
     expected = inside[:, chosen].any(axis=1)
     assert np.array_equal(index.share_ball(some, points), expected)
     assert 0 < expected.sum() < len(points)
+
+
+@pytest.mark.parametrize("side", [-3.0, 3.0])
+def test_images_of_balls_beside_the_cell_are_all_that_reach_into_it(side):
+    """Of balls that lie beyond one end of the cell, and of others that lie in it: as of all shifts, one by one."""
+    rng = np.random.default_rng(3)
+    bounds, period = np.array([[0.0, 0.0], [1.0, 2.0]]), np.array([1.0, 0.0])
+    centers, radii = rng.random((20, 2)) * [0.5, 2] + [side, 0], rng.uniform(0.05, 0.4, 20)
+    index = BallIndex.periodic(centers, radii, bounds, period)
+    expected = set()
+    for step in range(-9, 10):
+        moved = centers + step * period
+        gap = moved - np.clip(moved, *bounds)
+        expected |= {(ball, step) for ball in np.flatnonzero(np.linalg.norm(gap, axis=1) < radii)}
+    assert {(ball, round(shift[0])) for ball, shift in zip(index.balls, index.shifts, strict=True)} == expected
