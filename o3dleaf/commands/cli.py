@@ -21,6 +21,7 @@ from o3dleaf.commands.sample import SampleJob
 from o3dleaf.commands.terminal import show_progress
 from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
+from o3dleaf.core.checks import is_folder, require_file
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.job import Job, LongJob, Option, options_of
 from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
@@ -110,6 +111,9 @@ def show_estimate(job: Job) -> int:
 
     with memory_limit(job.memory), time_limit(job.time):
         job.check()
+        for path in job.inputs():
+            if not is_folder(path):
+                require_file(path)
         needs = job.estimate()
         for need in needs:
             typer.echo(f"{need}")

@@ -26,6 +26,7 @@ LARGE = """
 import hashlib, sys
 import numpy as np, open3d as o3d, o3dleaf as o3l
 from o3dleaf.core.parallel import set_num_threads
+from o3dleaf.io.model_file import write_model
 set_num_threads(int(sys.argv[1]))
 points, normals = o3l.samples.Torus().sample(4000, seed=1)
 cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
@@ -34,7 +35,7 @@ o3l.write_mesh(o3l.clean_mesh(mesh), sys.argv[2] + ".ply")
 field.save(sys.argv[2])
 content = b"".join(open(name, "rb").read() for name in (sys.argv[2], sys.argv[2] + ".ply"))
 leaf = o3l.create_blade(o3l.samples.wheat_scan(count=400).cloud)
-leaf.save(sys.argv[2])
+write_model(leaf, sys.argv[2])
 print(hashlib.sha256(content + open(sys.argv[2], "rb").read()).hexdigest())
 """
 """A surface from a cloud without normals, its field, and a blade."""

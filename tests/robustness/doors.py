@@ -575,7 +575,7 @@ DOORS: dict[str, Door] = {
         volume=OBJECT.like(lambda w: w.volume).optional,
         level=NUMBER.like(50.0),
         formats=OBJECT.like(["png"]).without("a list", "an array"),
-        only=OBJECT.like(["scan"]).without("a list", "an array").optional,
+        only=OBJECT.like(["cross-section"]).without("None", "a list", "an array"),  # all of them take long
         slow=True,
     ),
     "estimate_noise": door(o3l.estimate_noise, cloud=CLOUD),

@@ -10,7 +10,7 @@ import pytest
 from o3dleaf.commands.cli import JOBS, job_of, perform
 from o3dleaf.core.job import options_of
 from o3dleaf.errors import O3DLeafError
-from robustness.commands import GOOD, command_rows, misused_rows
+from robustness.commands import GOOD, CommandRow, command_rows, misused_rows
 from robustness.rows import HangError, limited
 from robustness.world import World
 
@@ -103,3 +103,13 @@ def test_a_process_ends_likewise(folder, row):
     words = [sys.executable, "-m", "o3dleaf", *words_of(row, folder)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, len(done.stderr.strip().splitlines())) == (2, 1)
+
+
+@pytest.mark.parametrize("command", GOOD)
+def test_every_command_tells_what_it_will_need_and_does_nothing(folder, command, capsys):
+    given = CommandRow(command, "only_estimate", "a good one", True).given(folder)
+    before = sorted(folder.rglob("*"))
+    assert perform(job_of(JOBS[command], given)) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert " MB" in said[0] or " GB" in said[0] or command == "warm-up"
+    assert sorted(folder.rglob("*")) == before

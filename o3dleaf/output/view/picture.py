@@ -174,7 +174,7 @@ def draw_page(
     fitted = _frame(scenes[0], subject.view)
     heading, *caption = title.split("\n") if title else [""]
     lines = [line for text in caption for line in wrap(text, max(1, int((size[0] / em - 2) / LETTER)))]
-    room = max(0, int((size[1] / em - 2.8) / 2 / 1.4))  # the picture keeps half of the page
+    room = max(0, int((0.75 * size[1] / em - 2.8) / 1.4))  # the picture keeps a quarter of the page
     if len(lines) > room:
         lines = [*lines[: max(0, room - 1)], "…"][:room]
     top = round((2.4 * bool(heading) + 1.4 * len(lines) + 0.4 * bool(lines)) * em)
