@@ -69,7 +69,7 @@ def prepare(home):
                 "leaf", samples / "wheat_scan.ply", "--ct", samples / "wheat_ct_24um.tif", "--midrib",
                 samples / "wheat_midrib.ply", "--spacing", "0.4", "-o", "out.ply", "--model", "out.o3l",
             ],
-            ["out.ply", "out.o3l"],
+            ["out.ply", "out.o3l", "out.json", "out.png"],
         ),
         "report": (
             ["qa", home / "torus_mesh.ply", "--html", "out.html", "--json", "out.json"],
