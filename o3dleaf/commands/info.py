@@ -12,7 +12,6 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, UnitOption, argument, option
 
 if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
     from o3dleaf.leaf.ct.volume import Volume
 
 
@@ -34,15 +33,6 @@ class InfoJob(UnitOption, Job):
 
         volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
         return is_folder(self.file) or self.file.name.lower().endswith(volumes)
-
-    def estimate(self) -> "list[MemoryNeed]":
-        """Return what the triangles of a mesh take; of points and voxels less is held than read."""
-        from o3dleaf.core.memory.budget import need_of
-        from o3dleaf.core.memory.measured import REPORTED_TRIANGLE
-        from o3dleaf.io.clouds.counts import count_triangles
-
-        count = 0 if self.volume_file else count_triangles(self.file)
-        return [need_of(REPORTED_TRIANGLE * count, f"info: {count:,} triangles", "simplify the mesh first")]
 
     def work(self) -> dict[str, Any]:
         """Return the contents of the file, as plain values; lengths in `unit`."""

@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from o3dleaf.core.job import Job, UnitOption, argument, option, output
-
-if TYPE_CHECKING:
-    from o3dleaf.core.memory.budget import MemoryNeed
 
 
 @dataclass(frozen=True)
@@ -19,16 +15,6 @@ class RenderJob(UnitOption, Job):
     title: str | None = option(None, "A line at the top.")
     size: tuple[int, int] = option((1600, 1000), "Width and height in pixels.")
     engine: str = option("cpu", "'cpu', 'open3d' (needs Vulkan), or 'auto'.")
-
-    def estimate(self) -> "list[MemoryNeed]":
-        """Return what the triangles of the files take, to be read and to be drawn."""
-        from o3dleaf.core.memory.budget import need_of
-        from o3dleaf.core.memory.measured import DRAWN_TRIANGLE, TRIANGLE
-        from o3dleaf.io.clouds.counts import count_triangles
-
-        count = sum(map(count_triangles, self.files))
-        size = (DRAWN_TRIANGLE + TRIANGLE) * count
-        return [need_of(size, f"render: {count:,} triangles", "simplify the meshes first")]
 
     def work(self) -> None:
         """Write the picture."""

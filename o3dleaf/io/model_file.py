@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.atomic_files import whole_file
+from o3dleaf.core.atomic_files import require_free, whole_file
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
 
@@ -56,7 +56,8 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
     text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
-    with whole_file(path, PREFIX.size + len(text) + offset) as temporary, temporary.open("wb") as stream:
+    require_free(path, PREFIX.size + len(text) + offset)
+    with whole_file(path) as temporary, temporary.open("wb") as stream:
         stream.write(PREFIX.pack(MAGIC, len(text), zlib.crc32(text)))
         stream.write(text)
         for array in arrays:

@@ -45,7 +45,7 @@ def write_midrib(control: FloatArray, path: str | PathLike[str]) -> None:
     """Write control points (k, 3) as a PLY point cloud, whole or not at all."""
     target = require_writable(path, (".ply",))
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(control))
-    with whole_file(target, control.nbytes) as temporary:
+    with whole_file(target) as temporary:
         if not o3d.io.write_point_cloud(temporary, cloud):
             raise O3DLeafError(f"{target}: could not be written; free space on the disk or choose another")
 

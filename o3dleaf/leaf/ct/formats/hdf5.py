@@ -37,6 +37,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
 
             file.visititems(note)
             dataset = file[only_array(names, layout.dataset, path)]
+            _require_plain(dataset, path)
             axes = layout.axes or Stated().axes
             return _values_of(dataset, path), Stated(_spacing_of(dataset, axes), None, _unit_of(dataset), axes)
     except InputError:
@@ -46,12 +47,16 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         raise InputError(f"{path}: cannot be read as HDF5 ({cause}); export it again") from cause
 
 
-def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
+def _require_plain(dataset: Any, path: Path) -> None:
+    """Refuse voxels that are in other files, and more of them, or of a chunk, than the file can hold."""
     if dataset.external or dataset.is_virtual:
         raise InputError(f"{path}: its voxels are in other files; export them into one")
     chunk = math.prod(dataset.chunks or ()) * dataset.dtype.itemsize
     if max(dataset.nbytes, chunk) > MAX_RATIO * path.stat().st_size:
         raise InputError(f"{path}: is truncated, or its header lies: {dataset.shape} voxels in so small a file")
+
+
+def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
     offset = dataset.id.get_offset() if dataset.chunks is None else None
     if offset is None or not dataset.nbytes:
         return np.asarray(dataset[...])
