@@ -69,7 +69,7 @@ def prepare(home):
                 "leaf", samples / "wheat_scan.ply", "--ct", samples / "wheat_ct_24um.tif", "--midrib",
                 samples / "wheat_midrib.ply", "--spacing", "0.4", "-o", "out.ply", "--model", "out.o3l",
             ],
-            ["out.ply", "out.o3l"],
+            ["out.ply", "out.o3l", "out.json", "out.png"],
         ),
         "report": (
             ["qa", home / "torus_mesh.ply", "--html", "out.html", "--json", "out.json"],
@@ -177,7 +177,7 @@ def stopped(name, job, count, home, *, number):
         if code == 0:
             outcomes["ended before"] += 1
         else:
-            outcomes[f"exit code {code}" if code > 0 else "died of it, before the program listens"] += 1
+            outcomes[f"exit code {code}" if code > 1 else "died of it, before the program listens"] += 1
             longest, busiest = max(longest, wall), max(busiest, busy)
             if busy > SECONDS:
                 faults.append(f"{moment:.3f} s: ended after {busy:.2f} s of processor time, {wall:.2f} s")
@@ -204,6 +204,8 @@ def send(arguments, folder, moment, number):
 
 def wrong_with(code, words, number, *, listened):
     """Yield what a run that got a signal did wrong: its code, a traceback, several lines, death though it listened."""
+    if not listened and code in {1, -number} and "o3dleaf" not in words:
+        return  # the interpreter's own end, of which Ctrl-C is a traceback
     if code not in {0, 128 + number, -number}:
         yield f"exit code {code}: {words[-300:]!r}"
     if code == -number and listened:

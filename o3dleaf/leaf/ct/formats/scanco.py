@@ -93,6 +93,9 @@ def _read_aim(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     lengths = layout.parts.unpack_from(head, len(layout.magic))
     if lengths[:2] != layout.own or min(lengths) < 0:
         raise ValueError("it does not begin as AIM does")
+    size, expected = path.stat().st_size, len(layout.magic) + sum(lengths)
+    if expected > size:
+        raise ValueError(f"{size} bytes where {expected} are expected")
     second = len(layout.magic) + lengths[0]
     (kind,) = struct.unpack_from("<i", head, second + layout.kind)
     position, shape, rim = (layout.numbers.unpack_from(head, second + place) for place in layout.places[:3])
