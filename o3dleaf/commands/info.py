@@ -82,6 +82,7 @@ class InfoJob(UnitOption, Job):
         import numpy as np
 
         from o3dleaf.leaf.ct.formats.read import open_stated, read_stated
+        from o3dleaf.leaf.ct.hairs import find_cut_hairs
         from o3dleaf.leaf.ct.threshold import find_classes
         from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
         from o3dleaf.leaf.ct.volume import thinned
@@ -115,6 +116,7 @@ class InfoJob(UnitOption, Job):
             "noise": None if classes is None else classes.deviations.tolist(),
             "threshold": level,
             "level": self.level,
+            "hairs": str(find_cut_hairs(volume, level)) if isinstance(level, float) else None,
             "voids_looked_for_in": list(small.shape),
             "levels": [asdict(row) for row in rows],
         }

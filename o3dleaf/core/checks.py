@@ -347,7 +347,7 @@ def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:
         # Slab by slab in the file's own order, so that a mapped file is read once and never held whole.
         axis = int(np.argmax(voxels.strides))
         for i in range(voxels.shape[axis]):
-            require_moderate(voxels.take(i, axis=axis), f"{name}, slab {i} along axis {axis}")
+            require_moderate(np.moveaxis(voxels, axis, 0)[i], f"{name}, slab {i} along axis {axis}")
     return voxels
 
 

@@ -1,15 +1,17 @@
 """The whole job, step by step, in the paper's words."""
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
+from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.core.errors import UnitError
+from o3dleaf.core.errors import DataWarning, UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
@@ -19,6 +21,7 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
+from o3dleaf.leaf.ct.hairs import find_cut_hairs
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
@@ -106,6 +109,10 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
         level = volume.threshold(options.level)
         transform = align_blade(volume, level)
         box = inscribed_box(volume.bounds, transform)
+        cut = find_cut_hairs(volume, level)
+        if cut.count:
+            text = f"volume: {cut}, and end abruptly in every tile"
+            journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
 
     def fit() -> TiledField:
         # A smoothed implicit interpolant F(z) = f_surface on the voxels.

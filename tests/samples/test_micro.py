@@ -160,3 +160,11 @@ def test_the_seed_decides_and_the_threads_do_not():
     finally:
         set_num_threads(threads)
     assert not np.array_equal(wheat_ct(seed=6)[0].data, alone)
+
+
+def test_a_lattice_holds_what_its_points_do():
+    volume, truth = wheat_ct(seed=2, noise=0.0, drift=0.0)
+    x, y, z = (volume.origin[a] + volume.spacing[a] * np.arange(volume.shape[a]) for a in range(3))
+    points = np.stack(np.meshgrid(x[10:30], y, z, indexing="ij"), axis=-1).reshape(-1, 3)
+    assert np.array_equal(truth.on_lattice(x[10:30], y, z).ravel(), truth.inside(points)[0])
+    assert np.array_equal(volume.data[10:30].ravel(), truth(points).astype(np.float32))

@@ -7,5 +7,6 @@
 `threshold`  the intensity between air and leaf
 `voids`      what a range of levels makes of a volume
 `align`      the rigid motion that lays a blade flat
+`hairs`      hairs that the sides cut, and a crop without
 `box`        the largest upright box in a turned one
 """

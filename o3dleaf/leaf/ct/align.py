@@ -68,12 +68,12 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     solid = volume.data > volume.threshold(level)
     pieces, count = label(solid)
     blade = pieces == 1 + int(np.argmax(np.bincount(pieces.ravel())[1:])) if count else solid
-    normal_axis = _thin_axis(blade, volume.spacing)
+    normal_axis = thin_axis(blade, volume.spacing)
     middles, thickness = _columns(blade, normal_axis)
     u_axis, v_axis = (a for a in range(3) if a != normal_axis)
     u, v = (volume.origin[a] + volume.spacing[a] * np.arange(blade.shape[a]) for a in (u_axis, v_axis))
     scale, shift = volume.spacing[normal_axis], volume.origin[normal_axis]
-    slopes, height = _fit_plane(u, v, middles * scale + shift)
+    slopes, height = fit_plane(u, v, middles * scale + shift)
     direction = _ridge_direction(u, v, thickness * scale)
     frame = np.zeros((3, 3))
     frame[0, [u_axis, v_axis, normal_axis]] = [*direction, direction @ slopes]
@@ -88,8 +88,8 @@ def _align(volume: Volume, level: str | float, up: npt.ArrayLike | None, along: 
     return transform
 
 
-def _thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
-    """Axis of the lattice nearest to the direction in which the blade is thinnest."""
+def thin_axis(blade: npt.NDArray[np.bool_], spacing: FloatArray) -> int:
+    """Return the axis of the lattice nearest to the direction in which the blade is thinnest."""
     voxels = np.argwhere(blade) * spacing
     if len(voxels) < 4:
         raise ReconstructionError("align: no blade was found in the volume at this threshold; lower the threshold")
@@ -111,8 +111,8 @@ def _columns(blade: npt.NDArray[np.bool_], axis: int) -> tuple[FloatArray, Float
     return np.where(whole, 0.5 * (first + last), np.nan), np.where(whole, last - first + 1.0, np.nan)
 
 
-def _fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatArray, float]:
-    """Slopes (2,) and height at (0, 0) of the plane through heights (nu, nv), without the hairs."""
+def fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatArray, float]:
+    """Return slopes (2,) and height at (0, 0) of the plane through heights (nu, nv), without the hairs."""
     weight = _window(height)
     known = weight > 0
     grid = np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)[known]
@@ -129,7 +129,7 @@ def _fit_plane(u: FloatArray, v: FloatArray, height: FloatArray) -> tuple[FloatA
 
 def _ridge_direction(u: FloatArray, v: FloatArray, thickness: FloatArray) -> FloatArray:
     """Return the unit vector (2,) along the ridges, across the wave of highest power in the thickness (nu, nv)."""
-    slopes, base = _fit_plane(u, v, thickness)
+    slopes, base = fit_plane(u, v, thickness)
     weight = _window(thickness)
     off = np.where(weight > 0, thickness, 0.0) - (u[:, np.newaxis] * slopes[0] + v * slopes[1] + base)
     limit = HAIR * np.median(abs(off[weight > 0]))
