@@ -124,7 +124,7 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     """
     require_known(options, Scanning)
     how = Scanning(**options)
-    _require_memory(leaf, how)
+    _require_resources(leaf, how)
     place_rng, gap_rng, noise_rng, extra_rng = (
         np.random.default_rng(s) for s in np.random.SeedSequence(how.seed).spawn(4)
     )
@@ -144,15 +144,16 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     return LeafScan(cloud, places, how.spacing, how.noise * how.spacing, hidden, leaf)
 
 
-def _require_memory(leaf: LeafShape, how: Scanning) -> None:
+def _require_resources(leaf: LeafShape, how: Scanning) -> None:
     """Raise `MemoryBudgetError` if a scan has more points, or the lattice that they lie on, than memory is there."""
     with np.errstate(over="ignore"):
         points, places = np.array(
             [leaf.area, np.sum(np.square(np.ptp(np.reshape(leaf.outline.bounds, (2, 2)), axis=0)))]
         ) / (np.square(np.float64(how.spacing)))
-    held = measured.DRAWN_POINT * points if how.pattern == "random" else measured.PLACE * places
+    random = how.pattern == "random"
+    cost = measured.DRAWN_POINT * float(points) if random else measured.PLACE * float(places)
     what = f"scan_leaf: about {in_words(points)} points"
-    require_resources(float(held), what, "give a larger spacing", step=how.spacing)
+    require_resources(cost, what, "give a larger spacing", step=how.spacing)
 
 
 def draw_places(leaf: LeafShape, spacing: float, pattern: str, rng: np.random.Generator) -> FloatArray:
