@@ -33,7 +33,7 @@ def test_the_need_of_a_sheet_is_of_no_unit_and_falls_with_the_square_of_the_spac
 def test_a_region_takes_no_more_than_its_own_area():
     points = np.random.default_rng(0).uniform(0, [80, 50, 0.1], (500, 3))
     need = need_for_sheet(points, 0.01, [[0, 0], [1, 1]])
-    assert need.bytes <= np.ceil(SAFETY * SHEET_TRIANGLE * 1e4 * 4 / 3**0.5)
+    assert need.bytes <= np.ceil(SAFETY * SHEET_TRIANGLE.bytes * 1e4 * 4 / 3**0.5)
     assert need.bytes < need_for_sheet(points, 0.01).bytes
 
 
@@ -46,4 +46,4 @@ def test_a_tile_of_a_volume_takes_no_less_whichever_way_the_volume_lies():
     columns = 0.25 * 1.4 * 0.9 / 0.001**2
     for order in ((14, 9, 5), (5, 14, 9), (9, 5, 14)):
         volume = Volume(np.arange(630.0).reshape(order), 100.0, unit="um")
-        assert need_for_tile(volume, 0.001, "mm").bytes == pytest.approx(SAFETY * TILE_COLUMN * columns, rel=1e-6)
+        assert need_for_tile(volume, 0.001, "mm").bytes == pytest.approx(SAFETY * TILE_COLUMN.bytes * columns, rel=1e-6)
