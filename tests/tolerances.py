@@ -169,7 +169,7 @@ TWIN = 1e-10
 """A fast path and its literal twin add the same terms in another order."""
 
 SURFACE_ORDER = 0.2
-"""Observed order of |G| between the vertices, three spacings of a factor 2; flat triangles give 2."""
+"""Observed order of |G| between the vertices, over a factor 2 of spacing; flat triangles give 2."""
 
 ON_SURFACE = 2e-3
 """Distance of a vertex from G = 0, of the spacing: the last step along its edge was less than 1e-4 of it, across."""

@@ -48,29 +48,29 @@ BLADE = Cost(0, 20.0)
 """Of a blade, whatever its scan: beyond some 20,000 points more are thinned."""
 BLADE_POINT = Each(2000, 65)
 """Of a scan that a blade is built from."""
-TILE_COLUMN = Each(750, 80)
+TILE_COLUMN = Each(750, 85)
 """Of the lattice over one tile, which is polygonized: two faces, and hairs."""
-SHEET_TRIANGLE = Each(800)
+SHEET_TRIANGLE = Each(800, 6.5)
 """Of a blade without micro-structure."""
-TRIANGLE = Each(60)
+TRIANGLE = Each(60, 1.4)
 """Of a mesh that is made or read: vertices, corners and labels, once as arrays and once as Open3D's."""
-REMESHED_TRIANGLE = Each(650)
+REMESHED_TRIANGLE = Each(650, 165)
 """Of a mesh before or after remeshing, whichever has more."""
-FILED_TRIANGLE = Each(240)
+FILED_TRIANGLE = Each(240, 0.5)
 """Of a mesh that is read from a file or written to one."""
-PARTICLE = Each(65)
+PARTICLE = Each(65, 0.2)
 """Of particles that fill a solid."""
-SAMPLE = Each(150)
+SAMPLE = Each(150, 2.0)
 """Of the samples that particles on a surface are chosen among."""
 CROSSING = Each(100)
 """Of a grid's columns through a closed mesh."""
-REPORTED_TRIANGLE = Each(215)
+REPORTED_TRIANGLE = Each(215, 3.0)
 """Of a mesh that is reported on."""
-CLEANED_TRIANGLE = Each(400)
+CLEANED_TRIANGLE = Each(400, 5.5)
 """Of a mesh that is cleaned."""
-SIMPLIFIED_TRIANGLE = Each(545)
+SIMPLIFIED_TRIANGLE = Each(545, 7.0)
 """Of a mesh that is simplified."""
-DRAWN_TRIANGLE = Each(185)
+DRAWN_TRIANGLE = Each(185, 5.0)
 """Of a mesh in a picture."""
 DRAWN_POINT = Each(800)
 """Of a synthetic scan whose points are drawn at random: tried, four to each."""
