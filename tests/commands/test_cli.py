@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -209,7 +210,7 @@ def test_a_leaf_from_files(run, files, tmp_path, frame, stage):
 FRAMES = {"surface": (), "paper": ("--frame", "paper", "--offset", "normal")}
 
 
-@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("frame", ["surface", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_path, frame):
     scan = np.asarray(o3d.io.read_point_cloud(files / "scan.ply").points)
     middle = scan[np.argmin(np.linalg.norm(scan - np.median(scan, axis=0), axis=1))]
@@ -382,8 +383,10 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
 def test_signals_leave_nothing_behind(files, tmp_path, sent, code, word):
     words = ["leaf", files / "scan.ply", "--ct", files / "ct.tif", "--spacing", "0.012", "-o", tmp_path / "leaf.ply"]
     process = subprocess.Popen([*MODULE, *map(str, words)], stderr=subprocess.PIPE, text=True)
-    with pytest.raises(subprocess.TimeoutExpired):
-        process.wait(timeout=8)
+    end = time.monotonic() + 60
+    while not list(tmp_path.iterdir()) and time.monotonic() < end:  # until it writes, which takes it far longer
+        time.sleep(0.05)
+    assert process.poll() is None
     process.send_signal(getattr(signal, sent))
     _, rest = process.communicate(timeout=60)
     assert process.returncode == code

@@ -81,7 +81,7 @@ def whole(leaf):
 
 
 @pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize("method", ["cubes", "tetrahedra"])
+@pytest.mark.parametrize("method", ["cubes", pytest.param("tetrahedra", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("region", [[[5.03, -1.07], [8.9, 1.9]], [[7.0, -1.0], [9.0, 1.0]], [[4.5, -0.35], [4.9, 0.1]]])
 def test_the_mesh_of_a_window_and_of_the_whole_leaf_coincide(leaf, whole, closed, method, region):
     """In the cells that both have, the vertices are the same bits; the second window is one tile, whole."""

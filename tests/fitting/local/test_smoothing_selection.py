@@ -132,7 +132,9 @@ def test_in_one_ball_of_300_points_the_error_is_within_a_tenth_of_the_best_on_av
     assert np.mean([efficiency(d, level, seed, 300, 300) for seed in range(8)]) < GCV_EFFICIENCY
 
 
-@pytest.mark.parametrize(("noise", "fall"), CT_FALL.items())
+@pytest.mark.parametrize(
+    ("noise", "fall"), [pytest.param(*each, marks=[pytest.mark.slow] * (each[0] < 0.01)) for each in CT_FALL.items()]
+)
 def test_on_the_24_um_sample_the_error_falls(noise, fall):
     """At the voxels an interpolant's error is the noise itself; the choice takes away what its truth allows."""
     volume, field = wheat_ct(size=(840, 840, 480), noise=noise, drift=0)

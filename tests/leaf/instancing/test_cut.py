@@ -18,7 +18,9 @@ from o3dleaf.surface.isosurface.polygonize import METHODS
 from tile_fields import LATTICE, PERIOD, area, layer, outline, solid_layer
 from tolerances import CHORD_AREA
 
-both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
+both = pytest.mark.parametrize(
+    "method", [pytest.param(k, id=name, marks=[pytest.mark.slow] * (k > 0)) for k, name in enumerate(METHODS)]
+)
 
 
 def ring(points):

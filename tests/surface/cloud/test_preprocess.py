@@ -88,7 +88,7 @@ def test_a_cloud_says_what_it_is_in_a_line():
     assert repr(orient_normals(cloud)) == "Orientation(3,000 normals, notes ())"
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.1])
+@pytest.mark.parametrize("wrong", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_right_normals_that_contradict_one_another_are_kept_and_wrong_ones_are_not(wrong):
     """Planes through thirty points of a thin noisy plate stand anywhere, but on the right sides they enclose it."""
     solid = samples.fins()
