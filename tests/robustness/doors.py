@@ -643,7 +643,7 @@ DOORS: dict[str, Door] = {
     "load": door(o3l.load, path=read_from("good.o3l")),
     "memory_limit": door(entered, size=MEMORY),
     "set_memory_limit": door(set_for_a_moment, size=MEMORY),
-    "time_limit": door(entered_in_time, duration=WORD.like("2h")),
+    "time_limit": door(entered_in_time, duration=WORD.like("2h").without("None").but("a number")),
     "mesh_report": door(o3l.mesh_report, mesh=MESH, **REPORT, isovalue=NUMBER.like(0.0)),
     "offset_constraints": door(
         o3l.offset_constraints,
