@@ -7,12 +7,12 @@ import platform
 import re
 import shutil
 import stat
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import IO, Any
+from uuid import uuid4
 
 from o3dleaf.core.errors import InputError, O3DLeafError
 
@@ -153,17 +153,14 @@ def _beside(target: Path) -> Path:
     folder = target.resolve().parent
     try:
         prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
-        handle, name = tempfile.mkstemp(prefix=prefix, suffix=target.suffix.lower(), dir=folder)
+        temporary = folder / f"{prefix}{uuid4().hex}{target.suffix.lower()}"
+        # With the permissions of any new file: tempfile's are private, and to ask for the mask is to change it.
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as cause:
         raise InputError(
             f"{shown(target)}: the folder cannot be written to ({cause.strerror}); choose another"
         ) from cause
-    os.close(handle)
-    # mkstemp makes files private; the result gets the permissions that any new file would.
-    mask = os.umask(0)
-    os.umask(mask)
-    Path(name).chmod(0o666 & ~mask)
-    return Path(name)
+    return temporary
 
 
 def shown(path: Path) -> str:

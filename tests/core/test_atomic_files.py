@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mesh_fields import sphere
-from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_json
+from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_json, write_text
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.ct.formats.tiff import write_volume
@@ -194,3 +194,12 @@ def test_room_for_what_is_no_mesh_is_asked_for_too(tmp_path, monkeypatch):
         with pytest.raises(O3DLeafError, match=rf"{name}.*free"):
             written(tmp_path / name)
         assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="elsewhere files have no such permissions")
+def test_a_new_file_has_the_permissions_of_any_other_and_the_mask_is_left_alone(tmp_path, monkeypatch):
+    """Another thread would make its files while it is changed."""
+    (tmp_path / "plain").write_text("1")
+    monkeypatch.setattr(os, "umask", None)
+    write_text("1", tmp_path / "whole")
+    assert (tmp_path / "whole").stat().st_mode == (tmp_path / "plain").stat().st_mode
