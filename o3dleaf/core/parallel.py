@@ -104,6 +104,16 @@ def blocks(count: int, size: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + size, count)
 
 
+def look_for_stop() -> None:
+    """End a task of `run_together` here if Ctrl-C, or another one's error, has made it useless.
+
+    `run_blocks` looks for it between blocks; what goes round without blocks for longer looks itself.
+    """
+    stop = _stop.get()
+    if stop is not None and stop.is_set():
+        raise _Stopped
+
+
 def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, reports: bool = False) -> None:
     """Call ``task(start, stop)`` for every block of `size` out of `count`, on all threads.
 
@@ -121,7 +131,7 @@ def run_blocks(task: Callable[[int, int], Any], count: int, size: int, *, report
     reports : bool
         Whether finished blocks are reported as progress of the part that is running, see `o3dleaf.core.progress`.
     """
-    _look_for_stop()
+    look_for_stop()
     reports = reports and is_heard()
     todo = list(blocks(count, size))
     if len(todo) <= 1 or _pool.threads == 1 or _here.is_worker:
@@ -159,7 +169,7 @@ def _watch(jobs: list[Future[None]], finished: list[int], count: int, *, reports
     pending = True
     while pending:
         pending = bool(wait(jobs, PERIOD).not_done)
-        _look_for_stop()
+        look_for_stop()
         while reports and reported < len(finished):
             done += finished[reported]
             reported += 1
@@ -175,7 +185,7 @@ def run_together(*tasks: Callable[[], Any]) -> list[Any]:
     of the pool, and the serial part of one leaves them to the others. Each has a copy of the caller's context, so that
     journal and progress are the caller's. On one thread, or inside a block, they are called one after another.
 
-    Ctrl-C, or an error in one, ends the others at their next blocks, and is raised here when all have ended.
+    Ctrl-C, or an error in one, ends the others at their next blocks (`look_for_stop`), and is raised here when all have ended.
     """
     if _pool.threads == 1 or _here.is_worker:
         return [task() for task in tasks]
@@ -201,13 +211,6 @@ def run_together(*tasks: Callable[[], Any]) -> list[Any]:
     for job in sorted(jobs, key=lambda job: isinstance(job.exception(), _Stopped)):
         job.result()
     return [job.result() for job in jobs]
-
-
-def _look_for_stop() -> None:
-    """End what another task's error has made useless."""
-    stop = _stop.get()
-    if stop is not None and stop.is_set():
-        raise _Stopped
 
 
 class _BlasLimit:

@@ -22,6 +22,7 @@ from o3dleaf.core.journal import Journal
 from o3dleaf.core.parallel import (
     blocks,
     get_num_threads,
+    look_for_stop,
     run_blocks,
     run_together,
     set_num_threads,
@@ -227,6 +228,25 @@ def test_what_ends_one_task_ends_the_others_at_their_next_block_and_comes_out(ca
     assert count < 500
     time.sleep(0.02)
     assert len(started) == count
+
+
+def test_a_task_without_blocks_ends_where_it_looks():
+    rounds = []
+
+    def work():
+        for _ in range(500):
+            rounds.append(time.sleep(0.002))
+            look_for_stop()
+
+    def fail():
+        while not rounds:
+            time.sleep(0.001)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_together(work, fail)
+    assert len(rounds) < 500
+    look_for_stop()  # nothing is to be stopped here
 
 
 @pytest.mark.usefixtures("_no_garbage")

@@ -7,6 +7,7 @@ import scipy.sparse.linalg
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.core.parallel import look_for_stop
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas, triangle_stretch
 
@@ -71,6 +72,7 @@ def relax_rigidly(vertices: FloatArray, triangles: IntArray, chart: FloatArray) 
     igl.arap_precomputation(vertices, triangles, 2, triangles[:1, 0].astype(np.int32), data)
     fixed, before = chart[triangles[0, 0]][np.newaxis], np.inf
     for _ in range(ROUNDS):
+        look_for_stop()
         chart = np.ascontiguousarray(igl.arap_solve(fixed, data, chart))
         energy = _rigid_energy(vertices, triangles, chart)
         if before - energy <= max(AT_REST * energy, UNSEEN):
@@ -95,6 +97,7 @@ def relax_without_flips(vertices: FloatArray, triangles: IntArray, chart: FloatA
     )
     before = np.inf
     for _ in range(SAFE_ROUNDS):
+        look_for_stop()
         chart = np.ascontiguousarray(igl.slim_solve(data, 10))
         energy = _rigid_energy(vertices, triangles, chart)
         if abs(before - energy) <= AT_REST * energy:
