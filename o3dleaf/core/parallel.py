@@ -185,7 +185,8 @@ def run_together(*tasks: Callable[[], Any]) -> list[Any]:
     of the pool, and the serial part of one leaves them to the others. Each has a copy of the caller's context, so that
     journal and progress are the caller's. On one thread, or inside a block, they are called one after another.
 
-    Ctrl-C, or an error in one, ends the others at their next blocks (`look_for_stop`), and is raised here when all have ended.
+    Ctrl-C, or an error in one, ends the others at their next blocks (`look_for_stop`), and is raised here when all have
+    ended.
     """
     if _pool.threads == 1 or _here.is_worker:
         return [task() for task in tasks]
