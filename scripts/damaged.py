@@ -505,7 +505,7 @@ def make_isq(folder: Path) -> None:
 
 def make_aim(folder: Path) -> None:
     """Write voxels as AIM: words, runs of bytes, words of the version before."""
-    import py_aimio  # noqa: PLC0415 - an extra
+    import py_aimio  # noqa: PLC0415 - for tests alone
 
     facts = {"element_size": (0.01, 0.02, 0.03), "dimensions": _scan().shape[::-1]}
     py_aimio.write_aim(str(folder / "words.aim"), _scan(), facts)

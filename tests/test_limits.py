@@ -12,19 +12,6 @@ from o3dleaf.core.errors import MemoryBudgetError, O3DLeafError
 from tolerances import REFUSAL_SECONDS
 
 
-class Ball:
-    """A ball of radius 1."""
-
-    bounds = np.array([[-1.2] * 3, [1.2] * 3])
-    unit = None
-
-    def __call__(self, points):
-        return 1 - np.linalg.norm(points, axis=1)
-
-    def gradient(self, points):
-        return -points / np.linalg.norm(points, axis=1, keepdims=True)
-
-
 @pytest.fixture(scope="module")
 def mesh():
     return o3d.geometry.TriangleMesh.create_sphere(1.0, 10)
@@ -40,7 +27,7 @@ WORK = {
     "sample_particles": lambda mesh, leaf, step, path: o3l.sample_particles(mesh, step),
     "remesh": lambda mesh, leaf, step, path: o3l.remesh(mesh, step),
     "export_distance": lambda mesh, leaf, step, path: o3l.export_distance(mesh, path / "d.vti", step),
-    "extract_isosurface": lambda mesh, leaf, step, path: o3l.extract_isosurface(Ball(), step),
+    "extract_isosurface": lambda mesh, leaf, step, path: o3l.extract_isosurface(o3l.samples.Torus(), step),
     "reconstruct": lambda mesh, leaf, step, path: o3l.create_from_point_cloud_rbfpu(np.asarray(mesh.vertices), step),
     "plan_mesh": lambda mesh, leaf, step, path: leaf.plan_mesh(step),
     "plan_mesh of a region": lambda mesh, leaf, step, path: leaf.plan_mesh(step, [[1, -1], [1.1, -0.9]]),

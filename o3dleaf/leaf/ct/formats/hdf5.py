@@ -1,8 +1,6 @@
 """HDF5: a dataset of three dimensions, slices first, with the voxel size that Fiji and its kin note beside it."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 MAX_RATIO = 2000
@@ -28,7 +26,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         If h5py is not installed, the file is damaged, or it does not say which dataset is meant.
     """
     dataset, stated = open_array(path, layout)
-    with dataset.file, _refused(path):
+    with dataset.file, reading(path, "HDF5"):
         return _values_of(dataset, path), stated
 
 
@@ -42,7 +40,7 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
     """
     require_only(layout, ("dataset", "axes"), path)
     h5py = import_extra("h5py", "formats", path)
-    with _refused(path):
+    with reading(path, "HDF5"):
         file = h5py.File(path, "r")
         try:
             names: list[str] = []
@@ -59,17 +57,6 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
         except BaseException:
             file.close()
             raise
-
-
-@contextmanager
-def _refused(path: Path) -> Iterator[None]:
-    """Raise `InputError` for whatever h5py makes of a broken file: OSError, RuntimeError, KeyError, ..."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as cause:
-        raise InputError(f"{path}: cannot be read as HDF5 ({cause}); export it again") from cause
 
 
 def _require_here(dataset: Any, path: Path) -> None:

@@ -3,7 +3,6 @@
 import math
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import METERS
-from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, require_only
+from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
 
 SUFFIXES = (".zarr",)
 CODECS = {
@@ -40,7 +39,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
         If zarr is not installed, the folder is damaged, or it does not say which array is meant.
     """
     array, stated = open_array(path, layout)
-    with _refused(path):
+    with reading(path, "Zarr"):
         _require_held(array.nbytes, array, path)
         return np.asarray(array[...]).reshape(array.shape[-3:]), stated
 
@@ -55,7 +54,7 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
     """
     require_only(layout, ("dataset", "axes"), path)
     zarr = import_extra("zarr", "formats", path)
-    with _refused(path):
+    with reading(path, "Zarr"):
         node = zarr.open(str(path), mode="r")
         if isinstance(node, zarr.Array):
             array, stated = node, Stated(axes=layout.axes or Stated().axes)
@@ -65,17 +64,6 @@ def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:
     if array.ndim < 3 or any(count != 1 for count in array.shape[:-3]):
         raise InputError(f"{path}: has an array of shape {array.shape}; export one channel of one time point")
     return array, stated
-
-
-@contextmanager
-def _refused(path: Path) -> Iterator[None]:
-    """Raise `InputError` for whatever zarr makes of broken metadata and chunks."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as cause:
-        raise InputError(f"{path}: cannot be read as Zarr ({cause}); export it again") from cause
 
 
 def _require_plain(array: Any, path: Path) -> None:

@@ -1,6 +1,7 @@
 """What a file says of its voxels, and what it does not: their lattice, the order of their axes, their type."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -105,6 +106,17 @@ def require_only(layout: VoxelLayout, known: Iterable[str], path: Path) -> None:
     if needless:
         names = ", ".join(sorted(needless))
         raise InputError(f"layout: {names}: {path} says this itself, or has none; leave it out")
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Raise `InputError` for whatever a library makes of a broken file: OSError, RuntimeError, KeyError, ..."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as cause:
+        raise InputError(f"{path}: cannot be read as {kind} ({cause}); export it again") from cause
 
 
 def import_extra(module: str, extra: str, path: Path, *, package: str = "") -> Any:
