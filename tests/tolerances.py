@@ -773,6 +773,13 @@ CARRIED_STRETCH = 5e-3
 MOVED_SHEET = 1e-4
 """Lengths of edges of 2 to 3 in charts of one sheet in two places: relaxed to a ten-thousandth of the energy."""
 
+KRYLOV = 1e-6
+"""Of the start, where a linear step was accelerated: the least squares are of squared condition, 1e-13 of 1e6 here;
+found 2e-10. A step without its last difference leaves a tenth."""
+
+ROUNDED_SUM = 1e-12
+"""Of thousands of terms in two orders."""
+
 MIDWAY = 0.08
 """Of the width, from the true midrib: found 0.02, and 0.045 where a quarter of the width is gone over two widths;
 half-way between the margins that are left is 0.12 off there, and 0.25 at the bite."""

@@ -4,6 +4,7 @@
 `sheet_shape`  what a chart asks of a mesh
 `geodesics`    distances along a sheet
 `stretch`      how a chart stretches its sheet
+`anderson`     a descent in fewer steps
 `embedding`    maps of a sheet to the plane
 `untangle`     single flipped triangles put right
 `overlap`      where a chart lies over itself
