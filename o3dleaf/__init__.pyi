@@ -75,7 +75,7 @@ from .output import view as view
 from . import errors as errors
 from . import samples as samples
 from .core.field import Field as Field
-from .commands.terminal import show_progress as show_progress
+from .commands.line.terminal import show_progress as show_progress
 from .core.resources.budget import memory_limit as memory_limit
 from .core.resources.budget import set_memory_limit as set_memory_limit
 from .core.resources.budget import time_limit as time_limit

@@ -16,7 +16,7 @@ import numpy as np
 import open3d as o3d
 
 import o3dleaf as o3l
-from o3dleaf.core.child_process import run_in_subprocess
+from o3dleaf.core.processes.child_process import run_in_subprocess
 
 SCALE = 1.1
 """Side of a Poisson octree over the longest side of the cloud's box."""

@@ -1,6 +1,6 @@
 """The command line: a command reads files, does one job of the package, and writes files.
 
-`terminal`     bars and lines while a command runs
+`line`         words of a command line, and what is shown while it runs
 `sample`       `o3dleaf sample`
 `patch`        `o3dleaf patch`
 `leaf`         `o3dleaf leaf`
@@ -14,5 +14,6 @@
 `render`       `o3dleaf render`
 `windows`      `o3dleaf view` and `o3dleaf pick`
 `warm_up`      `o3dleaf warm-up`
+`batch`        `o3dleaf batch`
 `cli`          all of them, made of the fields of their jobs
 """

@@ -2,28 +2,29 @@
 
 import inspect
 import sys
-from dataclasses import MISSING, Field
-from typing import Annotated, Any, NoReturn, cast, get_type_hints
+from typing import Any, NoReturn, cast
 
 import typer
 
+from o3dleaf.commands.batch import BatchJob
 from o3dleaf.commands.clean import CleanJob
 from o3dleaf.commands.demo import DemoJob
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.commands.figures import FiguresJob
 from o3dleaf.commands.info import InfoJob
 from o3dleaf.commands.leaf import LeafJob
+from o3dleaf.commands.line.terminal import show_progress
+from o3dleaf.commands.line.words import command_of
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.commands.qa import QaJob
 from o3dleaf.commands.reconstruct import ReconstructJob
 from o3dleaf.commands.render import RenderJob
 from o3dleaf.commands.sample import SampleJob
-from o3dleaf.commands.terminal import show_progress
 from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
 from o3dleaf.core.checks import is_folder, require_file
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.core.job import Job, LongJob, Option, options_of
+from o3dleaf.core.job import Job, LongJob
 from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 JOBS: dict[str, type[Job]] = {
@@ -36,6 +37,7 @@ JOBS: dict[str, type[Job]] = {
     "qa": QaJob,
     "clean": CleanJob,
     "export": ExportJob,
+    "batch": BatchJob,
     "render": RenderJob,
     "figures": FiguresJob,
     "pick": PickJob,
@@ -51,40 +53,10 @@ NO_THREAD = "can't start new thread"
 def add_command(program: typer.Typer, name: str, job: type[Job]) -> None:
     """Give a program the command of a job: its options are the job's fields, its help the docstring."""
 
-    def command(**given: Any) -> None:
-        raise typer.Exit(perform(job_of(job, given)))
+    def do(asked: Job) -> None:
+        raise typer.Exit(perform(asked))
 
-    command.__signature__ = inspect.Signature(parameters(job))  # type: ignore[attr-defined]
-    program.command(name, help=inspect.getdoc(job))(command)
-
-
-def parameters(job: type[Job]) -> list[inspect.Parameter]:
-    """Return the options of a job as typer's."""
-    types = get_type_hints(job)
-    return [_parameter(name, field, known, types[name]) for name, (field, known) in options_of(job).items()]
-
-
-def _parameter(name: str, field: Field[Any], known: Option, annotated: Any) -> inspect.Parameter:
-    kind: Any = known.kind or annotated
-    default: Any = None if field.default == () else field.default
-    if default is MISSING:
-        default = inspect.Parameter.empty
-    elif default is None:
-        kind |= None
-    info = typer.Argument(help=known.text) if known.positional else typer.Option(*known.flags, help=known.text)
-    annotation = Annotated[kind, info]
-    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-
-
-def job_of(job: type[Job], given: dict[str, Any]) -> Job:
-    """Return the job of a command line; what it leaves out keeps its default."""
-    known = {name: option for name, (_, option) in options_of(job).items()}
-    named = {name: value for name, value in given.items() if value is not None and value != []}
-    return job(**{name: (known[name].parse or _as_it_is)(value) for name, value in named.items()})
-
-
-def _as_it_is(value: Any) -> Any:
-    return value
+    program.command(name, help=inspect.getdoc(job))(command_of(job, do))
 
 
 def perform(job: Job) -> int:

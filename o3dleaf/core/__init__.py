@@ -18,5 +18,5 @@
 `cloud_arrays`   Open3D point clouds and arrays
 `mesh_arrays`    Open3D triangle meshes and arrays
 `atomic_files`   files written whole or not at all
-`child_process`  a call in a process of its own
+`processes`      calls in other processes, of this machine and of others
 """

@@ -8,8 +8,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from o3dleaf.commands.cli import JOBS, add_command, job_of
+from o3dleaf.commands.cli import JOBS, add_command
 from o3dleaf.commands.leaf import LeafJob, in_a_line
+from o3dleaf.commands.line.words import job_of
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, LongJob, argument, option, options_of, output, spelled, table

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.processes.child_process import run_in_subprocess
 
 MISDEEDS = """
 import ctypes, os, time
@@ -130,7 +130,7 @@ def test_a_hang_ends_at_the_limit(misdeeds, tmp_path):
 def test_the_child_ends_with_its_parent(misdeeds, tmp_path, how):
     """Ctrl-C reaches the parent alone and leaves no folder; a parent that is killed takes its child along."""
     code = "import tempfile, sys; tempfile.tempdir = sys.argv[1]\n"
-    code += "import numpy as np, misdeeds; from o3dleaf.core.child_process import run_in_subprocess\n"
+    code += "import numpy as np, misdeeds; from o3dleaf.core.processes.child_process import run_in_subprocess\n"
     code += "run_in_subprocess(misdeeds.hang, (np.zeros(1),), {}, name='it', cure='no', seconds=60)"
     path = os.pathsep.join(each or str(Path.cwd()) for each in sys.path)
     place = tmp_path / "temporary" if how == "SIGINT" else tmp_path

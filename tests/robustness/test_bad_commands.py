@@ -7,7 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from o3dleaf.commands.cli import JOBS, job_of, perform
+from o3dleaf.commands.cli import JOBS, perform
+from o3dleaf.commands.line.words import job_of
 from o3dleaf.core.job import options_of
 from o3dleaf.errors import O3DLeafError
 from robustness.commands import GOOD, CommandRow, command_rows, misused_rows

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.child_process import Arrays, Outcome, run_in_subprocess
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.processes.child_process import Arrays, Outcome, run_in_subprocess
 from o3dleaf.output.view.camera import EYE, Camera, View
 from o3dleaf.output.view.scene import encode, linear
 from o3dleaf.output.view.shade import Shot, reflect, vertex_normals

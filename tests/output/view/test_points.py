@@ -6,9 +6,9 @@ import pytest
 
 from mesh_fields import sphere
 from o3dleaf import extract_isosurface
-from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, MemoryBudgetError, O3DLeafError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
+from o3dleaf.core.processes.child_process import run_in_subprocess
 from o3dleaf.output.view import Points, offscreen, render, scene
 from o3dleaf.output.view import points as points_module
 from o3dleaf.output.view.camera import View

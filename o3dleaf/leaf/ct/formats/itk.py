@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.child_process import run_in_subprocess
 from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.processes.child_process import run_in_subprocess
 from o3dleaf.core.resources.machine import limit_memory
 from o3dleaf.leaf.ct.formats.dicom_headers import Slice, is_dicom, look_over
 from o3dleaf.leaf.ct.formats.lattice_headers import require_sane_header

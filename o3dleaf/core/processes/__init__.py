@@ -1,0 +1,5 @@
+"""Calls in other processes, which may die.
+
+`child_process`  a call in a process of its own
+`cluster`        calls on the workers of a Dask cluster
+"""
