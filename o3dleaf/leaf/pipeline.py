@@ -123,6 +123,7 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
                 origin=volume.origin,
                 transform=transform,
                 isovalue=level,
+                band=True,
                 rho=options.rho,
                 unit=volume.unit,
                 bounds=box,

@@ -1,11 +1,11 @@
 r"""Splines of voxels: balls that sit alike on a lattice share their points, their matrix and its factor.
 
 A rigid motion keeps distances, hence the matrix of :math:`φ`. A class of balls (see `VoxelCover`) is factored once,
-and its balls are the columns of one right-hand side.
+and its balls are the columns of one right-hand side. Bare balls share what takes their values to a plane.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,9 @@ from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, SplineModel
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
+STEEPEST = 0.9
+"""Of the value in the middle of a bare ball, how much its plane may rise or fall to the ball's edge: all of it lies on
+the side of the isovalue on which its voxels lie."""
 COLUMNS = 256
 """Balls of a class that are solved for at once; fixed, so that the result does not depend on the threads."""
 
@@ -43,43 +46,94 @@ class VoxelValues:
 
 
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:
-    """Fit a spline to the voxels of every ball, each class of balls by one factorization."""
-    kernel, smoothing, exponents = model.kernel, model.smoothing, model.exponents
+    """Fit a spline to the voxels of every ball, each class of balls by one factorization; to bare ones a plane."""
+    bare = cover.keys[:, -1] == 1
     voxels = [cover.voxels(number) for number in range(len(cover.keys))]
     points = [cover.points(number, each) for number, each in enumerate(voxels)]
-    sizes = np.array([each.shape[1] for each in points])
+    sizes = np.where(bare, 0, [each.shape[1] for each in points])
+    # A bare ball has no site: the place of its class, which names it, is its middle.
+    sites = [np.zeros((len(cover.shape), 1)) if empty else each for empty, each in zip(bare, points, strict=True)]
     offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
-    begins = np.concatenate([[0], np.cumsum(len(cover.shape) * sizes)[:-1]])
-    weights, tails = np.empty(offsets[-1]), np.empty((len(cover.starts), len(exponents)))
-    factors: list[Any] = [None] * len(points)
-    radii = cover.radii
-    of_class = radii[np.unique(cover.classes, return_index=True)[1]]
+    begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
+    weights, tails = np.empty(offsets[-1]), np.empty((len(cover.starts), len(model.exponents)))
     with single_threaded_blas():
-        if isinstance(smoothing.value, str):
-            smoothing = _choose_smoothing(cover, values, model)
-
-        def factor(start: int, stop: int) -> None:
-            for number in range(start, stop):
-                diagonal = smoothing.diagonal(int(sizes[number])) / of_class[number] ** kernel.power
-                factors[number] = LocalFactor.of(
-                    points[number], exponents, kernel.power, np.full(sizes[number], diagonal)
-                )
-
-        run_blocks(factor, len(points), 1)
+        factors = _factors(cover, points, model)
         batches = list(_batches(cover.classes))
 
         def solve_batches(start: int, stop: int) -> None:
             for balls in batches[start:stop]:
                 number = cover.classes[balls[0]]
-                data = values.of(cover.starts[balls], voxels[number])
-                coefficients, tails[balls] = factors[number].solve(data)
+                coefficients, tails[balls] = factors[number].solve(values.of(cover.starts[balls], voxels[number]))
                 weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients
 
         run_blocks(solve_batches, len(batches), 1, reports=True)
-    ranks = np.array([len(each.right) for each in factors])[cover.classes]
-    sites = np.concatenate([each.ravel() for each in points])
-    places, dropped = begins[cover.classes], np.zeros(len(radii), dtype=np.int64)
-    return LocalSplines(kernel, smoothing, offsets, places, sites, weights, tails, exponents, ranks, dropped)
+    ranks = np.array([each.rank for each in factors])[cover.classes]
+    dropped = np.zeros(len(cover.starts), dtype=np.int64)
+    flat = np.concatenate([each.ravel() for each in sites])
+    places = begins[cover.classes]
+    return LocalSplines(
+        model.kernel, model.smoothing, offsets, places, flat, weights, tails, model.exponents, ranks, dropped
+    )
+
+
+def _factors(cover: VoxelCover, points: list[FloatArray], model: SplineModel) -> "list[LocalFactor | BarePlane]":
+    """Return what takes the values of the balls of each class to their coefficients."""
+    factors: list[Any] = [None] * len(points)
+    power, exponents = model.kernel.power, model.exponents
+    of_class = cover.radii[np.unique(cover.classes, return_index=True)[1]]
+
+    def factor(start: int, stop: int) -> None:
+        for number in range(start, stop):
+            if cover.keys[number, -1]:
+                factors[number] = BarePlane.of(points[number], exponents)
+                continue
+            count = points[number].shape[1]
+            diagonal = model.smoothing.diagonal(count) / of_class[number] ** power
+            factors[number] = LocalFactor.of(points[number], exponents, power, np.full(count, diagonal))
+
+    run_blocks(factor, len(points), 1)
+    return factors
+
+
+@dataclass(frozen=True, eq=False)
+class BarePlane:
+    """The plane of least squares through the values of a bare ball, not as steep as to leave their side of zero.
+
+    Attributes
+    ----------
+    solution : (q, n) ndarray
+        From values to coefficients of the tail, those of a degree above 1 being zero.
+    rank : int
+    """
+
+    solution: FloatArray
+    rank: int
+
+    @classmethod
+    def of(cls, points: FloatArray, exponents: IntArray) -> "BarePlane":
+        """Return it for (d, n) points in unit coordinates."""
+        low = exponents.sum(axis=1) <= 1
+        matrix = np.prod(points.T[:, np.newaxis, :] ** exponents[low], axis=2)
+        solution = np.zeros((len(exponents), points.shape[1]))
+        solution[low] = np.linalg.pinv(matrix)
+        return cls(solution, int(np.linalg.matrix_rank(matrix)))
+
+    def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return no λ, (m, 0), and the (m, q) tails of (m, n) values."""
+        tails: FloatArray = values @ self.solution.T
+        # The first monomial is 1.
+        rise = np.linalg.norm(tails[:, 1:], axis=1)
+        most = STEEPEST * np.abs(tails[:, 0])
+        tails[:, 1:] *= np.where(rise > most, most / np.maximum(rise, np.finfo(np.float64).tiny), 1.0)[:, np.newaxis]
+        return np.empty((len(values), 0)), tails
+
+
+def chosen_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> SplineModel:
+    """Return the model with its smoothing chosen, if it is yet to be."""
+    if not isinstance(model.smoothing.value, str):
+        return model
+    with single_threaded_blas():
+        return replace(model, smoothing=_choose_smoothing(cover, values, model))
 
 
 def _batches(classes: IntArray) -> Iterator[IntArray]:
