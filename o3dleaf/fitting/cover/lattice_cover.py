@@ -150,7 +150,11 @@ class VoxelCover:
         first, stride = starts + _shift(levels), (1 << levels)[:, np.newaxis]
         before = np.minimum(first // stride, reach)
         after = np.minimum((np.array(shape) - 1 - first) // stride - (tile - 1), reach)
-        keys, classes = np.unique(np.column_stack([levels, before, after, bare]), axis=0, return_inverse=True)
+        columns = (levels, *before.T, *after.T, bare.astype(np.int64))
+        sides = [int(column.max()) + 1 for column in columns]
+        # As one number each: rows are sorted the same way, in a tenth of the time.
+        codes, classes = np.unique(np.ravel_multi_index(columns, sides), return_inverse=True)
+        keys = np.stack(np.unravel_index(codes, sides), axis=1)
         return cls(shape, steps, tile, starts, levels, overlap, classes.ravel(), keys)
 
     def banded(self, data: npt.NDArray[Any], isovalue: float) -> "VoxelCover":

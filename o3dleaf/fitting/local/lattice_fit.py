@@ -6,6 +6,7 @@ and its balls are the columns of one right-hand side. Bare balls share what take
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,20 +28,50 @@ STEEPEST = 0.9
 the side of the isovalue on which its voxels lie."""
 COLUMNS = 256
 """Balls of a class that are solved for at once; fixed, so that the result does not depend on the threads."""
+COMPANY = 16
+"""Balls that they are filled up to a multiple of: columns that BLAS takes by itself at the end come out otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelValues:
-    """The data of a lattice: read where they lie, as float64 less the isovalue, ball by ball."""
+    """The data of a lattice: read where they lie, as float64 less the isovalue, ball by ball.
+
+    Attributes
+    ----------
+    data : ndarray
+        Of any layout; a mapped file stays one.
+    isovalue : float
+    """
 
     data: npt.NDArray[Any]
     isovalue: float
 
+    @classmethod
+    def of_array(cls, data: npt.NDArray[Any], isovalue: float) -> "VoxelValues":
+        """Return the values of an array, copied only where it runs backwards, or is a part of records."""
+        lies = min(data.strides) > 0 and not any(stride % data.itemsize for stride in data.strides)
+        return cls(data if lies else np.ascontiguousarray(data), isovalue)
+
+    @cached_property
+    def _stride(self) -> IntArray:
+        """(d,) numbers from a voxel to the next along each axis."""
+        return np.array(self.data.strides) // self.data.itemsize
+
+    @cached_property
+    def _flat(self) -> npt.NDArray[Any]:
+        """All numbers from the first voxel to the last, as they lie in memory or in the file."""
+        last = int((np.array(self.data.shape) - 1) @ self._stride)
+        return np.lib.stride_tricks.as_strided(self.data, (last + 1,), (self.data.itemsize,), writeable=False)
+
+    @property
+    def slowest(self) -> int:
+        """The axis along which voxels lie farthest apart."""
+        return int(np.argmax(self._stride))
+
     def of(self, starts: IntArray, voxels: IntArray) -> FloatArray:
         """Return the (m, n) values of balls whose tiles start at (m, d), of `voxels` (n, d) counted from there."""
-        stride = np.array([int(np.prod(self.data.shape[axis + 1 :])) for axis in range(self.data.ndim)])
-        places = (starts @ stride)[:, np.newaxis] + voxels @ stride
-        values: FloatArray = self.data.reshape(-1)[places].astype(np.float64)
+        places = (starts @ self._stride)[:, np.newaxis] + voxels @ self._stride
+        values: FloatArray = self._flat[places].astype(np.float64)
         values -= self.isovalue
         return values
 
@@ -58,13 +89,19 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     weights, tails = np.empty(offsets[-1]), np.empty((len(cover.starts), len(model.exponents)))
     with single_threaded_blas():
         factors = _factors(cover, points, model)
-        batches = list(_batches(cover.classes))
+        # As their voxels lie, so that a file larger than memory is gone through once.
+        along = cover.starts[:, values.slowest]
+        batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])
 
         def solve_batches(start: int, stop: int) -> None:
             for balls in batches[start:stop]:
-                number = cover.classes[balls[0]]
-                coefficients, tails[balls] = factors[number].solve(values.of(cover.starts[balls], voxels[number]))
-                weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients
+                number, many = cover.classes[balls[0]], len(balls)
+                # In whole groups of columns a product has the same bits for each, whatever its company.
+                data = np.zeros((-(-many // COMPANY) * COMPANY, len(voxels[number])))
+                data[:many] = values.of(cover.starts[balls], voxels[number])
+                coefficients, coarse = factors[number].solve(data)
+                tails[balls] = coarse[:many]
+                weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients[:many]
 
         run_blocks(solve_batches, len(batches), 1, reports=True)
     ranks = np.array([each.rank for each in factors])[cover.classes]
@@ -136,11 +173,11 @@ def chosen_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel)
         return replace(model, smoothing=_choose_smoothing(cover, values, model))
 
 
-def _batches(classes: IntArray) -> Iterator[IntArray]:
-    """Yield the balls of each class, `COLUMNS` at a time, those of the largest classes first."""
-    order = np.argsort(classes, kind="stable")
+def _batches(classes: IntArray, along: IntArray) -> Iterator[IntArray]:
+    """Yield the balls of each class in the order of `along`, `COLUMNS` at a time."""
+    order = np.lexsort((along, classes))
     groups = np.split(order, np.flatnonzero(np.diff(classes[order])) + 1)
-    for balls in sorted(groups, key=len, reverse=True):
+    for balls in groups:
         for start in range(0, len(balls), COLUMNS):
             yield balls[start : start + COLUMNS]
 
@@ -153,7 +190,7 @@ def _choose_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel
             "smoothing: balls on a lattice share one factorization and its smoothing; give 'gcv' or a number"
         )
     sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
-    batches = list(_batches(cover.classes[sample]))
+    batches = list(_batches(cover.classes[sample], sample))
 
     def of_class(batch: int) -> Spectrum:
         balls = sample[batches[batch]]

@@ -303,8 +303,8 @@ class PUInterpolant(Blended):
         count = as_array(values, "values").size
         cure = "crop the volume, or take every second voxel"
         require_resources(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
-        data = np.ascontiguousarray(as_voxels(values))
-        voxels = VoxelValues(data, as_number(isovalue, "isovalue"))
+        data = as_voxels(values)
+        voxels = VoxelValues.of_array(data, as_number(isovalue, "isovalue"))
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
         box, marked = lattice.box(bounds), None if mask is None else as_mask(mask, data.shape)
         _, most = as_ball_size(points_per_ball, overlap)
@@ -419,5 +419,7 @@ def _hash(*arrays: npt.NDArray[Any] | None) -> str:
     digest = hashlib.sha256()
     for array in arrays:
         if array is not None:
-            digest.update(np.ascontiguousarray(array).data)
+            # A part at a time: what lies otherwise is copied.
+            for part in [array] if array.flags.c_contiguous else array:
+                digest.update(np.ascontiguousarray(part).data)
     return digest.hexdigest()
