@@ -36,6 +36,10 @@ LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)
 """Sizes outside of which a unit is wrong rather than a leaf remarkable."""
 
+BAND = 100.0
+"""Voxels of the narrow band around the surface of a patch, over n^(2/3) of its n voxels: it is about a quarter as high
+as it is wide, and above each voxel of its base lie some 37 in the band, of two faces, hairs and pockets."""
+
 FRAMES: dict[str, Callable[[FloatArray, FloatArray | None, str | None, BladeOptions], Blade]] = {
     "surface": build_parametric_blade,
     "paper": build_height_map_blade,
@@ -137,8 +141,10 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
 
 
 def need_for_texture(voxels: int) -> Need:
-    """Return what a volume of so many voxels takes, to be fitted."""
-    return need_of(measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
+    """Return what a volume of so many voxels takes, to be fitted, about; asked for again when its band is known."""
+    band = min(voxels, BAND * voxels ** (2 / 3))
+    cost = measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels
+    return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
 
 
 def need_for_blade(points: int) -> Need:

@@ -15,6 +15,8 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -74,6 +76,13 @@ class VoxelValues:
         values: FloatArray = self._flat[places].astype(np.float64)
         values -= self.isovalue
         return values
+
+
+def require_room_for_voxels(voxels: int, fitted: int) -> None:
+    """Raise `MemoryBudgetError` or `TimeBudgetError` if a volume, so much of which is fitted, takes too much."""
+    cost = measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * (voxels if fitted < voxels else 0)
+    what = f"fit: {fitted:,} voxels" if fitted == voxels else f"fit: {voxels:,} voxels, {fitted:,} near the surface"
+    require_resources(cost, what, "crop the volume, or take every second voxel")
 
 
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:

@@ -34,7 +34,7 @@ from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
-from o3dleaf.fitting.local.lattice_fit import VoxelValues, chosen_smoothing, fit_voxels
+from o3dleaf.fitting.local.lattice_fit import VoxelValues, chosen_smoothing, fit_voxels, require_room_for_voxels
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
@@ -301,8 +301,7 @@ class PUInterpolant(Blended):
         if band and mask is not None:
             raise InputError("mask, band: both would choose the balls; give one of them")
         count = as_array(values, "values").size
-        cure = "crop the volume, or take every second voxel"
-        require_resources(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
+        require_room_for_voxels(count, 0 if band else count)
         data = as_voxels(values)
         voxels = VoxelValues.of_array(data, as_number(isovalue, "isovalue"))
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
@@ -313,6 +312,7 @@ class PUInterpolant(Blended):
         model = chosen_smoothing(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
         if band:
             cover = cover.banded(data, voxels.isovalue).reaching(box[0], box[1], lattice.origin)
+            require_room_for_voxels(count, int(np.count_nonzero(~cover.bare) * np.prod(cover.tile)))
         splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))

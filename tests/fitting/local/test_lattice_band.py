@@ -1,5 +1,7 @@
 """A fit in a narrow band: around the surface it is the whole fit, and elsewhere it stays on the side of its voxels."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -144,3 +146,16 @@ def test_single_precision_and_files_and_diagnostics_know_bare_balls(tmp_path):
         band.diagnostics(bare_balls(band)[:2])
     with pytest.raises(InputError, match="give one of them"):
         PUInterpolant.fit_lattice(solid(), spacing=1.0, band=True, mask=np.ones((48, 44, 40), dtype=bool))
+
+
+def test_its_memory_goes_with_the_surface_and_not_with_the_volume():
+    """Of four million bytes a ball of a thousandth: all else is a few bytes a voxel, where a whole fit has 30."""
+    places = np.stack(np.meshgrid(*[np.arange(160, dtype=np.float32)] * 3, indexing="ij"), axis=-1)
+    values = (200 * (np.linalg.norm(places - 70, axis=-1) < 12)).astype(np.uint8)
+    tracemalloc.start()
+    field = PUInterpolant.fit_lattice(values, spacing=1.0, isovalue=100.0, band=True, smoothing=0.1)
+    held, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert field([[70.0, 70, 70], [100, 100, 100]]).tolist() == pytest.approx([100, -100], rel=0.01)
+    assert held < 2 * values.size
+    assert peak < 8 * values.size
