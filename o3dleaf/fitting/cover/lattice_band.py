@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.fitting.rbf.tail import IntArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -50,26 +51,25 @@ class LatticeBand:
 
     @classmethod
     def of(cls, data: npt.NDArray[Any], level: float, tile: IntArray, reach: IntArray) -> "LatticeBand":
-        """Look at the voxels, a layer of tiles at a time."""
-        counts = -(-np.array(data.shape) // tile)
-        far = np.empty(counts, dtype=bool)
-        starts = [
-            np.minimum(np.arange(n) * side, size - side) for n, side, size in zip(counts, tile, data.shape, strict=True)
-        ]
-        windows = [
-            [slice(max(first - around, 0), first + side + around) for first in each.tolist()]
-            for each, side, around in zip(starts, tile.tolist(), (reach + GUARD).tolist(), strict=True)
-        ]
+        """Look at the voxels, a layer of tiles at a time, as they lie in memory or in a file."""
+        order = np.argsort(data.strides)[::-1]
+        lies, sides, around = data.transpose(order), tile[order].tolist(), (reach[order] + GUARD).tolist()
+        windows = []
+        for size, side, more in zip(lies.shape, sides, around, strict=True):
+            starts = np.minimum(np.arange(0, size, side), size - side).tolist()
+            windows.append([slice(max(first - more, 0), first + side + more) for first in starts])
+        far = np.empty([len(each) for each in windows], dtype=bool)
 
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
-                part = data[windows[0][layer]]
+                part = lies[windows[0][layer]]
                 low, high = (_extremes(extreme, part, windows[1:]) - level for extreme in (np.minimum, np.maximum))
                 reserve = RESERVE * (high - low)
                 far[layer] = (low > reserve) | (-high > reserve)
+            release_pages(data)
 
         run_blocks(look, len(far), 1)
-        return cls(data.shape, tile, reach, far)
+        return cls(data.shape, tile, reach, np.ascontiguousarray(far.transpose(np.argsort(order))))
 
     def balls(self) -> tuple[IntArray, IntArray, BoolArray]:
         """Return starts (M, d) and levels (M,) of tiles that cover the lattice, and which of them are far."""

@@ -16,6 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
@@ -30,6 +31,8 @@ STEEPEST = 0.9
 the side of the isovalue on which its voxels lie."""
 COLUMNS = 256
 """Balls of a class that are solved for at once; fixed, so that the result does not depend on the threads."""
+RELEASED = 64
+"""Such batches, after which the pages of a mapped file are given back."""
 COMPANY = 16
 """Balls that they are filled up to a multiple of: columns that BLAS takes by itself at the end come out otherwise."""
 
@@ -111,6 +114,8 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
                 coefficients, coarse = factors[number].solve(data)
                 tails[balls] = coarse[:many]
                 weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients[:many]
+            if start % RELEASED == 0:
+                release_pages(values.data)
 
         run_blocks(solve_batches, len(batches), 1, reports=True)
     ranks = np.array([each.rank for each in factors])[cover.classes]

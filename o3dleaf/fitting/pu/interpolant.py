@@ -24,6 +24,7 @@ from o3dleaf.core.checks import (
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
@@ -317,6 +318,7 @@ class PUInterpolant(Blended):
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
         data_hash = _hash(data, lattice.spacing, lattice.start, lattice.turn, lattice.origin)
+        release_pages(data)
         return cls(balls, BallIndex.build(centers, radii, box), splines, check_unit(unit), data_hash)
 
     def with_points(self, data: ScatteredData, count: int) -> "PUInterpolant":

@@ -13,6 +13,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray, as_points, as_voxels, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import MAX_VOXELS, METHODS, histogram_threshold
 from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume, as_spacing, slices_in
@@ -156,6 +157,7 @@ class VolumeOnDisk(PlacedVoxels):
                 # The first kept is the first of all: every other one of these is every 2n-th of all.
                 kept, stride = [np.concatenate(kept)[::2].copy()], 2 * stride
                 held = len(kept[0])
+            release_pages(self.voxels)
             progress.report(number + 1, len(parts))
         return np.concatenate(kept)
 
