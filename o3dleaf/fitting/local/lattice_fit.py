@@ -17,7 +17,9 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
+from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
+from o3dleaf.core.resources.scratch import is_held, scratch_array
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -81,24 +83,36 @@ class VoxelValues:
         return values
 
 
-def require_room_for_voxels(voxels: int, fitted: int) -> None:
-    """Raise `MemoryBudgetError` or `TimeBudgetError` if a volume, so much of which is fitted, takes too much."""
-    cost = measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * (voxels if fitted < voxels else 0)
-    what = f"fit: {fitted:,} voxels" if fitted == voxels else f"fit: {voxels:,} voxels, {fitted:,} near the surface"
+def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
+    """Raise `MemoryBudgetError` or `TimeBudgetError` if a volume takes too much to be fitted by the balls of a cover.
+
+    Without a cover, all of it is fitted in full. Coefficients in a file (`scratch_array`) take no memory.
+    """
+    cost, what = measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
+    if cover is not None:
+        fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
+        coefficients = int(_sizes(cover)[cover.classes].sum())
+        on_disk = 0 if is_held(coefficients) else 8 * coefficients
+        cost = measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+        what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
+
+
+def _sizes(cover: VoxelCover) -> IntArray:
+    """Return how many voxels the balls of each class are fitted to by a spline."""
+    return np.array([0 if key[-1] else len(cover.voxels(number)) for number, key in enumerate(cover.keys)])
 
 
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:
     """Fit a spline to the voxels of every ball, each class of balls by one factorization; to bare ones a plane."""
-    bare = cover.keys[:, -1] == 1
+    bare, sizes = cover.keys[:, -1] == 1, _sizes(cover)
     voxels = [cover.voxels(number) for number in range(len(cover.keys))]
     points = [cover.points(number, each) for number, each in enumerate(voxels)]
-    sizes = np.where(bare, 0, [each.shape[1] for each in points])
     # A bare ball has no site: the place of its class, which names it, is its middle.
     sites = [np.zeros((len(cover.shape), 1)) if empty else each for empty, each in zip(bare, points, strict=True)]
     offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
-    weights, tails = np.empty(offsets[-1]), np.empty((len(cover.starts), len(model.exponents)))
+    weights, tails = scratch_array(int(offsets[-1])), np.empty((len(cover.starts), len(model.exponents)))
     with single_threaded_blas():
         factors = _factors(cover, points, model)
         # As their voxels lie, so that a file larger than memory is gone through once.
@@ -116,6 +130,7 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
                 weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients[:many]
             if start % RELEASED == 0:
                 release_pages(values.data)
+                release_pages(weights)
 
         run_blocks(solve_batches, len(batches), 1, reports=True)
     ranks = np.array([each.rank for each in factors])[cover.classes]

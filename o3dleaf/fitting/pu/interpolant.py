@@ -302,7 +302,8 @@ class PUInterpolant(Blended):
         if band and mask is not None:
             raise InputError("mask, band: both would choose the balls; give one of them")
         count = as_array(values, "values").size
-        require_room_for_voxels(count, 0 if band else count)
+        if not band:
+            require_room_for_voxels(count, None)
         data = as_voxels(values)
         voxels = VoxelValues.of_array(data, as_number(isovalue, "isovalue"))
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
@@ -313,7 +314,7 @@ class PUInterpolant(Blended):
         model = chosen_smoothing(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
         if band:
             cover = cover.banded(data, voxels.isovalue).reaching(box[0], box[1], lattice.origin)
-            require_room_for_voxels(count, int(np.count_nonzero(~cover.bare) * np.prod(cover.tile)))
+            require_room_for_voxels(count, cover)
         splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))

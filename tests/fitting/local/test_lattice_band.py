@@ -7,8 +7,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from o3dleaf import PUInterpolant, extract_isosurface, load
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.resources import scratch
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
+from o3dleaf.fitting.local import lattice_fit
 from tolerances import POLYNOMIAL, ROUNDING, SHARED_FACTOR
 
 SPACING = np.array([2.0, 3.0, 2.5])
@@ -131,6 +133,44 @@ def test_a_band_of_all_voxels_is_the_whole_fit():
     at = queries(band, 3000)
     assert len(bare_balls(band)) == 0
     np.testing.assert_array_equal(band(at), whole(at))
+
+
+def test_coefficients_in_a_file_are_the_same_bits(monkeypatch, tmp_path):
+    """Where they would take too much of the memory that may be used, they lie on the disk."""
+    _, band = fits(solid())
+    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    _, mapped = fits(solid())
+    at = queries(band, 3000)
+    np.testing.assert_array_equal(mapped(at), band(at))
+    np.testing.assert_array_equal(mapped.rough(at), band.rough(at))
+    mapped.save(tmp_path / "mapped.o3l")
+    band.save(tmp_path / "held.o3l")
+    assert (tmp_path / "mapped.o3l").read_bytes() == (tmp_path / "held.o3l").read_bytes()
+    assert isinstance(mapped.local.weights.base, np.memmap)
+    monkeypatch.setattr(scratch, "claim", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(O3DLeafError, match="TMPDIR"):
+        fits(solid())
+
+
+def test_what_a_band_needs_is_refused_by_its_size_and_coefficients_in_a_file_are_not_counted(monkeypatch):
+    values = solid()
+    cover = VoxelCover.fit(values.shape, np.eye(3), 60, 1.1).banded(values, 0.0)
+    asked = []
+    monkeypatch.setattr(lattice_fit, "require_resources", lambda cost, what, _: asked.append((cost.bytes, what)))
+    lattice_fit.require_room_for_voxels(values.size, None)
+    lattice_fit.require_room_for_voxels(values.size, cover)
+    monkeypatch.setattr(lattice_fit, "is_held", lambda _: False)
+    lattice_fit.require_room_for_voxels(values.size, cover)
+    whole, band, mapped = (size for size, _ in asked)
+    assert band < 0.9 * whole
+    assert (
+        band - mapped
+        == 8
+        * PUInterpolant.fit_lattice(
+            values, spacing=1.0, band=True, smoothing=0.1, points_per_ball=60
+        ).local.weights.size
+    )
+    assert "near the surface" in asked[1][1]
 
 
 def test_single_precision_and_files_and_diagnostics_know_bare_balls(tmp_path):
