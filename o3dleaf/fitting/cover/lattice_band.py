@@ -2,8 +2,9 @@
 
 A tile is *far* from the level if all voxels around it, as far as its ball reaches and two more, lie on one side of it,
 and farther from it than a part of their own range: what smooths or interpolates such voxels does not cross the level
-there. Far tiles are merged, 2 by 2 along each axis, as long as that holds for the larger ball, so that their number
-grows with the band and not with the volume.
+there. A fit that averages over voxels is shown averages over no more of them: noise that it takes away does not count.
+Far tiles are merged, 2 by 2 along each axis, as long as that holds for the larger ball, so that their number grows with
+the band and not with the volume.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ itself does, and beyond a step by a tenth of it, next to the step alone."""
 GUARD = 2
 """Voxels beyond a ball that are looked at as well: the surface is less than one from a voxel on the other side, and the
 edge of a lattice as fine as the voxels ends one farther."""
+MOST = 3
+"""Voxels along each axis that are averaged at most: what that moves stays within the guard."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +53,25 @@ class LatticeBand:
     far: BoolArray
 
     @classmethod
-    def of(cls, data: npt.NDArray[Any], level: float, tile: IntArray, reach: IntArray) -> "LatticeBand":
-        """Look at the voxels, a layer of tiles at a time, as they lie in memory or in a file."""
+    def of(
+        cls, data: npt.NDArray[Any], level: float, tile: IntArray, reach: IntArray, averaged: float = 1.0
+    ) -> "LatticeBand":
+        """Look at the voxels, a layer of tiles at a time, as they lie in memory or in a file.
+
+        `averaged` is how many voxels what is fitted to them averages over, 1 for an interpolant.
+        """
         order = np.argsort(data.strides)[::-1]
         lies, sides, around = data.transpose(order), tile[order].tolist(), (reach[order] + GUARD).tolist()
-        windows = []
+        window, windows = int(np.clip(averaged ** (1 / data.ndim) + 1e-9, 1, MOST)), []
         for size, side, more in zip(lies.shape, sides, around, strict=True):
-            starts = np.minimum(np.arange(0, size, side), size - side).tolist()
-            windows.append([slice(max(first - more, 0), first + side + more) for first in starts])
+            starts, before = np.minimum(np.arange(0, size, side), size - side).tolist(), more + window - 1
+            windows.append([slice(max(first - before, 0), first + side + more) for first in starts])
         far = np.empty([len(each) for each in windows], dtype=bool)
 
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
-                part = lies[windows[0][layer]]
+                rows = windows[0][layer]
+                part = _averages(lies[rows.start : rows.stop + window - 1], window)
                 low, high = (_extremes(extreme, part, windows[1:]) - level for extreme in (np.minimum, np.maximum))
                 reserve = RESERVE * (high - low)
                 far[layer] = (low > reserve) | (-high > reserve)
@@ -95,6 +104,22 @@ class LatticeBand:
         levels.append(np.zeros(len(left), dtype=np.int64))
         bare = np.concatenate([np.ones(sum(map(len, levels[:-1])), dtype=bool), self.far[~merged]])
         return np.concatenate(starts), np.concatenate(levels), bare
+
+
+def _averages(part: npt.NDArray[Any], window: int) -> npt.NDArray[Any]:
+    """Return the averages over all boxes of so many voxels along each axis, or of all where there are fewer."""
+    if window == 1:
+        return part
+    sums = part.astype(np.result_type(part.dtype, np.float32))
+    for axis, size in enumerate(part.shape):
+        width = min(window, size)
+        rows = np.moveaxis(sums, axis, 0)
+        total = rows[: size - width + 1].copy()
+        for first in range(1, width):
+            total += rows[first : size - width + 1 + first]
+        total /= width
+        sums = np.moveaxis(total, 0, axis)
+    return sums
 
 
 def _extremes(extreme: np.ufunc, part: npt.NDArray[Any], windows: list[list[slice]]) -> FloatArray:

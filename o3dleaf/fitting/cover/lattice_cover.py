@@ -157,10 +157,13 @@ class VoxelCover:
         keys = np.stack(np.unravel_index(codes, sides), axis=1)
         return cls(shape, steps, tile, starts, levels, overlap, classes.ravel(), keys)
 
-    def banded(self, data: npt.NDArray[Any], isovalue: float) -> "VoxelCover":
-        """Return a cover whose balls near the isovalue are those of this one, and bare ones elsewhere; of no mask."""
+    def banded(self, data: npt.NDArray[Any], isovalue: float, averaged: float = 1.0) -> "VoxelCover":
+        """Return a cover whose balls near the isovalue are those of this one, and bare ones elsewhere; of no mask.
+
+        `averaged` is how many voxels the fit averages over, as `LatticeBand.of` takes it.
+        """
         reach = _reach(self.tile, np.linalg.norm(self.steps, axis=1), self.overlap)
-        starts, levels, bare = LatticeBand.of(data, isovalue, self.tile, reach).balls()
+        starts, levels, bare = LatticeBand.of(data, isovalue, self.tile, reach, averaged).balls()
         return self._sorted(self.shape, self.steps, self.tile, self.overlap, starts, levels, bare)
 
     @property

@@ -35,7 +35,13 @@ from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
-from o3dleaf.fitting.local.lattice_fit import VoxelValues, chosen_smoothing, fit_voxels, require_room_for_voxels
+from o3dleaf.fitting.local.lattice_fit import (
+    VoxelValues,
+    averaged_voxels,
+    chosen_smoothing,
+    fit_voxels,
+    require_room_for_voxels,
+)
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
@@ -313,7 +319,8 @@ class PUInterpolant(Blended):
         cover = cover.reaching(box[0], box[1], lattice.origin)
         model = chosen_smoothing(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
         if band:
-            cover = cover.banded(data, voxels.isovalue).reaching(box[0], box[1], lattice.origin)
+            cover = cover.banded(data, voxels.isovalue, averaged_voxels(cover, model))
+            cover = cover.reaching(box[0], box[1], lattice.origin)
             require_room_for_voxels(count, cover)
         splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii

@@ -11,6 +11,8 @@ from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.resources import scratch
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local import lattice_fit
+from o3dleaf.fitting.local.lattice_fit import averaged_voxels
+from o3dleaf.fitting.local.splines import Splines
 from tolerances import POLYNOMIAL, ROUNDING, SHARED_FACTOR
 
 SPACING = np.array([2.0, 3.0, 2.5])
@@ -62,6 +64,24 @@ def test_where_the_balls_are_those_of_the_whole_fit_it_is_the_whole_fit(options)
     )
     # Wherever the surface can be, and half of a voxel beside it.
     assert not np.any(elsewhere & (np.abs(expected) < 0.5))
+
+
+@pytest.mark.parametrize("noise", [0.2, 0.4])
+def test_noise_that_the_fit_averages_away_does_not_widen_the_band(noise):
+    whole, band = fits(solid(noise=noise), points_per_ball=160)
+    assert len(bare_balls(band)) > 0.1 * len(band.cover.radii)
+    at = queries(band)
+    np.testing.assert_array_equal(band(at) > 0, whole(at) > 0)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.3, 30.0])
+def test_averaged_voxels_is_by_how_much_noise_of_the_fit_is_smaller(smoothing):
+    cover = VoxelCover.fit((30, 30, 30), np.eye(3), 60, 1.1)
+    model = Splines(smoothing=smoothing).model(3)
+    noise = np.random.default_rng(0).normal(size=(30, 30, 30))
+    field = PUInterpolant.fit_lattice(noise, spacing=1.0, smoothing=smoothing, points_per_ball=60)
+    middle = cover.starts[cover.classes == np.bincount(cover.classes).argmax()] + cover.tile // 2
+    assert np.var(field(middle)) == pytest.approx(1 / averaged_voxels(cover, model), rel=0.4)
 
 
 def test_its_surface_is_that_of_the_whole_fit():
@@ -129,7 +149,7 @@ def test_the_coefficients_go_with_the_surface_and_not_with_the_volume():
 
 def test_a_band_of_all_voxels_is_the_whole_fit():
     """Noise as large as the contrast leaves no tile far from the level."""
-    whole, band = fits(solid(noise=1.0))
+    whole, band = fits(solid(noise=3.0))
     at = queries(band, 3000)
     assert len(bare_balls(band)) == 0
     np.testing.assert_array_equal(band(at), whole(at))
