@@ -148,7 +148,7 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
 def need_for_texture(voxels: int) -> Need:
     """Return what a volume of so many voxels takes, to be fitted, about; asked for again when its band is known."""
     band = min(voxels, BAND * voxels ** (2 / 3))
-    on_disk = 0 if is_held(round(COEFFICIENTS * band)) else 8 * COEFFICIENTS * band
+    on_disk = 0 if is_held(8 * COEFFICIENTS * band) else 8 * COEFFICIENTS * band
     cost = measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
     return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
 

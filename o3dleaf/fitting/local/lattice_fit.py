@@ -92,7 +92,7 @@ def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
     if cover is not None:
         fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
         coefficients = int(_sizes(cover)[cover.classes].sum())
-        on_disk = 0 if is_held(coefficients) else 8 * coefficients
+        on_disk = 0 if is_held(8 * coefficients) else 8 * coefficients
         cost = measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
         what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
@@ -112,7 +112,7 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     sites = [np.zeros((len(cover.shape), 1)) if empty else each for empty, each in zip(bare, points, strict=True)]
     offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
-    weights, tails = scratch_array(int(offsets[-1])), np.empty((len(cover.starts), len(model.exponents)))
+    weights, tails = scratch_array((int(offsets[-1]),)), np.empty((len(cover.starts), len(model.exponents)))
     with single_threaded_blas():
         factors = _factors(cover, points, model)
         # As their voxels lie, so that a file larger than memory is gone through once.
