@@ -15,7 +15,9 @@ from o3dleaf.core.errors import DataWarning, UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import Need, need_of
+from o3dleaf.core.resources.scratch import is_held
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -35,6 +37,13 @@ from o3dleaf.surface.cloud.preprocess import remove_faults
 LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)
 """Sizes outside of which a unit is wrong rather than a leaf remarkable."""
+
+BAND = 100.0
+"""Voxels of the narrow band around the surface of a patch, over n^(2/3) of its n voxels: it is about a quarter as high
+as it is wide, and above each voxel of its base lie some 37 in the band, of two faces, hairs and pockets."""
+
+COEFFICIENTS = 3.6
+"""Of each of them: so many balls contain it."""
 
 FRAMES: dict[str, Callable[[FloatArray, FloatArray | None, str | None, BladeOptions], Blade]] = {
     "surface": build_parametric_blade,
@@ -123,6 +132,7 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
                 origin=volume.origin,
                 transform=transform,
                 isovalue=level,
+                band=True,
                 rho=options.rho,
                 unit=volume.unit,
                 bounds=box,
@@ -136,8 +146,11 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
 
 
 def need_for_texture(voxels: int) -> Need:
-    """Return what a volume of so many voxels takes, to be fitted."""
-    return need_of(measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
+    """Return what a volume of so many voxels takes, to be fitted, about; asked for again when its band is known."""
+    band = min(voxels, BAND * voxels ** (2 / 3))
+    on_disk = 0 if is_held(8 * COEFFICIENTS * band) else 8 * COEFFICIENTS * band
+    cost = measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+    return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
 
 
 def need_for_blade(points: int) -> Need:

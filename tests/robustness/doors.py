@@ -389,6 +389,7 @@ DOORS: dict[str, Door] = {
         transform=BOX.like(np.eye(4)).without("upside down").optional,
         isovalue=NUMBER.like(0.0),
         mask=VALUES.like(lambda w: np.ones((9, 9, 9), bool)).without("all equal").optional,
+        band=FLAG,
         **PU,
         unit=maybe_unit,
         bounds=BOX.optional,

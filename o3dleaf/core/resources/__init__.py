@@ -6,4 +6,5 @@
 `budget`     what is left of the least of them and of what was stated
 `measured`   what work was measured to cost
 `needs`      what work will need, and what needs more than there is refused
+`scratch`    numbers in a temporary file where memory would not hold them
 """

@@ -4,12 +4,13 @@ Of Linux all of it is known; of other systems the memory that they have, where t
 """
 
 import ctypes
+import mmap
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 PROCESS = Path("/proc/self/status")
 MACHINE = Path("/proc/meminfo")
@@ -51,6 +52,20 @@ class Limit(NamedTuple):
 def resident() -> int:
     """Return the bytes of memory that the process holds; 0 where the system does not say."""
     return _fields(PROCESS).get("VmRSS", 0)
+
+
+def release_pages(array: Any) -> None:
+    """Give back the memory that holds parts of a mapped file of which an array is a view: they are read again.
+
+    Of other arrays, of private copies that were written to, and where the system cannot, nothing is done.
+    """
+    while array is not None:
+        base = getattr(array, "base", None)
+        if isinstance(base, mmap.mmap):
+            if getattr(array, "mode", "c") != "c" and hasattr(mmap, "MADV_DONTNEED"):
+                base.madvise(mmap.MADV_DONTNEED)
+            return
+        array = base
 
 
 def hard_limits(threads: int) -> Iterator[Limit]:

@@ -42,8 +42,10 @@ LATTICE_POINT = Each(12, 0.12)
 """Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
 FOLLOWED_TRIANGLE = Each(170, 1.0)
 """Of a surface that is followed from seeds: its band of cells."""
-FITTED_VOXEL = Each(80, 0.75)
-"""Of a volume whose blade is fitted."""
+FITTED_VOXEL = Each(60, 0.75)
+"""Of a volume that is fitted: all of it, or the narrow band around its surface."""
+LEFT_VOXEL = Each(4, 0.1)
+"""Of a volume that is fitted in a narrow band: of all of it, to find the band, and for what lies beside it."""
 BLADE = Cost(0, 20.0)
 """Of a blade, whatever its scan: beyond some 20,000 points more are thinned."""
 BLADE_POINT = Each(2000, 65)

@@ -2,6 +2,7 @@
 
 `cover`          balls that cover a box and contain a few hundred points each
 `contrast`       points from around for balls beside a cluster
+`lattice_band`   the tiles of a lattice near a level, and larger ones elsewhere
 `lattice_cover`  balls around the tiles of a lattice, in classes that sit alike on it
 `tree`           the tree of boxes that the balls are found by
 `index`          which balls contain a point

@@ -103,6 +103,13 @@ class Cover:
         """(M,) number of points that each ball is fitted to, the paper's N_i."""
         return np.diff(self.offsets)
 
+    @property
+    def typical(self) -> tuple[float, float]:
+        """Median radius and median number of points of the balls; bare ones of `VoxelCover` have none."""
+        counts = self.counts
+        filled = counts > 0 if counts.any() else np.ones(len(counts), dtype=bool)
+        return float(np.median(self.radii[filled])), float(np.median(counts[filled]))
+
     def only(self, balls: IntArray) -> "Cover":
         """Return some of the balls, by their numbers."""
         counts = self.counts[balls]

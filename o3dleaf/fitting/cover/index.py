@@ -82,14 +82,16 @@ class BallIndex:
         reach = np.maximum(bounds[1] - lowest, highest - bounds[0])
         repeats[moving] = np.ceil(reach[moving] / period[moving]).astype(np.int64)
         steps = np.stack(np.meshgrid(*[np.arange(-n, n + 1) for n in repeats], indexing="ij"), axis=-1)
-        shifts = (steps.reshape(-1, len(period)) * period)[:, None, :]
-        moved = centers + shifts
-        gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
-        step, balls = np.nonzero(np.linalg.norm(gap, axis=2) < radii)
-        balls = balls.astype(np.int64)
-        images = np.ascontiguousarray(moved[step, balls])
-        tree = build_tree(images, radii[balls], bounds)
-        return cls(bounds, period, balls, np.ascontiguousarray(shifts[step, 0]), images, radii[balls], tree)
+        images, shifts = [], []
+        for shift in steps.reshape(-1, len(period)) * period:
+            # One at a time: nine of a large cover are more than all else.
+            moved = centers + shift
+            gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
+            images.append(np.flatnonzero(np.linalg.norm(gap, axis=1) < radii))
+            shifts.append(np.broadcast_to(shift, (len(images[-1]), len(shift))))
+        balls, by = np.concatenate(images), np.concatenate(shifts)
+        places = centers[balls] + by
+        return cls(bounds, period, balls, by, places, radii[balls], build_tree(places, radii[balls], bounds))
 
     @property
     def images(self) -> Images:

@@ -2,7 +2,7 @@ r"""A cover of a lattice of voxels: balls that sit alike on it have the same vox
 
 The lattice is cut into tiles of a few voxels, each with its ball. Seen from its center, a ball in the
 interior contains the same voxels as any other, one at a face the same as all others at that face: a
-*class*.
+*class*. Away from a narrow band balls may be *bare*: larger ones, fitted by a polynomial alone.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_rigid_motion, as_step
 from o3dleaf.core.errors import InputError
+from o3dleaf.fitting.cover.lattice_band import LatticeBand
 from o3dleaf.fitting.rbf.tail import IntArray
 
 FACE = 1e-6
@@ -101,8 +102,9 @@ class VoxelCover:
         Radius of a ball over half the diagonal of its tile.
     classes : (M,) int64 ndarray
         The class of each ball.
-    keys : (C, 1 + 2 d) int64 ndarray
-        Level of each class, and how many voxels its balls find before and after their tile along each axis.
+    keys : (C, 2 + 2 d) int64 ndarray
+        Level of each class, how many voxels its balls find before and after their tile along each axis, and whether
+        they are bare.
     """
 
     shape: tuple[int, ...]
@@ -128,15 +130,46 @@ class VoxelCover:
         Where a `mask` of the lattice's shape is given, tiles that contain none of its voxels are merged,
         2 by 2 along each axis, as long as the lattice is large enough.
         """
-        spacing = np.linalg.norm(steps, axis=1)
-        tile = _tile(np.array(shape), spacing, most, overlap)
+        tile = _tile(np.array(shape), np.linalg.norm(steps, axis=1), most, overlap)
         starts, levels = _all_tiles(shape, tile) if mask is None else _merged_tiles(mask, tile)
-        reach = _reach(tile, spacing, overlap)
+        return cls._sorted(shape, steps, tile, overlap, starts, levels, np.zeros(len(starts), dtype=bool))
+
+    @classmethod
+    def _sorted(  # noqa: PLR0917 - a lattice, its tiles, and the balls
+        cls,
+        shape: tuple[int, ...],
+        steps: FloatArray,
+        tile: IntArray,
+        overlap: float,
+        starts: IntArray,
+        levels: IntArray,
+        bare: npt.NDArray[np.bool_],
+    ) -> "VoxelCover":
+        """Return the cover of some balls, sorted into classes."""
+        reach = _reach(tile, np.linalg.norm(steps, axis=1), overlap)
         first, stride = starts + _shift(levels), (1 << levels)[:, np.newaxis]
         before = np.minimum(first // stride, reach)
         after = np.minimum((np.array(shape) - 1 - first) // stride - (tile - 1), reach)
-        keys, classes = np.unique(np.column_stack([levels, before, after]), axis=0, return_inverse=True)
+        columns = (levels, *before.T, *after.T, bare.astype(np.int64))
+        sides = [int(column.max()) + 1 for column in columns]
+        # As one number each: rows are sorted the same way, in a tenth of the time.
+        codes, classes = np.unique(np.ravel_multi_index(columns, sides), return_inverse=True)
+        keys = np.stack(np.unravel_index(codes, sides), axis=1)
         return cls(shape, steps, tile, starts, levels, overlap, classes.ravel(), keys)
+
+    def banded(self, data: npt.NDArray[Any], isovalue: float, averaged: float = 1.0) -> "VoxelCover":
+        """Return a cover whose balls near the isovalue are those of this one, and bare ones elsewhere; of no mask.
+
+        `averaged` is how many voxels the fit averages over, as `LatticeBand.of` takes it.
+        """
+        reach = _reach(self.tile, np.linalg.norm(self.steps, axis=1), self.overlap)
+        starts, levels, bare = LatticeBand.of(data, isovalue, self.tile, reach, averaged).balls()
+        return self._sorted(self.shape, self.steps, self.tile, self.overlap, starts, levels, bare)
+
+    @property
+    def bare(self) -> npt.NDArray[np.bool_]:
+        """(M,) which balls are fitted by a polynomial alone."""
+        return np.asarray(self.keys[self.classes, -1] == 1)
 
     def reaching(self, low: FloatArray, high: FloatArray, origin: FloatArray) -> "VoxelCover":
         """Return the cover without the balls that do not reach into a box of the field's coordinates."""
@@ -170,7 +203,7 @@ class VoxelCover:
         level, before, after = (
             self.keys[number, 0],
             self.keys[number, 1 : 1 + dimension],
-            self.keys[number, 1 + dimension :],
+            self.keys[number, 1 + dimension : -1],
         )
         axes = [np.arange(-low, side + high) for low, side, high in zip(before, self.tile, after, strict=True)]
         voxels = (np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension) << level) + _shift(level)

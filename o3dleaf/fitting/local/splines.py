@@ -112,6 +112,8 @@ def fit_splines(
 class LocalSplines:
     """One smoothed polyharmonic spline a ball, in unit coordinates, stored end to end for the compiled blend.
 
+    A ball without points, a bare one of `VoxelCover`, has its tail alone.
+
     Attributes
     ----------
     kernel : Polyharmonic
@@ -235,7 +237,8 @@ class LocalSplines:
         # |φ| and |φ′| at that distance; beside log r stands less than 1/p + 1/(p − 1) + ... < 2.
         factor = 1.0 if power % 2 else np.log(reach) + 2.0
         size, slope = factor * reach**power, factor * power * reach ** (power - 1)
-        sums = np.add.reduceat(np.abs(self.weights), self.offsets[:-1])
+        sums, filled = np.zeros(len(counts)), counts > 0
+        sums[filled] = np.add.reduceat(np.abs(self.weights), self.offsets[:-1][filled])
         terms = (counts + ROUNDINGS) * size + 4.0 * slope
         return float(np.finfo(np.float32).eps / 2 * (terms * sums).max())
 

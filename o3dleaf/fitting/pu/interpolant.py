@@ -24,6 +24,7 @@ from o3dleaf.core.checks import (
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
@@ -34,7 +35,13 @@ from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
-from o3dleaf.fitting.local.lattice_fit import VoxelValues, fit_voxels
+from o3dleaf.fitting.local.lattice_fit import (
+    VoxelValues,
+    averaged_voxels,
+    chosen_smoothing,
+    fit_voxels,
+    require_room_for_voxels,
+)
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
@@ -248,6 +255,7 @@ class PUInterpolant(Blended):
         transform: npt.ArrayLike | None = None,
         isovalue: Finite = 0.0,
         mask: npt.ArrayLike | None = None,
+        band: bool = False,
         kernel: str | Polyharmonic = "cubic",
         degree: int | None = None,
         smoothing: SmoothingValue | None = None,
@@ -277,6 +285,11 @@ class PUInterpolant(Blended):
         mask : array_like of bool, of the shape of `values`, optional
             Where the full resolution is wanted, such as a band around the surface. It chooses balls: where they
             contain no marked voxel, larger ones are fitted to every second, fourth, ... voxel.
+        band : bool
+            Whether balls away from the isovalue, whose voxels and those around all lie on one side of it, are larger
+            ones with a plane of least squares in each: `o3dleaf.fitting.cover.lattice_band` says which. Where none of
+            these reaches, as around the surface, the field has the values that it has without a band, to rounding; it
+            is nowhere zero else. Memory and time go with the surface, not with the volume. Not beside a `mask`.
         kernel, degree, smoothing, rho, overlap, unit
             As in `fit`; "gcv" looks at the balls in the interior.
         points_per_ball : int or (least, most)
@@ -292,20 +305,28 @@ class PUInterpolant(Blended):
         IllPosedError
             If the degree is below what the kernel needs.
         """
+        if band and mask is not None:
+            raise InputError("mask, band: both would choose the balls; give one of them")
         count = as_array(values, "values").size
-        cure = "crop the volume, or take every second voxel"
-        require_resources(measured.FITTED_VOXEL * count, f"fit: {count:,} voxels", cure)
-        data = np.ascontiguousarray(as_voxels(values))
-        voxels = VoxelValues(data, as_number(isovalue, "isovalue"))
+        if not band:
+            require_room_for_voxels(count, None)
+        data = as_voxels(values)
+        voxels = VoxelValues.of_array(data, as_number(isovalue, "isovalue"))
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
         box, marked = lattice.box(bounds), None if mask is None else as_mask(mask, data.shape)
         _, most = as_ball_size(points_per_ball, overlap)
         cover = VoxelCover.fit(data.shape, lattice.steps, most, overlap, marked)
         cover = cover.reaching(box[0], box[1], lattice.origin)
-        splines = fit_voxels(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
+        model = chosen_smoothing(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
+        if band:
+            cover = cover.banded(data, voxels.isovalue, averaged_voxels(cover, model))
+            cover = cover.reaching(box[0], box[1], lattice.origin)
+            require_room_for_voxels(count, cover)
+        splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
         data_hash = _hash(data, lattice.spacing, lattice.start, lattice.turn, lattice.origin)
+        release_pages(data)
         return cls(balls, BallIndex.build(centers, radii, box), splines, check_unit(unit), data_hash)
 
     def with_points(self, data: ScatteredData, count: int) -> "PUInterpolant":
@@ -366,20 +387,24 @@ class PUInterpolant(Blended):
         Parameters
         ----------
         balls : (M,) array_like of int, optional
-            Numbers of the balls; all by default.
+            Numbers of the balls; all by default, but for bare ones, see `fit_lattice`, which have no fit of their own.
 
         Raises
         ------
         InputError
-            If the local fits are no splines, or there is no ball of such a number.
+            If the local fits are no splines, or there is no ball of such a number, or it is bare.
         """
         require_one_column(self, "diagnostics")
         if not isinstance(self.local, LocalSplines):
             raise InputError("diagnostics: the local fits are no splines; fit values, with local=None")
         count = len(self.cover.radii)
-        asked = np.arange(count) if balls is None else np.atleast_1d(as_array(balls, "balls"))
+        filled = self.cover.counts > 0
+        asked = np.flatnonzero(filled) if balls is None else np.atleast_1d(as_array(balls, "balls"))
         if asked.dtype.kind not in "iu" or asked.ndim != 1 or np.any((asked < 0) | (asked >= count)):
             raise InputError(f"balls: are {asked.tolist()}; give whole numbers from 0 to {count - 1}")
+        if not filled[asked].all():
+            bare = asked[~filled[asked]].tolist()
+            raise InputError(f"balls: {bare} are bare, away from the surface, with no fit of their own; leave them out")
         return diagnose_balls(self.cover, self.local, asked.astype(np.int64))
 
     @checked
@@ -404,5 +429,7 @@ def _hash(*arrays: npt.NDArray[Any] | None) -> str:
     digest = hashlib.sha256()
     for array in arrays:
         if array is not None:
-            digest.update(np.ascontiguousarray(array).data)
+            # A part at a time: what lies otherwise is copied.
+            for part in [array] if array.flags.c_contiguous else array:
+                digest.update(np.ascontiguousarray(part).data)
     return digest.hexdigest()

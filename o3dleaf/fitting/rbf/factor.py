@@ -33,6 +33,11 @@ class LocalFactor:
     above: FloatArray
     cholesky: FloatArray
 
+    @property
+    def rank(self) -> int:
+        """r, the rank of the tail on the points."""
+        return len(self.right)
+
     @classmethod
     def of(cls, points: FloatArray, exponents: IntArray, power: int, diagonal: FloatArray) -> "LocalFactor":
         """Factor the system of (d, n) points in unit coordinates, with (n,) numbers on the diagonal.

@@ -3,16 +3,19 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_points, require_choice
+from o3dleaf.core.checks import FloatArray, as_points, as_voxels, require_choice
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.units import check_unit
-from o3dleaf.leaf.ct.threshold import METHODS, histogram_threshold
+from o3dleaf.leaf.ct.threshold import MAX_VOXELS, METHODS, histogram_threshold
 from o3dleaf.leaf.ct.volume import PlacedVoxels, Volume, as_spacing, slices_in
 
 BLOCK = 32**3
@@ -22,13 +25,20 @@ ALONG = (8, 16, 256)
 STRATA = 5
 """Blocks along each axis in a round of the sample: 125 blocks, four million voxels."""
 ROUNDS = 4
-"""What five hundred blocks do not meet is less than a hundredth of the volume, and wants to be cropped to."""
+"""What five hundred blocks do not meet is less than a hundredth of the volume, and is looked for in all of it."""
+PART = 1 << 24
+"""Voxels, about, that are read at once where all of them are."""
 
 
 @checked
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class VolumeOnDisk(PlacedVoxels):
     """A volume in a file, opened by `open_volume`: a part of it is read by `crop`, as a `Volume`.
+
+    HDF5 stays open until `close`, or the end of a ``with`` block::
+
+        with o3l.open_volume("scan.h5") as volume:
+            block = volume.crop(bounds)
 
     Nothing is looked at before it is read: a file whose far end holds NaN is found out there.
 
@@ -88,7 +98,9 @@ class VolumeOnDisk(PlacedVoxels):
         """Return the intensity that separates leaf from air, from a sample of blocks of 32,768 voxels.
 
         Of 5 × 5 × 5 parts of the volume one block each is read at a place drawn with a fixed seed, four million voxels
-        in all; where they show no two classes, as in a file that is mostly empty, as many again, up to four times.
+        in all; where they show no two classes, as in a file that is mostly empty, as many again, up to four times. Then
+        all of it is read, a few million voxels at a time, and the level is that of four to eight million of those that
+        are not zero, evenly from the whole.
 
         Parameters
         ----------
@@ -98,7 +110,7 @@ class VolumeOnDisk(PlacedVoxels):
         Raises
         ------
         InputError
-            If the sample shows no two classes.
+            If the volume shows no two classes.
         """
         require_choice(method, METHODS, "threshold")
         rng = np.random.default_rng(0)
@@ -107,15 +119,59 @@ class VolumeOnDisk(PlacedVoxels):
             for block in self._blocks(rng):
                 values = np.asarray(self.voxels[block]).ravel()
                 seen.append(values[values != 0])
-            sample = np.concatenate(seen)
-            try:
-                return histogram_threshold(sample, method)
-            except (InputError, ValueError):  # nothing but zeros, or one class: look elsewhere
-                continue
-        raise InputError(
-            f"threshold: a sample of {ROUNDS * STRATA**3:,} blocks does not show two classes, air and leaf; crop the "
-            "volume to the leaf, or give the threshold as a number"
-        )
+            level = _level_of(np.concatenate(seen), method)
+            if level is not None:
+                return level
+        level = _level_of(self._sample_of_all(), method)
+        if level is None:
+            raise InputError(
+                "threshold: the volume does not show two classes, air and leaf; crop the volume to the leaf, or give "
+                "the threshold as a number"
+            )
+        return level
+
+    def close(self) -> None:
+        """Close the file, where it is one that stays open; nothing more can be read from it."""
+        close = getattr(self.voxels, "close", None)
+        if close is not None:
+            close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _sample_of_all(self) -> npt.NDArray[Any]:
+        """Return every n-th of the voxels that are not zero, in the order in which they are read: all parts of it."""
+        kept: list[npt.NDArray[Any]] = []
+        stride, passed, held, parts = 1, 0, 0, list(self._parts())
+        for number, part in enumerate(parts):
+            values = as_voxels(np.asarray(self.voxels[part]), "volume").ravel()
+            values = values[values != 0]
+            kept.append(values[-passed % stride :: stride].copy())
+            passed, held = passed + len(values), held + len(kept[-1])
+            while held > 2 * MAX_VOXELS:
+                # The first kept is the first of all: every other one of these is every 2n-th of all.
+                kept, stride = [np.concatenate(kept)[::2].copy()], 2 * stride
+                held = len(kept[0])
+            release_pages(self.voxels)
+            progress.report(number + 1, len(parts))
+        return np.concatenate(kept)
+
+    def _parts(self) -> Iterator[tuple[slice, ...]]:
+        """Yield the slices of parts of `PART` voxels that fill the volume, whole chunks where the file has chunks."""
+        shape = np.array(self.shape)
+        strides = getattr(self.voxels, "strides", None)
+        order = np.arange(3)[::-1] if strides is None else np.argsort(strides)
+        sides = np.minimum(getattr(self.voxels, "chunks", None) or (1, 1, 1), shape)
+        for axis in order:
+            sides[axis] = min(sides[axis] * max(1, PART // int(sides.prod())), shape[axis])
+        for first in product(*(range(0, shape[axis], sides[axis]) for axis in order[::-1])):
+            low = np.array(first)[np.argsort(order[::-1])]
+            yield tuple(slice(a, b) for a, b in zip(low.tolist(), np.minimum(low + sides, shape).tolist(), strict=True))
 
     def _blocks(self, rng: np.random.Generator) -> Iterator[tuple[slice, ...]]:
         """Yield the slices of one block in each part of the volume, in one chunk of the file where it has chunks."""
@@ -138,3 +194,11 @@ class VolumeOnDisk(PlacedVoxels):
             sides[axis] = min(chunks[axis], edge)
             left /= sides[axis]
         return sides
+
+
+def _level_of(sample: npt.NDArray[Any], method: str) -> float | None:
+    """Return the level of some intensities, or None where there are none, or no two classes."""
+    try:
+        return histogram_threshold(sample, method) if len(sample) else None
+    except (InputError, ValueError):
+        return None

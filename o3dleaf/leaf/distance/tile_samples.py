@@ -135,7 +135,7 @@ def _as_boxes(low: Singles, high: Singles) -> Singles:
 def _step(leaf: TexturedBlade) -> float:
     """Return half the distance of the texture's data, or more where that would make too many samples."""
     covers = [patch.cover for patch in leaf.texture.patches]
-    volume = min(4.19 * float(np.median(c.radii)) ** 3 / max(float(np.median(c.counts)), 1.0) for c in covers)
+    volume = min(4.19 * radius**3 / max(count, 1.0) for radius, count in (cover.typical for cover in covers))
     # A rough surface with pockets has some four times the tile's area on each of its faces.
     area = 8 * float(leaf.texture.period.prod())
     return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MAX_SAMPLES)) / leaf.scale)

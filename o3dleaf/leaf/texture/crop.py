@@ -33,7 +33,7 @@ TOLERANCE = 1e-3
 def reach_of_fade(field: PUInterpolant) -> FloatArray:
     """Return the (2,) reach of a cross-fade on either side of a seam, where none is given."""
     extent = (field.bounds[1] - field.bounds[0])[:2]
-    reach: FloatArray = np.minimum(FADE_RADII * float(np.median(field.cover.radii)), FADE_SHARE * extent)
+    reach: FloatArray = np.minimum(FADE_RADII * field.cover.typical[0], FADE_SHARE * extent)
     return reach
 
 

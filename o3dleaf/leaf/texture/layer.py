@@ -64,6 +64,7 @@ def _steepness(patch: PUInterpolant) -> float:
     cover, (low, high) = patch.cover, patch.bounds
     ticks = [np.linspace(*ends, PROBES) for ends in zip(low, high, strict=True)]
     values = patch(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
-    distance = float(np.median(cover.radii) * np.median(cover.counts) ** (-1.0 / len(low)))
+    radius, count = cover.typical
+    distance = radius * count ** (-1.0 / len(low))
     lost = float(np.ptp(values)) or abs(float(values[0]))
-    return STEEPNESS * lost / distance
+    return float(STEEPNESS * lost / distance)

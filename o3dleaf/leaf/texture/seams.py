@@ -109,7 +109,7 @@ class SampledPatch:
             If the field is constant, so that nothing can mismatch.
         """
         low, high = field.bounds
-        fine = np.median(field.cover.radii) / FINENESS
+        fine = field.cover.typical[0] / FINENESS
         limits = [MAX_SECTIONS, MAX_SECTIONS, *[LAYERS] * (len(low) - 2)]
         counts = np.clip(np.round((high - low) / fine), MIN_SECTIONS, limits).astype(int)
         middles = [a + (np.arange(n) + 0.5) * (b - a) / n for a, b, n in zip(low, high, counts, strict=True)]

@@ -150,15 +150,16 @@ def _fit_summary(local: object) -> dict[str, Any]:
     if not isinstance(local, LocalSplines):
         return {"local": type(local).__name__}
     counts = np.diff(local.offsets)
+    filled = np.flatnonzero(counts) if counts.any() else np.arange(len(counts))  # bare balls have no points
     return {
         "balls": len(counts),
-        "points_per_ball": [int(counts.min()), int(counts.max())],
+        "points_per_ball": [int(counts[filled].min()), int(counts[filled].max())],
         "kernel_power": local.kernel.power,
         "smoothing": local.smoothing.value,
         "smoothing_is_rho": bool(local.smoothing.per_point),
         "gcv_score": local.smoothing.score,
-        "diagonal": np.quantile(local.diagonals, (0, 0.5, 1)).tolist(),
-        "tail_rank": [int(local.ranks.min()), int(local.ranks.max())],
+        "diagonal": np.quantile(local.diagonals[filled], (0, 0.5, 1)).tolist(),
+        "tail_rank": [int(local.ranks[filled].min()), int(local.ranks[filled].max())],
         "directions_dropped": int(local.dropped.sum()),
     }
 

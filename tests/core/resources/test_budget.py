@@ -3,6 +3,7 @@
 import sys
 import threading
 
+import numpy as np
 import pytest
 
 from o3dleaf.core.errors import InputError, MemoryBudgetError
@@ -62,3 +63,20 @@ def test_a_limit_holds_where_it_was_stated_and_no_longer(monkeypatch):
     assert usable_memory() is None
     with pytest.raises(InputError, match="2GB"):
         set_memory_limit("much")
+
+
+@LINUX
+def test_pages_of_a_mapped_file_are_given_back_and_read_again(tmp_path):
+    values = np.arange(1 << 22, dtype=np.int64)
+    np.save(tmp_path / "values.npy", values)
+    mapped = np.load(tmp_path / "values.npy", mmap_mode="r").reshape(1 << 11, -1).T
+    assert mapped.sum() == values.sum()
+    before = machine._fields(machine.PROCESS)["RssFile"]
+    machine.release_pages(mapped)
+    assert before - machine._fields(machine.PROCESS)["RssFile"] > 0.9 * values.nbytes
+    assert mapped.sum() == values.sum()
+    written = np.load(tmp_path / "values.npy", mmap_mode="c")
+    written[:] = 7
+    for other in (written, values, None):
+        machine.release_pages(other)
+    assert (written == 7).all()

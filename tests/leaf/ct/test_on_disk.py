@@ -8,6 +8,8 @@ import tifffile
 
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct import on_disk
+from o3dleaf.leaf.ct.on_disk import VolumeOnDisk
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples import wheat_ct
 
@@ -97,6 +99,51 @@ def test_a_volume_that_shows_no_leaf_is_refused(tmp_path):
         o3l.open_volume(tmp_path / "ct.npy", spacing=1.0).threshold()
 
 
+def test_a_leaf_that_no_sample_meets_is_looked_for_everywhere(patch, tmp_path, monkeypatch):
+    """Its level is that of its own voxels, and a part of the file is in memory at a time."""
+    data = np.zeros((400, 300, 200), dtype=np.uint8)
+    data[301 : 301 + patch.shape[0], 7 : 7 + patch.shape[1], 60 : 60 + patch.shape[2]] = patch
+    np.save(tmp_path / "ct.npy", data)
+    monkeypatch.setattr(on_disk, "ROUNDS", 0)
+    monkeypatch.setattr(on_disk, "PART", 1 << 20)
+    volume = o3l.open_volume(tmp_path / "ct.npy", spacing=1.0)
+    tracemalloc.start()
+    level = volume.threshold()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert level == pytest.approx(Volume(patch, 1.0).threshold(), abs=0.02 * 600 * 0.2)
+    assert peak < 0.5 * data.nbytes
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_it_is_every_nth_voxel_that_is_not_zero(monkeypatch, turned):
+    monkeypatch.setattr(on_disk, "PART", 700)
+    monkeypatch.setattr(on_disk, "MAX_VOXELS", 100)
+    data = np.arange(30 * 20 * 11, dtype=np.int32).reshape(30, 20, 11) % 7
+    data *= np.arange(1, 6601, dtype=np.int32).reshape(30, 20, 11)
+    stored = np.asfortranarray(data) if turned else data
+    volume = VolumeOnDisk(stored, 1.0)
+    order = np.concatenate([stored[part].ravel() for part in volume._parts()])
+    assert np.array_equal(np.sort(order), np.sort(data.ravel()))
+    found, there = volume._sample_of_all(), order[order != 0]
+    assert 100 < len(found) <= 200
+    stride = -(-len(there) // len(found))
+    assert stride & (stride - 1) == 0
+    assert np.array_equal(found, there[::stride])
+
+
+def test_a_file_that_stays_open_is_closed(patch, tmp_path):
+    path, how = hdf5(patch, tmp_path / "ct.h5")
+    with o3l.open_volume(path, **how) as volume:
+        volume.crop(BOX)
+    with pytest.raises(InputError, match="damaged there"):
+        volume.crop(BOX)
+    path, how = raw(patch, tmp_path / "ct.raw")
+    with o3l.open_volume(path, **how) as volume:
+        pass
+    assert volume.crop(BOX).data.any()
+
+
 def test_damage_is_found_where_it_is(patch, tmp_path):
     path, how = zarr(patch, tmp_path / "ct.zarr")
     chunks = [file for file in path.rglob("*") if file.is_file() and file.name.isdigit()]
@@ -119,7 +166,9 @@ def test_slices_are_read_one_by_one(patch, tmp_path):
         volume.crop(volume.bounds)
 
 
-def test_blocks_of_the_sample_lie_in_the_volume_and_in_one_chunk_each(patch):
+def test_blocks_of_the_sample_lie_in_the_volume_and_in_one_chunk_each(monkeypatch):
+    monkeypatch.setattr(VolumeOnDisk, "_sample_of_all", lambda _: np.empty(0))
+
     class Counted:
         def __init__(self, shape, chunks):
             self.shape, self.chunks, self.dtype, self.seen = shape, chunks, np.dtype("u1"), []

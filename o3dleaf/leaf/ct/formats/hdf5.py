@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources.scratch import load_array
 from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
@@ -75,7 +76,7 @@ def _values_of(dataset: Any, path: Path) -> npt.NDArray[Any]:
     _require_held(dataset.nbytes, dataset, path)
     offset = dataset.id.get_offset() if dataset.chunks is None else None
     if offset is None or not dataset.nbytes:
-        return np.asarray(dataset[...])
+        return load_array(dataset)
     return np.memmap(path, dtype=dataset.dtype, mode="r", offset=offset, shape=dataset.shape)
 
 

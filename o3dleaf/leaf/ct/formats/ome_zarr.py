@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources.scratch import load_array
 from o3dleaf.core.units import METERS
 from o3dleaf.leaf.ct.formats.stated import VOXELS, Stated, VoxelLayout, import_extra, only_array, reading, require_only
 
@@ -41,7 +42,7 @@ def read(path: Path, layout: VoxelLayout) -> tuple[npt.NDArray[Any], Stated]:
     array, stated = open_array(path, layout)
     with reading(path, "Zarr"):
         _require_held(array.nbytes, array, path)
-        return np.asarray(array[...]).reshape(array.shape[-3:]), stated
+        return load_array(array).reshape(array.shape[-3:]), stated
 
 
 def open_array(path: Path, layout: VoxelLayout) -> tuple[Any, Stated]:

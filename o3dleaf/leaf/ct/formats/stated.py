@@ -162,6 +162,12 @@ class TurnedVoxels:
         """Type of the numbers."""
         return self.array.dtype
 
+    def close(self) -> None:
+        """Close the file of an HDF5 dataset; others are open only while they are read."""
+        file: Any = getattr(self.array, "file", None)
+        if hasattr(file, "close"):
+            file.close()
+
     def __getitem__(self, where: tuple[slice, ...]) -> npt.NDArray[Any]:
         stored = tuple(where["xyz".index(axis)] for axis in self.axes)
         try:

@@ -1,0 +1,62 @@
+"""Numbers that lie in a temporary file, mapped, where memory would hold too little beside them."""
+
+import math
+import tempfile
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.atomic_files import claim
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.core.resources.budget import usable_memory
+from o3dleaf.core.resources.machine import release_pages
+from o3dleaf.core.resources.needs import SMALL
+
+SHARE = 0.25
+"""Of the memory that may be used, which they may take."""
+PART = 1 << 26
+"""Bytes that are copied at once, about."""
+
+
+def is_held(size: float) -> bool:
+    """Return whether so many bytes lie in memory, and not in a file."""
+    room = None if size <= SMALL else usable_memory()
+    return room is None or size <= SHARE * room.free
+
+
+def scratch_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+    """Return an array to be filled: in memory, or in a file of the temporary folder, which goes with it.
+
+    Raises
+    ------
+    O3DLeafError
+        If it is to lie in a file, and the disk has no room.
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    if is_held(size):
+        return np.empty(shape, dtype)
+    try:
+        with tempfile.TemporaryFile(prefix="o3dleaf-") as file:
+            claim(file, size)
+            file.truncate(size)
+            return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
+    except OSError as cause:
+        raise O3DLeafError(
+            f"memory: {1e-9 * size:.3g} GB are to lie on the disk, and find no place in {tempfile.gettempdir()} "
+            f"({cause.strerror}); set TMPDIR to a folder of a larger disk, or state more memory (--memory)"
+        ) from cause
+
+
+def load_array(stored: Any) -> npt.NDArray[Any]:
+    """Return a copy of an array that is read by slices: in memory, or part by part in a file, as `scratch_array`."""
+    size = math.prod(stored.shape) * stored.dtype.itemsize
+    if is_held(size):
+        return np.asarray(stored[...])
+    array = scratch_array(stored.shape, stored.dtype)
+    chunk = (getattr(stored, "chunks", None) or (1,))[0]
+    rows = chunk * max(1, int(PART * len(array) // (size * chunk)))
+    for first in range(0, len(array), rows):
+        array[first : first + rows] = stored[first : first + rows]
+        release_pages(array)
+    return array

@@ -1,0 +1,140 @@
+"""A narrow band of a lattice's tiles around a level: those near it as they are, larger ones where all is on one side.
+
+A tile is *far* from the level if all voxels around it, as far as its ball reaches and two more, lie on one side of it,
+and farther from it than a part of their own range: what smooths or interpolates such voxels does not cross the level
+there. A fit that averages over voxels is shown averages over no more of them: noise that it takes away does not count.
+Far tiles are merged, 2 by 2 along each axis, as long as that holds for the larger ball, so that their number grows with
+the band and not with the volume.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resources.machine import release_pages
+from o3dleaf.fitting.rbf.tail import IntArray
+
+BoolArray = npt.NDArray[np.bool_]
+
+RESERVE = 0.25
+"""Part of their range that voxels keep from the level. A spline of r³ goes beyond noise no farther than the noise
+itself does, and beyond a step by a tenth of it, next to the step alone."""
+GUARD = 2
+"""Voxels beyond a ball that are looked at as well: the surface is less than one from a voxel on the other side, and the
+edge of a lattice as fine as the voxels ends one farther."""
+MOST = 3
+"""Voxels along each axis that are averaged at most: what that moves stays within the guard."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeBand:
+    """Which tiles of a lattice are far from a level.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        Voxels along each axis.
+    tile : (d,) int64 ndarray
+        Voxels of a tile along each axis.
+    reach : (d,) int64 ndarray
+        Voxels beyond a tile in which its ball, or one of its neighbors', contains any.
+    far : ndarray of bool
+        By tile along each axis.
+    """
+
+    shape: tuple[int, ...]
+    tile: IntArray
+    reach: IntArray
+    far: BoolArray
+
+    @classmethod
+    def of(
+        cls, data: npt.NDArray[Any], level: float, tile: IntArray, reach: IntArray, averaged: float = 1.0
+    ) -> "LatticeBand":
+        """Look at the voxels, a layer of tiles at a time, as they lie in memory or in a file.
+
+        `averaged` is how many voxels what is fitted to them averages over, 1 for an interpolant.
+        """
+        order = np.argsort(data.strides)[::-1]
+        lies, sides, around = data.transpose(order), tile[order].tolist(), (reach[order] + GUARD).tolist()
+        window, windows = int(np.clip(averaged ** (1 / data.ndim) + 1e-9, 1, MOST)), []
+        for size, side, more in zip(lies.shape, sides, around, strict=True):
+            starts, before = np.minimum(np.arange(0, size, side), size - side).tolist(), more + window - 1
+            windows.append([slice(max(first - before, 0), first + side + more) for first in starts])
+        far = np.empty([len(each) for each in windows], dtype=bool)
+
+        def look(first: int, last: int) -> None:
+            for layer in range(first, last):
+                rows = windows[0][layer]
+                part = _averages(lies[rows.start : rows.stop + window - 1], window)
+                low, high = (_extremes(extreme, part, windows[1:]) - level for extreme in (np.minimum, np.maximum))
+                reserve = RESERVE * (high - low)
+                far[layer] = (low > reserve) | (-high > reserve)
+            release_pages(data)
+
+        run_blocks(look, len(far), 1)
+        return cls(data.shape, tile, reach, np.ascontiguousarray(far.transpose(np.argsort(order))))
+
+    def balls(self) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return starts (M, d) and levels (M,) of tiles that cover the lattice, and which of them are far."""
+        dimension, whole = len(self.shape), np.array(self.shape) // self.tile
+        merged = np.zeros(self.far.shape, dtype=bool)
+        table = np.pad(~self.far, [(1, 0)] * dimension).astype(np.int64)
+        for axis in range(dimension):
+            np.cumsum(table, axis=axis, out=table)
+        starts, levels = [], []
+        for level in range(int(np.log2(whole.min())) if whole.all() else 0, 0, -1):
+            side = 1 << level
+            # The ball reaches so much farther beyond; what its outermost tiles have looked at counts.
+            margin = -(-(side - 1) * (self.reach + 1) // self.tile)
+            places = np.argwhere(np.ones(whole >> level, dtype=bool)) << level
+            low, high = np.maximum(places - margin, 0), np.minimum(places + side + margin, self.far.shape)
+            free = ~merged[tuple(places.T)] & (_sums(table, low, high) == 0)
+            inside = np.array(list(product(range(side), repeat=dimension)))
+            merged[tuple((places[free, np.newaxis] + inside).reshape(-1, dimension).T)] = True
+            starts.append(places[free] * self.tile)
+            levels.append(np.full(len(starts[-1]), level))
+        left = np.argwhere(~merged)
+        starts.append(np.minimum(left * self.tile, np.array(self.shape) - self.tile))
+        levels.append(np.zeros(len(left), dtype=np.int64))
+        bare = np.concatenate([np.ones(sum(map(len, levels[:-1])), dtype=bool), self.far[~merged]])
+        return np.concatenate(starts), np.concatenate(levels), bare
+
+
+def _averages(part: npt.NDArray[Any], window: int) -> npt.NDArray[Any]:
+    """Return the averages over all boxes of so many voxels along each axis, or of all where there are fewer."""
+    if window == 1:
+        return part
+    sums = part.astype(np.result_type(part.dtype, np.float32))
+    for axis, size in enumerate(part.shape):
+        width = min(window, size)
+        rows = np.moveaxis(sums, axis, 0)
+        total = rows[: size - width + 1].copy()
+        for first in range(1, width):
+            total += rows[first : size - width + 1 + first]
+        total /= width
+        sums = np.moveaxis(total, 0, axis)
+    return sums
+
+
+def _extremes(extreme: np.ufunc, part: npt.NDArray[Any], windows: list[list[slice]]) -> FloatArray:
+    """Return the least or largest value of a layer in the windows of its tiles along the other axes."""
+    reduced = extreme.reduce(part, axis=0)
+    for axis, each in enumerate(windows):
+        rows = np.moveaxis(reduced, axis, 0)
+        reduced = np.stack([extreme.reduce(rows[window], axis=0) for window in each], axis=axis)
+    return np.asarray(reduced, dtype=np.float64)
+
+
+def _sums(table: IntArray, low: IntArray, high: IntArray) -> IntArray:
+    """Return the sums over boxes, from `low` to before `high` (n, d), by the table of those from the first tile."""
+    total = np.zeros(len(low), dtype=np.int64)
+    for corner in product((0, 1), repeat=low.shape[1]):
+        sign = (-1) ** (low.shape[1] - sum(corner))
+        total += sign * table[tuple(np.where(np.array(corner) == 1, high, low).T)]
+    return total

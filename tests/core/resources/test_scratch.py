@@ -1,0 +1,63 @@
+"""Numbers in a temporary file are those in memory, and take none of it."""
+
+import tempfile
+
+import numpy as np
+import pytest
+
+from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.core.resources import machine, scratch
+from o3dleaf.core.resources.budget import memory_limit
+
+
+class Stored:
+    """An array that is read by slices, and notes how much at once."""
+
+    chunks = (3, 5, 7)
+
+    def __init__(self, values):
+        self.values, self.shape, self.dtype, self.most = values, values.shape, values.dtype, 0
+
+    def __getitem__(self, where):
+        part = self.values[where]
+        self.most = max(self.most, part.nbytes)
+        return part
+
+
+def test_what_takes_too_much_of_the_memory_lies_in_a_file_that_nobody_sees(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with memory_limit(machine.resident() + 400_000_000):
+        assert scratch.is_held(90_000_000)
+        assert not scratch.is_held(120_000_000)
+        few, many = (scratch.scratch_array((count,)) for count in (1000, 15_000_000))
+    assert few.base is None
+    assert isinstance(many.base, np.memmap)
+    assert not list(tmp_path.iterdir())
+    many[:] = 3.0
+    machine.release_pages(many)
+    assert many[0] == many[-1] == 3.0
+
+
+@pytest.mark.parametrize("dtype", ["<u2", ">i4", "f4"])
+def test_an_array_is_loaded_part_by_part(monkeypatch, dtype):
+    values = np.random.default_rng(0).integers(0, 1000, (40, 30, 20)).astype(dtype)
+    held, mapped = Stored(values), Stored(values)
+    np.testing.assert_array_equal(scratch.load_array(held), values)
+    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "PART", 1 << 13)
+    found = scratch.load_array(mapped)
+    np.testing.assert_array_equal(found, values)
+    assert found.dtype == values.dtype
+    assert isinstance(found.base, np.memmap)
+    assert held.most == values.nbytes
+    assert mapped.most <= max(1 << 13, 3 * values[0].nbytes)
+
+
+def test_a_full_disk_is_named(monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "claim", full)
+    with pytest.raises(O3DLeafError, match="TMPDIR"):
+        scratch.scratch_array((10,))
