@@ -165,7 +165,7 @@ class Placement:
             rows = np.flatnonzero(shifts == shift)
             if len(rows):
                 on_rim = np.searchsorted(other.own_rim, self.rim_names_in(other, shift, rows))
-                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + on_rim]
+                numbers[vertices + len(beyond) + self.rim_own + rows] = given[len(other.tile.edges) + on_rim]
         return numbers
 
     @cached_property

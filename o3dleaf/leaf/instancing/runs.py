@@ -64,9 +64,7 @@ def find_runs(inside: BoolArray) -> tuple[IntArray, IntArray]:
     return counts, begin
 
 
-def solidify(
-    shape: tuple[int, int, int], counts: IntArray, begin: IntArray, alike: IntArray | None = None
-) -> Runs:
+def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray, alike: IntArray | None = None) -> Runs:
     """Return the labels of a period: the largest component of solid, voids in it filled, the air above and below.
 
     Parameters

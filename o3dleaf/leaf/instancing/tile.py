@@ -257,9 +257,7 @@ def _march_slab(
     needed = np.zeros(labels.shape, dtype=bool)
     mark_crossed(method, inside, needed)
     points = np.argwhere(needed)
-    samples = field(
-        lattice.positions(_first_points(i[points[:, 0]] * ny + j[points[:, 1]], points[:, 2], ny, alike))
-    )
+    samples = field(lattice.positions(_first_points(i[points[:, 0]] * ny + j[points[:, 1]], points[:, 2], ny, alike)))
     values = np.ones(labels.shape)
     # What was filled or removed has the other sign: its size is what places the vertices beside it.
     values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)

@@ -57,7 +57,7 @@ class MatchingBorders:
 
     def columns(self, columns: IntArray) -> IntArray:
         """Return the first column like each one: on a corner, on a border, or itself inside a tile."""
-        (p, q), (i, j) = self._places(columns)
+        i, j = self._places(columns)[1]
         on_along, on_across = j == 0, i == 0
         return self._first(columns, np.where(on_along & on_across, 3, np.where(on_along, 1, np.where(on_across, 2, 0))))
 
@@ -68,11 +68,8 @@ class MatchingBorders:
         in_along = (j == 0) & (edges & ACROSS == 0)
         in_across = (i == 0) & (edges & ALONG == 0)
         # An upright edge over a corner lies in both.
-        kind = np.where(in_along & in_across, self._kind(i, j), np.where(in_along, 1, np.where(in_across, 2, 0)))
+        kind = np.where(in_along & in_across, 3, np.where(in_along, 1, np.where(in_across, 2, 0)))
         return np.asarray(self._first(columns, kind) * 8 * self.height + rest)
-
-    def _kind(self, i: IntArray, j: IntArray) -> IntArray:
-        return np.where((i == 0) & (j == 0), 3, np.where(j == 0, 1, 2))
 
     def _places(self, columns: IntArray) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
         """Return the tile that each column lies in, and where in it."""

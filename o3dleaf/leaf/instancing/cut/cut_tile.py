@@ -23,7 +23,6 @@ from o3dleaf.leaf.instancing.placement import NO_NODES, Placement, renumber, she
 from o3dleaf.leaf.instancing.rim_loops import TileVertices, use_by_cells
 from o3dleaf.leaf.instancing.tile import Tile
 
-
 NONE = np.empty(0, dtype=np.int64)
 
 
