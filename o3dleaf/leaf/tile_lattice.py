@@ -8,7 +8,7 @@ from o3dleaf.core.checks import require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
 from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
-from o3dleaf.leaf.texture.corners import KINDS, TORUS, kinds_of, torus_color
+from o3dleaf.leaf.texture.corners import KINDS, TORUS, Coloring, kinds_of, torus_color
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
@@ -57,9 +57,14 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     borders, scale, torus = MatchingBorders((nx, ny), nz, TORUS), leaf.scale, texture.torus
     whole = extract_tile(lambda flat: torus(flat * scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
     parts = split_torus(whole, (nx, ny))
-    kinds = {int(kinds_of(torus_color, np.array(p), np.array(q))): part for (p, q), part in parts.items()}
-    tiles = TileSet(tuple(kinds[kind] for kind in range(KINDS)), lambda place: int(texture.kinds(place)[0]))
-    return whole, tiles, 1
+    kinds = {_kind(torus_color, place): part for place, part in parts.items()}
+    color = texture.local.color
+    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), lambda place: _kind(color, place)), 1
+
+
+def _kind(color: Coloring, place: tuple[int, int]) -> int:
+    """Return the Wang tile that lies in one place."""
+    return int(kinds_of(color, *(np.array(number) for number in place)))
 
 
 def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> TileLattice:

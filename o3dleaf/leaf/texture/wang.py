@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.checks import FloatArray, as_floats, require_one_column
+from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_one_column
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
@@ -135,9 +135,17 @@ class WangField(LayerField):
 
         The bits of a tile's number are the colors of its corners: its lower corner, the next one along, the one across,
         and the one across from it.
+
+        Raises
+        ------
+        InputError
+            If the places are no whole numbers.
         """
-        p, q = np.asarray(places, dtype=np.int64).reshape(-1, 2).T
-        return kinds_of(self.local.color, p, q)
+        given = as_points(places, "places", dim=2)
+        whole = given.astype(np.int64)
+        if np.any(whole != given):
+            raise InputError("places: are no whole numbers; give the numbers of tiles along and across")
+        return kinds_of(self.local.color, whole[:, 0], whole[:, 1])
 
     def tile_key(self, p: int) -> Hashable:
         """Return another key for every p: no row of tiles is like another."""
