@@ -1,11 +1,11 @@
-"""Draw the seams of a patch whose width holds no whole number of ridges: tiled plainly, and with period="best".
+"""Draw the seams of a patch whose width holds no whole number of ridges: tiled plainly, by the best period, laid.
 
     python scripts/draw_seams.py [--ridges 5.5] [--seed 1] [--spacing 16] [-o docs/images]
 
 The patch is synthetic (`o3dleaf.samples.wheat_ct`, 1.68 mm at 24 µm, with noise and drift), fitted as
-`create_texture` does. Both tilings are meshed around a corner where four tiles meet and drawn with the
-same camera, the adaxial side up; ridges run from left to right, a seam along them through the middle.
-Both seam energies are printed: of the faces that meet, by the same measure.
+`create_texture` does. Both tilings, and sixteen Wang tiles of it, are meshed around a corner where four tiles meet and
+drawn with the same camera, the adaxial side up; ridges run from left to right, a seam along them through the middle.
+The seam energies are printed: of the faces that meet, or of the cuts, by the same measure.
 """
 
 import argparse
@@ -24,9 +24,13 @@ PIECE = (3000.0, 2000.0)
 SIZE = (900, 540)
 
 
+def tile_of(laid):
+    return getattr(laid, "tile", laid.period)
+
+
 def draw(tiled, spacing, title, path):
     # Around a corner where four tiles meet.
-    centre, half, depth = tiled.offset + tiled.tile, 0.5 * np.array(PIECE), tiled.cell[:, 2]
+    centre, half, depth = tiled.cell[0, :2] + tile_of(tiled), 0.5 * np.array(PIECE), tiled.cell[:, 2]
     box = np.array([[*(centre - half), depth[0] - spacing], [*(centre + half), depth[1] + spacing]])
     mesh = o3l.extract_isosurface(tiled, spacing, box)
     o3l.view.render(mesh, path, size=SIZE, unit=tiled.unit, title=title, view=FROM_ABOVE)
@@ -47,15 +51,20 @@ def main():
     start = time.perf_counter()
     best = o3l.TiledField(plain.field, "best")
     seconds = time.perf_counter() - start
+    middle = time.perf_counter()
+    wang = o3l.WangField(plain.field, seed=options.seed)
+    cutting = time.perf_counter() - middle
     pitch = float(np.diff(truth.bounds[:, 1])[0]) / truth.ridges
     print(f"{'seam energy':>14}{'along':>10}{'across':>10}{'total':>10}   tile, µm")
-    for name, tiled in (("plain", plain), ("best", best)):
-        energy, tile = tiled.seam_energy(), tiled.tile
+    for name, tiled in (("plain", plain), ("best", best), ("wang", wang)):
+        energy, tile = tiled.seam_energy(), tile_of(tiled)
         print(f"{name:>14}{energy.along:>10.4f}{energy.across:>10.4f}{energy.total:>10.4f}", end="   ")
         print(f"{tile[0]:.1f} × {tile[1]:.1f}, {tile[1] / pitch:.3f} ridges")
     print(f"best / plain {best.seam_energy().total / plain.seam_energy().total:.3f}; searched in {seconds:.2f} s")
-    for name, word, tiled in (("plain", "Plain tiling", plain), ("best", 'period="best"', best)):
-        title = f"{word}: {tiled.tile[1] / pitch:.2f} ridges a tile"
+    print(f"wang / plain {wang.seam_energy().total / plain.seam_energy().total:.3f}; cut in {cutting:.2f} s")
+    laid = (("plain", "Plain tiling", plain), ("best", 'period="best"', best), ("wang", "Wang tiles", wang))
+    for name, word, tiled in laid:
+        title = f"{word}: {tile_of(tiled)[1] / pitch:.2f} ridges a tile"
         draw(tiled, options.spacing, title, options.output / f"seams_{name}.png")
 
 

@@ -370,6 +370,13 @@ EFFICIENCY_TWIN = 1e-12
 PERIODIC = 1e-9
 """Issue 4's own number, for values of order 1: a fold by many periods costs digits of z − s; found 1.3e-13."""
 
+BORDER = 1e-9
+"""Of the largest derivative: weights of the same nodes, one cell on, and places off by rounding over a step."""
+INDEPENDENT_TILES = 0.25
+"""Of a variance. Tiles drawn independently are alike one time in sixteen, edges one in four, corners one in two; strips
+are a third of a tile: 1/16 · 2/3 + 1/4 · 1/4 + 1/2 · 1/12 is 0.15, and 400 places leave 0.05 to chance. One tile that
+repeats has 1."""
+
 FADE_TWIN = 1e-12
 """Windows and copies summed in another order: found 5e-15."""
 

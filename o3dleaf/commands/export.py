@@ -185,9 +185,10 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.leaf.multiscale import MultiscaleLeaf
         from o3dleaf.leaf.texture.patches import PatchBlend
         from o3dleaf.leaf.texture.tiling import TiledField
+        from o3dleaf.leaf.texture.wang import WangField
 
         spacing = require_positive(self.spacing or 0.0, "spacing")
-        if isinstance(model, TiledField | PatchBlend):
+        if isinstance(model, TiledField | PatchBlend | WangField):
             if self.remesh is not None:
                 raise InputError(
                     "remesh: opposite walls of a tile must match; leave it out, or give the model of a leaf"

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
+    from o3dleaf.leaf.texture.wang import WangField
 
 MAX_CHECKED = 3_000_000
 """Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
@@ -168,7 +169,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         return needs
 
     def need_for_mesh(
-        self, scan: "o3d.geometry.PointCloud", patch: "Volume | TiledField | PatchBlend | None"
+        self, scan: "o3d.geometry.PointCloud", patch: "Volume | TiledField | PatchBlend | WangField | None"
     ) -> "list[Need]":
         """Return what the mesh takes at least, where its spacing was given; one that is chosen fits the data."""
         from o3dleaf.core.cloud_arrays import points_of

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
+    from o3dleaf.leaf.texture.wang import WangField
 
 MODEL = "o3dleaf.io.model_file:SUFFIX"
 """Suffix of model files."""
@@ -76,6 +77,7 @@ class CtOptions(TextureOptions):
         require_box(self.ct_crop, "ct-crop")
         as_smoothing(polyharmonic(2, 3), None, self.rho)
         require_tiling(self.period, self.flip, self.shift)
+        self.check_tiles()
 
     def need_for(self, path: Path) -> "list[Need]":
         """Return what the volume of a file takes, to be read and to be fitted; nothing for the texture of a model."""
@@ -100,7 +102,7 @@ class CtOptions(TextureOptions):
         """What was said of the lattice, where the file does not say it."""
         return {"spacing": self.voxel_spacing, "unit": self.ct_unit, "layout": self.ct_layout}
 
-    def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend":
+    def read_patch(self, path: Path) -> "Volume | TiledField | PatchBlend | WangField":
         """Return the volume of a file, or the texture of a model file."""
         from o3dleaf.leaf.saved.models import load_texture
 
@@ -150,7 +152,7 @@ class PatchJob(CtOptions, BlockOption, LongJob):
         """Return what the volume takes, to be read and to be fitted."""
         return self.need_for(self.volume)
 
-    def work(self) -> "TiledField":
+    def work(self) -> "TiledField | WangField":
         """Write the model and the block, and return the texture."""
         from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.leaf.meshing import extract_flat_tile
@@ -166,7 +168,8 @@ class PatchJob(CtOptions, BlockOption, LongJob):
                 write_mesh(extract_flat_tile(texture, 1.0, self.spacing), self.tile_solid)
         return texture
 
-    def line(self, summary: "TiledField") -> str:
-        """Return the size of the tile, and how well its sides match."""
-        tile, energy = summary.tile.tolist(), summary.seam_energy()
-        return f"{self.output}: tile {tile} {summary.unit or ''}, seam energy {energy.total:.3g}"
+    def line(self, summary: "TiledField | WangField") -> str:
+        """Return the size of the tile, or of Wang tiles, and how well they match."""
+        size, energy = getattr(summary, "tile", summary.period).tolist(), summary.seam_energy()
+        what = "16 Wang tiles of" if self.wang else "tile"
+        return f"{self.output}: {what} {size} {summary.unit or ''}, seam energy {energy.total:.3g}"

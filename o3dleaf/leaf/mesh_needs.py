@@ -13,8 +13,10 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.wang import WangField
 
 ASKED = 1000
 """Points whose distance to the next one is asked for."""
@@ -51,12 +53,12 @@ def need_for_sheet(points: FloatArray, spacing: float, region: npt.ArrayLike | N
     return need_of(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=spacing)
 
 
-def need_for_tile(patch: Volume | TiledField | PatchBlend, spacing: float, unit: str) -> Need:
-    """Return what one tile of a volume, or of a texture, takes at least at a spacing in a unit."""
+def need_for_tile(patch: Volume | TiledField | PatchBlend | WangField, spacing: float, unit: str) -> Need:
+    """Return what one tile of a volume, or all tiles of a texture, take at least at a spacing in a unit."""
     if isinstance(patch, Volume):
         area = SHARE * float(np.prod(np.sort(np.array(patch.shape) * patch.spacing)[1:]))
     else:
-        area = float(np.prod(patch.period))
+        area = float(np.prod(patch.period)) * (KINDS if isinstance(patch, WangField) else 1)
     scale = unit_scale(patch.unit, unit) if patch.unit else 1.0
     with np.errstate(over="ignore"):
         count = float(area * np.square(np.float64(scale) / require_positive(spacing, "spacing")))

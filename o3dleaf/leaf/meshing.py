@@ -24,10 +24,11 @@ from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
-from o3dleaf.leaf.instancing.tile import Tile, extract_tile
+from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
-from o3dleaf.leaf.tile_lattice import leaf_lattice, tile_lattice
+from o3dleaf.leaf.tile_lattice import extract_tiles, tile_lattice
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
 from o3dleaf.surface.repair.simplify import simplify_mesh
 
@@ -74,23 +75,21 @@ class MeshPlan:
         box = None if region is None else as_bounds(region, 2, "region")
         self.leaf, self.closed = leaf, closed
         reduce = _reducer(leaf, simplify, remesh_tile)
-        # Only whole tiles are reduced: they are kept small.
-        lattice = leaf_lattice(leaf, spacing, together=reduce is None)
-        one = tile_lattice(leaf.texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
-        self._copies = lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
+        _require_periodic(leaf, closed=closed and not leaf.cuts_edges, remesh_tile=remesh_tile is not None)
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
         with polygonizing:
-            self.tile: Tile = extract_tile(leaf.values, lattice, kind, sharpen=one.shape[:2])
+            # Only whole tiles are reduced: they are kept small.
+            self.tile, tiles, self._copies = extract_tiles(leaf, spacing, kind, together=reduce is None)
         with reducing:
-            reduced = None if reduce is None else reduce_tile(self.tile, reduce)
+            reduced = None if reduce is None else [reduce_tile(tile, reduce) for tile in tiles.tiles]
         with counting:
             started = time.perf_counter()
-            plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+            plane = np.array(tiles.lattice.origin[:2]), np.array(tiles.lattice.spacing[:2])
             self.outline, cut = leaf.edge_curve(closed=closed), leaf.cuts_edges
             if box is not None and (closed or cut):
                 self.outline, box = shapely.box(*box.ravel()) & self.outline, None
             area = footprint(sides_of(self.outline), *plane, box)
-            self.assembly = Assembly(self.tile, area, closed=closed, cut=cut, reduced=reduced)
+            self.assembly = Assembly(tiles, area, closed=closed, cut=cut, reduced=reduced)
             self._counting = time.perf_counter() - started
 
     def __repr__(self) -> str:
@@ -115,12 +114,12 @@ class MeshPlan:
 
     @property
     def voids(self) -> int:
-        """Pockets of air filled in every tile."""
+        """Pockets of air filled in every tile, of Wang tiles in all of the set."""
         return self.tile.runs.voids // self._copies
 
     @property
     def islands(self) -> int:
-        """Islands removed beside every tile."""
+        """Islands removed beside every tile, of Wang tiles beside all of the set."""
         return self.tile.runs.islands // self._copies
 
     @property
@@ -166,6 +165,7 @@ class MeshPlan:
             self.assembly.emit(arrays, blade.lift)
             return self._labelled(arrays)
         edge = require_positive(remesh, "remesh")
+        _require_periodic(self.leaf, remesh=True)
         emitting, remeshing = progress.split(1, 20)
         with emitting:
             self.assembly.emit(arrays, lambda flat: flat)
@@ -217,6 +217,19 @@ def require_reduction(simplify: float | None, remesh_tile: float | None) -> None
         require_positive(remesh_tile, "remesh_tile")
 
 
+def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
+    """Raise `InputError` for what one periodic tile is needed for, where there are Wang tiles."""
+    cures = {
+        "closed": "give frame 'surface'",
+        "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
+        "remesh_tile": "leave it out, or give simplify",
+    }
+    wanted = [name for name, wished in wishes.items() if wished]
+    if wanted and isinstance(leaf.texture, WangField):
+        what = "closed: a solid of frame 'paper'" if wanted[0] == "closed" else f"{wanted[0]}: the surface of a leaf"
+        raise InputError(f"{what} is made of one periodic tile, not of Wang tiles; {cures[wanted[0]]}")
+
+
 def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
     """Return the function that simplifies a tile to a share of its triangles, or remeshes it to an edge length."""
     require_reduction(simplify, remesh_tile)
@@ -238,8 +251,10 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str 
     """Return one flat period of a texture as a closed block, in lengths of `scale` of the texture's unit each.
 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
+    Of Wang tiles it is the torus of 4 × 4 on which each of them lies once.
     """
-    lattice = tile_lattice(texture, scale, spacing)
-    tile = extract_tile(lambda flat: texture(flat * scale), lattice, sharpen=lattice.shape[:2])
+    periodic = texture.torus if isinstance(texture, WangField) else texture
+    lattice = tile_lattice(periodic, scale, spacing)
+    tile = extract_tile(lambda flat: periodic(flat * scale), lattice, sharpen=lattice.shape[:2])
     vertices, triangles, labels = extract_block(tile)
     return LabelledMesh(build_mesh(vertices, triangles), labels, unit=unit)

@@ -38,7 +38,7 @@ class MultiscaleLeaf(MeasuredLeaf):
 
     Attributes
     ----------
-    texture : TiledField or PatchBlend
+    texture : TiledField, PatchBlend or WangField
     blade : Blade
         A `HeightMapBlade` of the frame, the height_map, the outline and the offset, or the blade that it was given.
     scale : float
@@ -186,7 +186,8 @@ class MultiscaleLeaf(MeasuredLeaf):
     def extract_tile(self, spacing: Positive) -> LabelledMesh:
         """Return one flat period of the micro-structure as a closed block, in the scan's unit, for cyclic boundaries.
 
-        Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift.
+        Coordinates are (along, across, height above the blade); opposite walls are alike but for the shift. Of Wang
+        tiles it is the torus of 4 × 4 on which each of them lies once.
         """
         return extract_flat_tile(self.texture, self.scale, spacing, self.unit)
 

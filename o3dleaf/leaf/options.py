@@ -7,11 +7,12 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.arguments.kinds import Count, Finite, NotNegative, Positive, SmoothingValue
+from o3dleaf.core.arguments.kinds import Count, Finite, NotNegative, Positive, SmoothingValue, Whole
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import number_or_word, option, words_of
 
+TILES = ("periodic", "wang")
 FRAMES = ("surface", "paper")
 OF_FRAME = {
     "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "rim_radius"),
@@ -122,7 +123,25 @@ class TextureOptions:
     flip : {"along", "across", "both"}, optional
     shift : float
         Mirrored tiles, and rows of tiles that are shifted along by this share of a tile; see `TiledField`.
+    tiles : {"periodic", "wang"}
+        One tile that repeats, or sixteen cut out of the patch that never do; see `WangField`. Their size is `period`.
+    seed : int
+        Of Wang tiles: which ones, and where they lie.
     """
+
+    def check_tiles(self) -> None:
+        """Refuse what tiles of the other kind alone can have.
+
+        Raises
+        ------
+        InputError
+        """
+        if require_choice(self.tiles, TILES, "tiles") == "periodic":
+            return
+        wrong = {"flip": self.flip is not None, "shift": self.shift != 0, "period": isinstance(self.period, str)}
+        for name in (name for name, given in wrong.items() if given):
+            value = getattr(self, name)
+            raise InputError(f"{name}: is {value!r}, which is for one tile that repeats, not Wang tiles; leave it out")
 
     level: Finite | str = option(
         "mixture",
@@ -149,3 +168,16 @@ class TextureOptions:
     )
     flip: str | None = option(None, "Mirror every second tile: along, across or both.", **OF_VOLUME)
     shift: Finite = option(0.0, "Shift each row of tiles along by this share of a tile, like bricks.", **OF_VOLUME)
+    tiles: str = option(
+        "periodic",
+        "One 'periodic' tile, or 'wang': sixteen cut out of the patch and laid without repetition.",
+        choices=TILES,
+        **OF_VOLUME,
+        unless=("saved_leaf",),
+    )
+    seed: Whole = option(0, "Of Wang tiles: which ones, and where they lie.", needs=("wang",))
+
+    @property
+    def wang(self) -> bool:
+        """Whether --tiles is 'wang'."""
+        return self.tiles == "wang"

@@ -31,6 +31,7 @@ from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.preprocess import remove_faults
 
@@ -93,8 +94,8 @@ def create_blade(
 
 
 @checked
-def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> TiledField:
-    """Build the tiled micro-structure from a micro-CT volume (paper, sections 2.5 and 2.6).
+def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> TiledField | WangField:
+    """Build the micro-structure, of one tile or of Wang tiles, from a micro-CT volume (paper, sections 2.5 and 2.6).
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
     return _begin_texture(volume, options or TextureOptions())()
 
 
-def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], TiledField]:
+def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], TiledField | WangField]:
     """Refuse a volume that holds no patch of a blade, and return what fits one that does."""
     _require_size(float(np.max(np.ptp(volume.bounds, axis=0))), volume.unit, PATCH_WIDTH_MM, "volume", "patch")
     # The threshold lies between air and leaf; the blade is turned into the plane.
@@ -123,7 +124,9 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
             text = f"volume: {cut}, and end abruptly in every tile"
             journal.note(text) if journal.open_journal() else warnings.warn(text, DataWarning, stacklevel=4)
 
-    def fit() -> TiledField:
+    options.check_tiles()
+
+    def fit() -> TiledField | WangField:
         # A smoothed implicit interpolant F(z) = f_surface on the voxels.
         with stage("fit micro-scale interpolant"):
             field = PUInterpolant.fit_lattice(
@@ -138,8 +141,10 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
                 bounds=box,
             )
         # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best
-        # period.
+        # period; or tiles cut out of it.
         with stage("tile"):
+            if options.tiles == "wang":
+                return WangField(field, options.period, seed=options.seed)
             return TiledField(field, options.period, flip=options.flip, shift=options.shift)
 
     return fit
@@ -165,7 +170,7 @@ def need_for_blade(points: int) -> Need:
 @checked
 def create_multiscale_leaf(
     scan: CloudLike,
-    volume: Volume | TiledField | PatchBlend,
+    volume: Volume | TiledField | PatchBlend | WangField,
     midrib: CloudLike | None = None,
     *,
     unit: Unit = "mm",
@@ -178,7 +183,7 @@ def create_multiscale_leaf(
     ----------
     scan, midrib, unit
         As in `create_blade`.
-    volume : Volume, TiledField or PatchBlend
+    volume : Volume, TiledField, PatchBlend or WangField
         The micro-CT patch, or a texture made before.
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.

@@ -12,12 +12,13 @@ from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.wang import WangField
 
 BATCH_SIZE = 1 << 17
 """Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
-Texture: TypeAlias = TiledField | PatchBlend
-"""A field over the plane that repeats, in its own unit of length."""
+Texture: TypeAlias = TiledField | PatchBlend | WangField
+"""A field over the plane that repeats, or that is laid of tiles, in its own unit of length."""
 
 
 class TexturedBlade:
@@ -30,7 +31,7 @@ class TexturedBlade:
 
     Attributes
     ----------
-    texture : TiledField or PatchBlend
+    texture : TiledField, PatchBlend or WangField
     blade : Blade
     scale : float
         Factor from the blade's unit to the texture's.
@@ -80,7 +81,7 @@ class TexturedBlade:
 
     @property
     def is_one_tile(self) -> bool:
-        """True where all tiles over the blade are alike, False where several patches are blended along it."""
+        """True where all tiles over the blade are alike, False where several patches are blended along it, or laid."""
         return len({self.texture.tile_key(p) for p in self.tile_rows}) == 1
 
     @property

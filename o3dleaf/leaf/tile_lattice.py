@@ -1,10 +1,15 @@
-"""The lattices on which the texture of a blade is sampled: they divide its period."""
+"""The lattices on which the texture of a blade is sampled, which divide its period, and the tiles made on them."""
+
+from dataclasses import replace
 
 import numpy as np
 
 from o3dleaf.core.checks import require_positive
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.leaf.instancing.tile import TileLattice, require_columns
+from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
+from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
+from o3dleaf.leaf.texture.corners import KINDS, TORUS, Coloring, kinds_of, torus_color
+from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16
@@ -33,7 +38,36 @@ def leaf_lattice(leaf: TexturedBlade, spacing: float, *, together: bool = False)
     return TileLattice(origin, lattice.spacing, (nx * len(rows), ny * across, nz))
 
 
-def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
+def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together: bool) -> tuple[Tile, TileSet, int]:
+    """Polygonize what is set down over a blade: return all of it, as tiles, and how many copies of a period that is.
+
+    Wang tiles are polygonized on a torus on which each of them lies once, so that what hangs together hangs together
+    over their borders, and then parted.
+    """
+    texture = leaf.texture
+    if not isinstance(texture, WangField):
+        lattice = leaf_lattice(leaf, spacing, together=together)
+        one = tile_lattice(texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
+        tile = extract_tile(leaf.values, lattice, method, sharpen=one.shape[:2])
+        return tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
+    one = tile_lattice(texture, leaf.scale, spacing)
+    (nx, ny, nz), (p, q) = one.shape, TORUS.shape
+    require_columns(float(nx * ny * KINDS), spacing)
+    lattice = replace(one, shape=(nx * p, ny * q, nz))
+    borders, scale, torus = MatchingBorders((nx, ny), nz, TORUS), leaf.scale, texture.torus
+    whole = extract_tile(lambda flat: torus(flat * scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
+    parts = split_torus(whole, (nx, ny))
+    kinds = {_kind(torus_color, place): part for place, part in parts.items()}
+    color = texture.local.color
+    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), lambda place: _kind(color, place)), 1
+
+
+def _kind(color: Coloring, place: tuple[int, int]) -> int:
+    """Return the Wang tile that lies in one place."""
+    return int(kinds_of(color, *(np.array(number) for number in place)))
+
+
+def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> TileLattice:
     """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
 
     The texture lies within the layers but for the first and the last one.
@@ -58,7 +92,7 @@ def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
 
 
-def _require_air(texture: Texture) -> None:
+def _require_air(texture: Texture | WangTorus) -> None:
     """Raise `ReconstructionError` where the blade itself is cut by the bottom or the top of its patch."""
     places = (np.arange(PROBES) + 0.5) / PROBES
     plane = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * texture.period

@@ -119,6 +119,7 @@ def company_of(command: str, name: str) -> tuple[tuple[str, Any], ...]:
     needed |= {"tile_solid": ("tile_solid", "tile.ply"), "saved_model": ("source", "good.o3l")}
     needed |= {"stored": ("source", "good.o3l"), "grid": ("grid", "grid.vti"), "around": ("around", (0.0, 0.0, 0.0))}
     needed |= {"distance_grid": ("what", "distance"), "volume_file": ("file", "good.tif")}
+    needed |= {"wang": ("tiles", "wang")}
     needed |= {"volume": ("ct", "good.tif")} if command in {"leaf", "figures"} else {}
     found = [needed[each] for each in known.needs if each in needed and needed[each][0] in options_of(JOBS[command])]
     return tuple(found[:1]) + ((("ct", "good.tif"),) if ("grid", "grid.vti") in found else ())
@@ -169,6 +170,7 @@ def good_value(command: str, name: str, known: Option) -> Any:
     words |= {"grid_of": "mask", "ct_unit": "um", "scan_unit": "cm", "unit": "mm", "scalar": ("curvature",)}
     words |= {"bounds": (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "consumer": "gmsh", "what": "distance", "samples": "new"}
     words |= dict.fromkeys(("crop", "ct_crop"), "0 0 0 1 1 1")
+    words |= {"tiles": "wang", "seed": 5}
     if name in words:
         return words[name]
     if get_type_hints(JOBS[command])[name] is bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -148,6 +148,7 @@ def _fields() -> dict[str, Door]:
         ("RBFInterpolant", lambda w: w.rbf, QUERIES),
         ("TiledField", lambda w: w.texture, QUERIES),
         ("PatchBlend", patch_blend, QUERIES),
+        ("WangField", wang_tiles, QUERIES),
         ("MultiscaleLeaf", leaf, ON_LEAF),
         ("samples.Sphere", lambda w: samples.Sphere(), QUERIES),
         ("samples.Torus", lambda w: samples.Torus(), QUERIES),
@@ -165,6 +166,12 @@ def _fields() -> dict[str, Door]:
 def patch_blend(w: Any) -> Any:
     """Return a blend of two textures."""
     return o3l.PatchBlend([w.texture, w.texture], [4.0])
+
+
+@cache
+def wang_tiles(w: Any) -> Any:
+    """Return tiles cut out of a patch."""
+    return o3l.WangField(w.texture.field)
 
 
 def on_disk(w: Any) -> Any:
@@ -444,6 +451,8 @@ DOORS: dict[str, Door] = {
         period=VECTOR.like((2.0, 2.0)).later.optional,
         flip=one_of("along").later.optional,
         shift=NUMBER.like(0.0),
+        tiles=one_of("wang").later,
+        seed=WHOLE.like(0),
     ),
     "TiledField": door(
         o3l.TiledField,
@@ -456,6 +465,15 @@ DOORS: dict[str, Door] = {
     ),
     "TiledField.seam_energy": method(lambda w: w.texture, "seam_energy", width=SIZE.like(0.0)),
     "TiledField.save": method(lambda w: w.texture, "save", path=SAVED),
+    "WangField": door(
+        o3l.WangField,
+        fields=OBJECT.like(lambda w: w.texture.field).without("a list"),
+        tile=VECTOR.like((0.8, 0.8)).but("one dimension more").optional,
+        seed=WHOLE.like(0).optional,
+        quilt=OBJECT.like(lambda w: wang_tiles(w).quilt).optional,
+    ),
+    "WangField.kinds": method(wang_tiles, "kinds", places=QUERIES.like(np.array([[0.0, 0.0], [3.0, -4.0]]))),
+    "WangField.save": method(wang_tiles, "save", path=SAVED),
     "Volume": door(
         o3l.Volume,
         data=VALUES.like(lambda w: w.volume.data)

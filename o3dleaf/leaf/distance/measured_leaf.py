@@ -12,6 +12,7 @@ from o3dleaf.leaf.distance.distance import SurfaceIndex
 from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_grid
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 
@@ -34,11 +35,15 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf: it is of one tile.
+            If several patches are blended along the leaf, or it has Wang tiles: it is of one tile.
         """
         return self.solid_index if closed else self.surface_index
 
     def _build_index(self, *, closed: bool) -> SurfaceIndex:
+        if isinstance(self.texture, WangField):
+            raise InputError(
+                "texture: Wang tiles have no single tile to measure to; extract a mesh and use Open3D's RaycastingScene"
+            )
         if not self.is_one_tile:
             raise InputError(
                 "texture: several patches along the leaf have no single tile to measure to; extract a mesh and use "
@@ -65,7 +70,7 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf.
+            If several patches are blended along the leaf, or it has Wang tiles.
         ReconstructionError
             If it is to be closed, and air reaches through the blade.
         """

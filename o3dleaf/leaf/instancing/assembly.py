@@ -1,6 +1,6 @@
 """The whole surface: counted tile by tile first, then made row by row, each vertex and triangle in its place."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import VertexNumbers
 from o3dleaf.leaf.instancing.reduced import ReducedTile
 from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.tile_set import TileSet
 from o3dleaf.leaf.instancing.windows import Place, PlacedRows, TilePlacer, map_in_threads
 from o3dleaf.surface.mesh.topology import label_nodes
 
@@ -76,11 +77,11 @@ class Fragments:
 
 
 class Assembly:
-    """A tile set down all over an outline, welded by index.
+    """A tile, or those of a set, set down all over an outline, welded by index.
 
     Attributes
     ----------
-    tile : Tile
+    tiles : TileSet
     closed : bool
         Whether it is a solid with a rim, or two sheets.
     vertices, triangles : int
@@ -90,19 +91,19 @@ class Assembly:
 
     def __init__(
         self,
-        tile: Tile,
+        tile: Tile | TileSet,
         footprint: Footprint,
         *,
         closed: bool,
         cut: bool = False,
-        reduced: ReducedTile | None = None,
+        reduced: ReducedTile | Sequence[ReducedTile] | None = None,
         keep_fragments: bool = False,
         max_vertices: int = MAX_VERTICES,
     ) -> None:
         """Count what there will be.
 
         Triangles are `cut` along the outline, or open sheets keep whole cells and a solid is marched there;
-        `reduced` stands for the tiles that the outline does not cut.
+        `reduced` stands for the tiles that the outline does not cut; one for each of a set.
 
         Raises
         ------
@@ -111,9 +112,10 @@ class Assembly:
         MemoryBudgetError
             If there are more than `max_vertices`.
         """
-        self.tile, self.footprint, self.closed, self.reduced = tile, footprint, closed, reduced
-        self._placer = TilePlacer(tile, footprint, closed=closed, cut=cut, reduced=reduced)
-        self._whole_rank: npt.NDArray[np.int32] | None = None
+        self.tiles, self.footprint, self.closed = TileSet.of(tile), footprint, closed
+        self.reduced = (reduced,) if isinstance(reduced, ReducedTile) else reduced
+        self._placer = TilePlacer(self.tiles, footprint, closed=closed, cut=cut, reduced=self.reduced)
+        self._whole_rank: dict[int, npt.NDArray[np.int32]] = {}
         self._counts: dict[Place, TileCounts] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for window in self._placer.windows():
@@ -180,12 +182,13 @@ class Assembly:
 
         Those on the rim and inside reduced tiles have none: −1.
         """
-        nx, ny, nz = self.tile.lattice.shape
-        point, direction = self.tile.edges >> 3, self.tile.edges & 7
+        nx, ny, nz = self.tiles.lattice.shape
         names = np.full((self.vertices, 4), -1)
         for window in self._placer.windows():
             for place in window.row:
-                numbers = self._numbers(window.placed[place], place)[: len(self.tile.edges)]
+                tile = window.placed[place].placement.tile
+                point, direction = tile.edges >> 3, tile.edges & 7
+                numbers = self._numbers(window.placed[place], place)[: len(tile.edges)]
                 i, j = place[0] * nx + point // (ny * nz), place[1] * ny + point // nz % ny
                 edges = np.stack([i, j, point % nz, direction], axis=1)
                 names[numbers[numbers >= 0]] = edges[numbers >= 0]
@@ -259,9 +262,10 @@ class Assembly:
         keeps_all = self._keeps_all(place)
         start = self._starts[place][0]
         if placed.placement.is_whole and keeps_all:
-            if self._whole_rank is None:
-                self._whole_rank = _rank(placed.vertex_components >= 0)
-            return VertexNumbers(self._whole_rank, start)
+            kind = self.tiles.kind(place)
+            if kind not in self._whole_rank:
+                self._whole_rank[kind] = _rank(placed.vertex_components >= 0)
+            return VertexNumbers(self._whole_rank[kind], start)
         of_vertex = placed.vertex_components
         present = of_vertex >= 0
         if not keeps_all:

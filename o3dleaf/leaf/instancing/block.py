@@ -32,7 +32,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     if METHODS[tile.method] != "cubes":
         raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
     nx, ny, nz = tile.lattice.shape
-    nodes = np.concatenate([tile.edges, tile.edges[tile.beyond[:, 0]]])
+    nodes = np.concatenate([tile.edges, tile.beyond[:, 0]])
     shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
     nodes = _rename(nodes, tile.lattice.shape, shifts)
     walls = [_wall(tile, axis, far) for axis in range(2) for far in (False, True)]
@@ -41,7 +41,7 @@ def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint
     crossed = names & 7 > 0
     fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], tile.lattice.shape)[0])]
     places = lattice_positions(names, fractions, (nx + 1, ny + 1, nz))
-    sides = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]]])[tile.nodes[:, 0]]
+    sides = np.concatenate([tile.sides, tile.beyond_sides])[tile.nodes[:, 0]]
     labels = np.where(sides == ABOVE, UPPER, LOWER)
     labels = np.concatenate([labels, np.full(sum(map(len, walls)), RIM)]).astype(np.uint8)
     return tile.lattice.positions(places), triangles.reshape(-1, 3), labels

@@ -55,7 +55,7 @@ def find_components(placement: Placement) -> PlacedTile:
 def label_sides(placement: Placement, nodes: Nodes) -> npt.NDArray[np.uint8]:
     """Return the labels of a placement's triangles: `UPPER`, `LOWER` or `RIM`."""
     tile = placement.tile
-    of_node = np.concatenate([tile.sides, tile.sides[tile.beyond[:, 0]], placement.rim_sides])
+    of_node = np.concatenate([tile.sides, tile.beyond_sides, placement.rim_sides])
     if placement.inner is not None:
         # Inside a reduced tile a component faces where its border does.
         of_node = of_node[placement.component_roots()]

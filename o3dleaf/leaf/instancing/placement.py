@@ -158,14 +158,14 @@ class Placement:
         if own_numbers is not None:
             numbers[:vertices] = own_numbers[:vertices]
             numbers[vertices + len(beyond) :][: self.rim_own] = own_numbers[vertices:]
-        names, shifts = self.rim_beyond
+        shifts = self.rim_beyond[1]
         for shift, (other, given) in neighbors.items():
             rows = np.flatnonzero(beyond[:, 1] == shift)
-            numbers[vertices + rows] = given[beyond[rows, 0]]
+            numbers[vertices + rows] = given[np.searchsorted(other.tile.edges, beyond[rows, 0])]
             rows = np.flatnonzero(shifts == shift)
             if len(rows):
-                on_rim = np.searchsorted(other.own_rim, names[rows])
-                numbers[vertices + len(beyond) + self.rim_own + rows] = given[vertices + on_rim]
+                on_rim = np.searchsorted(other.own_rim, self.rim_names_in(other, shift, rows))
+                numbers[vertices + len(beyond) + self.rim_own + rows] = given[len(other.tile.edges) + on_rim]
         return numbers
 
     @cached_property
@@ -177,6 +177,10 @@ class Placement:
     def rim_beyond(self) -> tuple[IntArray, IntArray]:
         """Names, in their own tiles, and shifts of the rim's vertices that are not this tile's."""
         return in_tile(self.rim_names[self.rim_own :], self.tile.lattice.shape)
+
+    def rim_names_in(self, other: "Placement", shift: int, rows: IntArray) -> IntArray:  # noqa: ARG002 - of edges
+        """Return the names, in the placement that owns them, of some of the rim's vertices that are not this tile's."""
+        return self.rim_beyond[0][rows]
 
     def component_roots(self) -> IntArray:
         """Return for every node the first node of its component in this tile."""
@@ -226,7 +230,7 @@ def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Pl
         return None
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_distance(tile.edges, tile.fractions, tile.upward, tile.lattice.shape, distance, used)
-    beyond = tile.beyond[:, 0] * 4 + tile.beyond[:, 1]
+    beyond = tile.beyond_rows * 4 + tile.beyond[:, 1]
     vertices = TileVertices(tile.lattice.shape, tile.edges, tile.fractions, beyond)
     columns = CutColumns(distance, *_cut_columns(tile, inside))
     names, fractions = _rim(tile.method, vertices, columns)
@@ -237,11 +241,11 @@ def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Pl
     kept = inside[:-1, :-1] & inside[1:, :-1] & inside[:-1, 1:] & inside[1:, 1:]
     is_own = in_tile(names, tile.lattice.shape)[1] == 0
     order = np.concatenate([np.flatnonzero(is_own), np.flatnonzero(~is_own)])
-    _renumber(cut, order, len(tile.edges) + len(tile.beyond))
+    renumber(cut, order, len(tile.edges) + len(tile.beyond))
     return Placement(tile, place, used, kept, cut, names[order], fractions[order], int(is_own.sum()), on_rim)
 
 
-def _renumber(nodes: Nodes, order: IntArray, start: int) -> None:
+def renumber(nodes: Nodes, order: IntArray, start: int) -> None:
     """Give the nodes from `start` on the numbers that they have in a new order."""
     rank = np.empty(len(order), dtype=np.int32)
     rank[order] = np.arange(len(order))

@@ -70,9 +70,9 @@ def place_reduced(placement: Placement, reduced: ReducedTile) -> Placement:
 
 def _positions(tile: Tile) -> FloatArray:
     """Return the flat positions of the tile's vertices and of those beyond it."""
-    shape, beyond = tile.lattice.shape, tile.beyond[:, 0]
+    shape = tile.lattice.shape
     inner = lattice_positions(tile.edges, tile.fractions, shape)
-    others = lattice_positions(tile.edges[beyond], tile.fractions[beyond], shape)
+    others = lattice_positions(tile.beyond[:, 0], tile.beyond_fractions, shape)
     others[:, 0] += (tile.beyond[:, 1] & 1) * shape[0]
     others[:, 1] += (tile.beyond[:, 1] >> 1) * shape[1]
     return tile.lattice.positions(np.concatenate([inner, others]))

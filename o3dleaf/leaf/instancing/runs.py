@@ -13,6 +13,7 @@ import numpy.typing as npt
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, BELOW, INSIDE, count_runs, expand_runs, fill_runs, unite_all
+from o3dleaf.surface.mesh.topology import label_nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def find_runs(inside: BoolArray) -> tuple[IntArray, IntArray]:
     return counts, begin
 
 
-def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> Runs:
+def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray, alike: IntArray | None = None) -> Runs:
     """Return the labels of a period: the largest component of solid, voids in it filled, the air above and below.
 
     Parameters
@@ -71,6 +72,8 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> 
     shape : (3,) tuple of int
     counts, begin : (nx ny,), (r,) ndarrays of int64
         As `find_runs` gives them for all columns, the second axis running fastest.
+    alike : (nx ny,) ndarray of int64, optional
+        The first column like each one: what hangs together there is one piece in all of them.
 
     Raises
     ------
@@ -81,6 +84,8 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> 
     solid = (np.arange(len(begin)) - np.repeat(first[:-1], counts)) % 2
     piece = np.arange(len(begin))
     unite_all(shape, first, begin, piece, solid, -1)
+    copies = _copied_runs(first, alike)
+    piece = _joined(piece, copies)
     length = np.diff(begin, append=0)
     length[first[1:] - 1] = shape[2] - begin[first[1:] - 1]
     size = np.bincount(piece, length * solid, len(begin))
@@ -89,6 +94,7 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> 
     main = int(np.argmax(size))
     around = np.arange(len(begin))
     unite_all(shape, first, begin, around, piece, main)
+    around = _joined(around, copies)
     label = np.zeros(len(begin), dtype=np.uint8)
     above, below = np.unique(around[first[1:] - 1]), np.unique(around[first[:-1]])
     if np.intersect1d(above, below).size:
@@ -101,3 +107,18 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray) -> 
     voids = np.unique(piece[(solid == 0) & (label == INSIDE)]).size
     islands = np.unique(piece[(solid == 1) & (label != INSIDE)]).size
     return Runs(shape, first, begin, label, int(voids), int(islands))
+
+
+def _copied_runs(first: IntArray, alike: IntArray | None) -> IntArray:
+    """Return the runs (k, 2) of columns that are copies, and those of the first columns like them."""
+    if alike is None:
+        return np.empty((0, 2), dtype=np.int64)
+    copies = np.flatnonzero(alike != np.arange(len(alike)))
+    counts = first[copies + 1] - first[copies]
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.stack([np.repeat(start, counts) + within for start in (first[copies], first[alike[copies]])], axis=1)
+
+
+def _joined(piece: IntArray, copies: IntArray) -> IntArray:
+    """Return the pieces of runs, those of copies joined."""
+    return label_nodes(piece[copies[:, 0]], piece[copies[:, 1]], len(piece))[piece] if len(copies) else piece

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -85,7 +85,10 @@ class Tile:
     cells : (nx ny + 1,) ndarray of int64
         First triangle over each cell of the plane.
     beyond : (h, 2) ndarray of int64
-        Vertices of neighbors that triangles of this tile use: the vertex, and the neighbor (bits: along, across).
+        Vertices of neighbors that triangles of this tile use: the edge in the neighbor's lattice, and the neighbor
+        (bits: along, across); by edge, then by neighbor.
+    beyond_fractions, beyond_sides : (h,) ndarrays
+        Theirs.
     """
 
     lattice: TileLattice
@@ -98,6 +101,28 @@ class Tile:
     nodes: npt.NDArray[np.int32]
     cells: IntArray
     beyond: IntArray
+    beyond_fractions: FloatArray
+    beyond_sides: npt.NDArray[np.uint8]
+
+    @property
+    def beyond_keys(self) -> IntArray:
+        """(h,) numbers, rising, of vertices of neighbors: 4 · edge + neighbor."""
+        return np.asarray(self.beyond[:, 0] * 4 + self.beyond[:, 1])
+
+    @property
+    def beyond_rows(self) -> IntArray:
+        """(h,) vertices of this tile that those of its neighbors are copies of, where all places have this tile."""
+        return np.searchsorted(self.edges, self.beyond[:, 0])
+
+
+class Alike(Protocol):
+    """Columns and edges of a lattice at which a field is the same: what is found at the first one stands for all."""
+
+    def columns(self, columns: IntArray) -> IntArray:
+        """Return the first column like each one, itself where there is none."""
+
+    def edges(self, edges: IntArray) -> IntArray:
+        """Return the first edge like each one."""
 
 
 def extract_tile(
@@ -107,6 +132,7 @@ def extract_tile(
     *,
     sharpen: tuple[int, int] | None = None,
     slab_size: int = SLAB_SIZE,
+    alike: Alike | None = None,
 ) -> Tile:
     """Sample one period of a field, fill its voids, and polygonize it.
 
@@ -125,6 +151,9 @@ def extract_tile(
         and across after which the field repeats: copies get the same bits.
     slab_size : int
         Samples in memory at once, if a plane has no more.
+    alike : Alike, optional
+        Columns and edges at which the field is the same, within the period: they get the same bits, and are inside and
+        outside together.
 
     Raises
     ------
@@ -138,7 +167,7 @@ def extract_tile(
     slab = max(1, min(nx, slab_size // (ny * nz)))
     slabs, flooded = [], np.zeros(2, dtype=np.int64)
     for start, stop in blocks(nx, slab):
-        inside = _sample(field, lattice, start, stop) > 0
+        inside = _sample(field, lattice, start, stop, alike) > 0
         flooded += inside[:, [0, -1]].sum(axis=0)
         slabs.append(find_runs(inside))
         progress.report(stop, nx)
@@ -149,13 +178,13 @@ def extract_tile(
             "use another threshold or a taller patch"
         )
     counts, begin = (np.concatenate(part) for part in zip(*slabs, strict=True))
-    runs = solidify(lattice.shape, counts, begin)
+    runs = solidify(lattice.shape, counts, begin, None if alike is None else alike.columns(np.arange(nx * ny)))
     vertices: list[Any] = []
     named: list[Any] = []
     triangles: list[Any] = []
     cells: list[Any] = []
     for start, stop in blocks(nx, slab):
-        *own_parts, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, start, stop)
+        *own_parts, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, (start, stop), alike)
         vertices.append(own_parts)
         named.append((names, shifts))
         triangles.append(nodes)
@@ -163,8 +192,10 @@ def extract_tile(
     edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
     nodes, beyond = _nodes(edges, named, triangles)
     if sharpen is not None:
-        alike, rows, copies = np.unique(_folded(edges, lattice.shape, sharpen), return_index=True, return_inverse=True)
-        fractions = _sharpened(field, lattice, alike, fractions[rows], upward[rows])[copies]
+        folded = _folded(edges, lattice.shape, sharpen) if alike is None else alike.edges(edges)
+        first, rows, copies = np.unique(folded, return_index=True, return_inverse=True)
+        fractions = _sharpened(field, lattice, first, fractions[rows], upward[rows])[copies]
+    origins = np.searchsorted(edges, beyond[:, 0])
     return Tile(
         lattice,
         method,
@@ -176,6 +207,8 @@ def extract_tile(
         nodes,
         np.concatenate([[0], np.cumsum(np.concatenate(cells))]),
         beyond,
+        fractions[origins],
+        sides[origins],
     )
 
 
@@ -185,33 +218,46 @@ def require_columns(count: float, step: float) -> None:
     require_resources(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
 
 
-def _sample(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int) -> FloatArray:
+def _sample(
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int, alike: Alike | None
+) -> FloatArray:
     """Return the samples ((stop − start) ny, nz) of some planes of the period."""
     _, ny, nz = lattice.shape
     values = np.empty((stop - start) * ny * nz)
     for first, last in blocks(len(values), BLOCK):
         point = np.arange(first, last)
-        indices = np.stack([start + point // (ny * nz), point // nz % ny, point % nz], axis=1)
+        indices = _first_points(start * ny + point // nz, point % nz, ny, alike)
         values[first:last] = field(lattice.positions(indices))
     return require_finite(values, "field values").reshape(-1, nz)
 
 
+def _first_points(columns: IntArray, k: IntArray, ny: int, alike: Alike | None) -> IntArray:
+    """Return the points (n, 3) of the first columns like these, at heights k."""
+    first = columns if alike is None else alike.columns(columns)
+    return np.stack([first // ny, first % ny, k], axis=1)
+
+
 def _march_slab(
-    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, runs: Runs, method: int, start: int, stop: int
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    runs: Runs,
+    method: int,
+    slab: tuple[int, int],
+    alike: Alike | None,
 ) -> tuple[npt.NDArray[np.generic], ...]:
     """Return the part of the tile that a slab adds.
 
     Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
     as rows of these; their number by cells.
     """
-    nx, ny, nz = lattice.shape
+    (nx, ny, nz), (start, stop) = lattice.shape, slab
     i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
     labels = runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
     inside = labels == INSIDE
     needed = np.zeros(labels.shape, dtype=bool)
     mark_crossed(method, inside, needed)
     points = np.argwhere(needed)
-    samples = field(lattice.positions(np.stack([i[points[:, 0]], j[points[:, 1]], points[:, 2]], axis=1)))
+    samples = field(lattice.positions(_first_points(i[points[:, 0]] * ny + j[points[:, 1]], points[:, 2], ny, alike)))
     values = np.ones(labels.shape)
     # What was filled or removed has the other sign: its size is what places the vertices beside it.
     values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)
@@ -290,4 +336,4 @@ def _nodes(
     beyond = np.unique(np.concatenate([key[key & 3 > 0] for key in keys]))
     node_of = [np.where(key & 3, len(edges) + np.searchsorted(beyond, key), key >> 2) for key in keys]
     nodes = np.concatenate([of.astype(np.int32)[rows] for of, rows in zip(node_of, triangles, strict=True)])
-    return nodes, np.stack([beyond >> 2, beyond & 3], axis=1)
+    return nodes, np.stack([edges[beyond >> 2], beyond & 3], axis=1)

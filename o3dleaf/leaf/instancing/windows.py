@@ -10,7 +10,7 @@ from o3dleaf.leaf.instancing.cut.cut_tile import place_cut
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
 from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
-from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.tile_set import TileSet
 
 Place = tuple[int, int]
 """Number of a tile along and across."""
@@ -40,31 +40,31 @@ class PlacedRows(NamedTuple):
 
 
 class TilePlacer:
-    """Places a tile, or its reduced form, wherever an outline has room for it.
+    """Places tiles, or their reduced forms, wherever an outline has room for them.
 
     Parameters
     ----------
-    tile : Tile
+    tiles : TileSet
     footprint : Footprint
     closed : bool
         Whether the outline cuts a solid, or two sheets.
     cut : bool
         Whether triangles are cut along the outline; else sheets are whole cells, and a solid is marched.
-    reduced : ReducedTile, optional
-        What stands for the tiles that the outline does not cut.
+    reduced : sequence of ReducedTile, optional
+        What stands for the tiles that the outline does not cut, one for each of the set.
     """
 
     def __init__(
-        self, tile: Tile, footprint: Footprint, *, closed: bool, cut: bool, reduced: ReducedTile | None
+        self, tiles: TileSet, footprint: Footprint, *, closed: bool, cut: bool, reduced: Sequence[ReducedTile] | None
     ) -> None:
-        self.tile, self.footprint, self.reduced = tile, footprint, reduced
+        self.tiles, self.footprint, self.reduced = tiles, footprint, reduced
         self._placed_alone = partial(place_cut, walled=closed) if cut else place_solid if closed else place_sheets
-        nx, ny, _ = tile.lattice.shape
+        nx, ny, _ = tiles.lattice.shape
         (first_i, first_j), (last_i, last_j) = footprint.box.tolist()
         # Vertices in the last column belong to the tile that begins there.
         self._rows = range(first_i // nx, last_i // nx + 1)
         self._columns = range(first_j // ny, last_j // ny + 1)
-        self._whole: PlacedTile | None = None
+        self._whole: dict[int, PlacedTile] = {}
 
     def windows(self) -> Iterator[PlacedRows]:
         """Yield every row of places with the row after it."""
@@ -78,17 +78,18 @@ class TilePlacer:
             yield PlacedRows(placed, [place for place in placed if place[0] == p])
 
     def _place(self, place: Place) -> PlacedTile | None:
-        """Return the tile in one place with its components; those of the whole tile are found once."""
-        placement = self._placed_alone(self.tile, self.footprint, place)
+        """Return the tile in one place with its components; those of a whole tile are found once."""
+        kind = self.tiles.kind(place)
+        placement = self._placed_alone(self.tiles.tiles[kind], self.footprint, place)
         if placement is None:
             return None
         if not placement.is_whole:
             return find_components(placement)
         if self.reduced is not None:
-            placement = place_reduced(placement, self.reduced)
-        if self._whole is None:
-            self._whole = find_components(placement)
-        return PlacedTile(placement, self._whole.components, self._whole.count)
+            placement = place_reduced(placement, self.reduced[kind])
+        if kind not in self._whole:
+            self._whole[kind] = find_components(placement)
+        return PlacedTile(placement, self._whole[kind].components, self._whole[kind].count)
 
 
 def map_in_threads(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

@@ -22,6 +22,8 @@ from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.texture.quilt import Quilt
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 Sizes = dict[str, int]
@@ -122,6 +124,13 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "offsets": _rising("k", "t"),
         "places": _whole("k", most="s"),
         "smoothing_per_ball": _floats("k", optional=True),
+    },
+    Quilt: {
+        "tile": _floats("2"),
+        "sources": _whole("k"),
+        "corners": _floats("k", "2"),
+        "labels": _whole("16", "n", "m", most="k+-1"),
+        "energy": _floats("3"),
     },
     LocalPolynomials: {"tails": _floats("k", "q"), "exponents": EXPONENTS, "ranks": _whole("k")},
     LocalPotentials: {
@@ -261,6 +270,16 @@ def _check_frame(frame: LeafFrame) -> None:
         raise InputError("axis, normal: have no direction on a segment")
 
 
+def _check_quilt(quilt: Quilt) -> None:
+    if np.any(quilt.nodes < 1) or np.any(quilt.tile <= 0):
+        raise InputError("Quilt: its tiles have no nodes, or no size")
+
+
+def _check_wang(field: Any) -> None:
+    if not isinstance(field.quilt, Quilt) or field.quilt.sources.max() >= len(field.fields):
+        raise InputError("WangField: its tiles show patches that it does not have")
+
+
 RELATIONS: tuple[tuple[Any, Callable[[Any], None]], ...] = (
     (Cover, _check_cover),
     (LocalSplines | LocalColumns, _check_splines),
@@ -270,5 +289,7 @@ RELATIONS: tuple[tuple[Any, Callable[[Any], None]], ...] = (
     (HeightMap, _check_height),
     (RBFInterpolant, _check_single),
     (LeafFrame, _check_frame),
+    (Quilt, _check_quilt),
+    (WangField, _check_wang),
 )
 """What holds between the arrays of an object, or its parts, of each class."""

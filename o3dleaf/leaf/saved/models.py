@@ -30,7 +30,9 @@ from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.saved.model_arrays import check_model, stored_index
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.tiling import TiledField
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 
 CLASSES: dict[str, Callable[..., Any]] = {
@@ -54,12 +56,14 @@ CLASSES: dict[str, Callable[..., Any]] = {
         PatchBlend,
         PUInterpolant,
         Polyharmonic,
+        Quilt,
         RBFInterpolant,
         RobustChoice,
         Shaped,
         Smoothing,
         TiledField,
         VectorSplines,
+        WangField,
     )
 } | {"BallIndex": stored_index, "CreasedSplines": LocalCreasedSplines}
 """What makes the objects of files, by their names there; the last name is that of version 0.1."""
@@ -84,7 +88,7 @@ def load(path: str | PathLike[str]) -> Any:
     return read_model(path, CLASSES, check_model)
 
 
-def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
+def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend | WangField:
     """Return the texture of a model file: of a texture, or of a leaf that has it.
 
     Raises
@@ -94,7 +98,7 @@ def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend:
     """
     model = load(path)
     texture = model.texture if isinstance(model, MultiscaleLeaf) else model
-    if not isinstance(texture, TiledField | PatchBlend):
+    if not isinstance(texture, TiledField | PatchBlend | WangField):
         raise InputError(f"{path}: contains a {type(model).__name__}, no micro-structure; give one that `patch` wrote")
     return texture
 

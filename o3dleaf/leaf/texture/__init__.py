@@ -1,4 +1,4 @@
-"""The micro-structure of the whole plane: patches repeated, cropped where their faces match, and blended.
+"""The micro-structure of the whole plane: patches repeated, cropped, blended, or cut into tiles that never repeat.
 
 `layer`       a field over the plane with air above and below
 `tiling`      one patch repeated over the plane, without copying it (paper, section 2.6)
@@ -7,4 +7,9 @@
 `crossfade`   copies that fade into one another where both have data
 `copy_loops`  which copies a point sees, mirrored and shifted, and their windows
 `patches`     several patches along the leaf, or one for each of its sides
+`corners`     colors of the plane's corners, and the Wang tile that four of them call for
+`least_cut`   the cut along which two contents differ least
+`quilt`       what each node of each Wang tile shows, and its smooth weight
+`quilting`    Wang tiles cut out of patches
+`wang`        Wang tiles laid over the plane without repetition
 """

@@ -20,6 +20,8 @@ from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
+from o3dleaf.leaf.texture.corners import KINDS
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
 PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
@@ -121,7 +123,10 @@ def _texture_summary(leaf: MultiscaleLeaf) -> dict[str, Any]:
     """Return what is worth knowing of a micro-structure."""
     texture = leaf.texture
     fits = [_fit_summary(patch.local) for patch in texture.patches]
-    return {"unit": texture.unit, "period": texture.period.tolist(), "fit": fits[0] if len(fits) == 1 else fits}
+    table = {"unit": texture.unit, "period": texture.period.tolist(), "fit": fits[0] if len(fits) == 1 else fits}
+    if isinstance(texture, WangField):
+        table |= {"wang_tiles": KINDS, "seed": texture.seed, "seam_energy": texture.seam_energy().total}
+    return table
 
 
 def _surface_summary(surface: MeshPlan) -> dict[str, Any]:

@@ -19,14 +19,18 @@ from o3dleaf.leaf.instancing.cut.clip_loops import (
 )
 from o3dleaf.leaf.instancing.cut.wall_loops import put_up_wall
 from o3dleaf.leaf.instancing.footprint import Footprint
-from o3dleaf.leaf.instancing.placement import NO_NODES, Placement, sheets_over
+from o3dleaf.leaf.instancing.placement import NO_NODES, Placement, renumber, sheets_over
 from o3dleaf.leaf.instancing.rim_loops import TileVertices, use_by_cells
 from o3dleaf.leaf.instancing.tile import Tile
+
+NONE = np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CutPlacement(Placement):
     """A tile cut along a margin in one place; its rim's vertices are those of the cut, named by edges of triangles.
+
+    Ends of edges are vertices of the tile, then those of neighbors (`Tile.beyond`).
 
     Attributes
     ----------
@@ -42,8 +46,8 @@ class CutPlacement(Placement):
     @property
     def rim_sides(self) -> npt.NDArray[np.uint8]:
         """(e,) the air that each vertex of the cut looks at."""
-        first = self.rim_names // (4 * len(self.tile.edges)) >> 2
-        return np.asarray(self.tile.sides[first])
+        first = self.ends(np.arange(len(self.rim_names)))[:, 0]
+        return np.asarray(np.concatenate([self.tile.sides, self.tile.beyond_sides])[first])
 
     def rim_places(self, rows: IntArray) -> FloatArray:
         """Return the lattice coordinates (m, 3) of some of the cut's own vertices."""
@@ -57,8 +61,22 @@ class CutPlacement(Placement):
 
     @cached_property
     def rim_beyond(self) -> tuple[IntArray, IntArray]:
-        """Names, in their own tiles, and shifts of the others."""
+        """Names, in this tile, and shifts of the others."""
         return self.rim_names[self.rim_own :], self.cut_shifts[self.rim_own :]
+
+    def ends(self, rows: IntArray) -> IntArray:
+        """Return the ends (m, 2) of the edges of triangles that some vertices of the cut lie on."""
+        return _ends(self.rim_names[rows], self.tile)
+
+    def rim_names_in(self, other: Placement, shift: int, rows: IntArray) -> IntArray:
+        """Return the names, in the tile of the neighbor that owns them, of some vertices of the cut beyond this one."""
+        count, tile = len(self.tile.edges), other.tile
+        edge, neighbor = self.tile.beyond[self.ends(self.rim_own + rows) - count].transpose(2, 0, 1)
+        left = neighbor & ~shift
+        beyond = len(tile.edges) + np.searchsorted(tile.beyond_keys, edge * 4 + left)
+        ends = np.where(left > 0, beyond, np.searchsorted(tile.edges, edge))
+        size = 4 * (len(tile.edges) + len(tile.beyond))
+        return np.asarray(4 * (ends.min(axis=1) * size + ends.max(axis=1)))
 
 
 def place_cut(tile: Tile, footprint: Footprint, place: tuple[int, int], *, walled: bool) -> Placement | None:
@@ -101,7 +119,7 @@ def cut_tile(
     corners = np.stack([inside[:-1, :-1], inside[1:, :-1], inside[:-1, 1:], inside[1:, 1:]])
     kept, cut = np.asarray(corners.all(axis=0)), corners.any(axis=0)
     columns = MarginColumns(distance, np.flatnonzero(cut & ~kept))
-    vertices = TileVertices(tile.lattice.shape, tile.edges, tile.fractions, tile.beyond[:, 0] * 4 + tile.beyond[:, 1])
+    vertices = _in_window(tile)
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_sign(vertices, distance, used)
     if in_window.any():
@@ -111,36 +129,44 @@ def cut_tile(
         kept &= ~in_window[1:, 1:]
     found, shifts = _cut_vertices(tile, vertices, columns)
     nodes, on_wall = _cut_triangles(tile, vertices, columns, found, walled=walled)
-    return CutPlacement(
-        tile,
-        place,
-        used,
-        kept,
-        nodes,
-        found.names,
-        np.empty(0),
-        int(found.first[1]),
-        on_wall,
-        cut_places=found.places,
-        cut_shifts=shifts,
-    )
+    # This tile's own first.
+    order = np.lexsort((found.names, shifts))
+    renumber(nodes, order, len(vertices.edges))
+    own = int(np.sum(shifts == 0))
+    names, places, shifts = found.names[order], found.places[order], shifts[order]
+    rim = names, np.empty(0), own, on_wall
+    return CutPlacement(tile, place, used, kept, nodes, *rim, cut_places=places, cut_shifts=shifts)
+
+
+def _in_window(tile: Tile) -> TileVertices:
+    """Return the vertices of a tile and those of neighbors, named as edges of the window, which is a column wider."""
+    nx, ny, nz = tile.lattice.shape
+    names = np.concatenate([tile.edges, tile.beyond[:, 0]])
+    shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
+    column, rest = names // (8 * nz), names % (8 * nz)
+    i, j = column // ny + nx * (shifts & 1), column % ny + ny * (shifts >> 1)
+    fractions = np.concatenate([tile.fractions, tile.beyond_fractions])
+    return TileVertices((nx + 1, ny + 1, nz), (i * (ny + 1) + j) * 8 * nz + rest, fractions, NONE)
+
+
+def _ends(names: IntArray, tile: Tile) -> IntArray:
+    """Return the ends (m, 2) of named edges of triangles: vertices of the tile, then those of neighbors."""
+    return np.stack(np.divmod(names, 4 * (len(tile.edges) + len(tile.beyond))), axis=1) >> 2
 
 
 def _cut_vertices(tile: Tile, vertices: TileVertices, columns: MarginColumns) -> tuple[CutVertices, IntArray]:
     """Return the vertices of the cut, and the neighbors that they belong to."""
     listed = vertices, tile.nodes, tile.cells, columns
-    count = list_cuts(*listed, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
-    names, shifts = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
-    list_cuts(*listed, names, shifts)
-    order = np.lexsort((names, shifts))
-    names, shifts = names[order], shifts[order]
-    fresh = np.ones(count, dtype=bool)
-    fresh[1:] = (names[1:] != names[:-1]) | (shifts[1:] != shifts[:-1])
-    names, shifts = names[fresh], shifts[fresh]
-    first = np.searchsorted(shifts, np.arange(5))
+    count = list_cuts(*listed, NONE, NONE)
+    names, window = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    list_cuts(*listed, names, window)
+    names = np.unique(names)
+    # In the window all are its own.
+    first = np.array([0, *[len(names)] * 4])
     found = CutVertices(names, first, np.empty((len(names), 3)), np.empty((len(names), 2), dtype=np.int64))
     place_cuts(vertices, columns.distance, found)
-    return found, shifts
+    neighbors = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])[_ends(names, tile)]
+    return found, neighbors[:, 0] & neighbors[:, 1]
 
 
 def _cut_triangles(

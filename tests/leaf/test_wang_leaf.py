@@ -1,0 +1,116 @@
+"""A leaf of Wang tiles: its mesh lies where G is zero, is closed and streamed; what it lacks is refused by name."""
+
+import numpy as np
+import pytest
+
+import o3dleaf as o3l
+from leaf_fields import leaf_of, texture
+from o3dleaf import WangField
+from o3dleaf.core.errors import InputError
+from o3dleaf.io.labelled_mesh import RIM
+from o3dleaf.io.triangle_mesh import read_mesh
+from o3dleaf.surface.mesh.mesh_report import mesh_report
+from tolerances import ON_SURFACE
+
+WAVES = np.random.default_rng(5).normal(0, 6, (30, 2))
+STEP = 0.08
+
+
+def rough(x, y, z):
+    return 0.2 + 0.006 * np.cos(np.stack([x, y], axis=-1) @ WAVES.T + np.arange(30)).sum(axis=-1) - np.abs(z)
+
+
+@pytest.fixture(scope="module")
+def tiles():
+    return WangField(texture(rough, tile=3.0, n=21).field, seed=2)
+
+
+@pytest.fixture(scope="module")
+def leaf(tiles):
+    """A strip of 12 by 6, bent about a circle of radius 15."""
+    return leaf_of(tiles, bend=15.0, length=12.0)[0]
+
+
+@pytest.fixture(scope="module")
+def solid(leaf):
+    return leaf.plan_mesh(STEP, closed=True)
+
+
+def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
+    made = solid.extract()
+    report = mesh_report(made.mesh)
+    # Whether the wall of so coarse a margin crosses a face is not what this is about.
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
+    assert len(triangles) == solid.triangles
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    cut = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    # Cells that the margin cuts keep vertices of whole ones, and some of the triangles of these are cut.
+    assert np.quantile(cut, 0.98) < ON_SURFACE
+    assert cut.max() < STEP
+
+
+def test_open_sheets_are_two_and_a_window_is_part_of_them(leaf):
+    whole, window = (leaf.extract_mesh(STEP, region) for region in (None, [[3.0, -1.0], [6.0, 1.0]]))
+    assert mesh_report(whole).components == 2
+    places = {row.tobytes() for row in np.asarray(whole.vertices)}
+    inside = np.abs(leaf.blade.flatten(np.asarray(window.vertices))[:, :2] - [4.5, 0]) < [1.5 - STEP, 1 - STEP]
+    assert all(row.tobytes() in places for row in np.asarray(window.vertices)[inside.all(axis=1)])
+
+
+def test_what_is_streamed_is_what_is_extracted(solid, tmp_path):
+    solid.write(tmp_path / "leaf.ply")
+    written, made = read_mesh(tmp_path / "leaf.ply").mesh, solid.extract().mesh
+    assert np.array_equal(np.asarray(written.triangles), np.asarray(made.triangles))
+    assert np.allclose(np.asarray(written.vertices), np.asarray(made.vertices))
+    assert (tmp_path / "leaf.ply").stat().st_size == solid.bytes(tmp_path / "leaf.ply")
+
+
+def test_tiles_are_simplified_each_by_itself(leaf, solid):
+    plan = leaf.plan_mesh(STEP, closed=True, simplify=0.5)
+    assert plan.triangles < solid.triangles
+    report = mesh_report(plan.extract().mesh)
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+
+
+def test_a_leaf_that_was_saved_has_the_same_mesh(leaf, solid, tmp_path):
+    leaf.save(tmp_path / "leaf.o3l")
+    again = o3l.load(tmp_path / "leaf.o3l").plan_mesh(STEP, closed=True).extract()
+    assert np.array_equal(np.asarray(again.mesh.vertices), np.asarray(solid.extract().mesh.vertices))
+
+
+def test_the_block_of_a_tile_is_the_torus_of_all(leaf):
+    block = leaf.extract_tile(0.15)
+    vertices = np.asarray(block.mesh.vertices)
+    assert mesh_report(block.mesh).watertight
+    assert np.allclose(np.ptp(vertices[:, :2], axis=0), 4 * leaf.texture.period)
+
+
+@pytest.mark.parametrize(
+    ("call", "match"),
+    [
+        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: Wang tiles"),
+        (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*Wang tiles"),
+        (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*Wang tiles"),
+        (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*Wang tiles"),
+    ],
+)
+def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):
+    with pytest.raises(InputError, match=match):
+        call(leaf)
+
+
+def test_a_closed_solid_of_the_paper_is_refused_and_its_sheets_are_not(tiles):
+    leaf = leaf_of(tiles, frame="paper")[0]
+    with pytest.raises(InputError, match=r"closed: .*Wang tiles"):
+        leaf.plan_mesh(0.1, closed=True)
+    assert mesh_report(leaf.extract_mesh(0.1, [[2.0, -1.0], [5.0, 1.0]])).components == 2
+
+
+def test_options_give_wang_tiles():
+    volume, _ = o3l.samples.wheat_ct(seed=1, spacing=48)
+    laid = o3l.create_texture(volume, options=o3l.TextureOptions(tiles="wang", seed=3))
+    assert isinstance(laid, WangField)
+    assert laid.seed == 3
+    with pytest.raises(InputError, match="shift"):
+        o3l.create_texture(volume, options=o3l.TextureOptions(tiles="wang", shift=0.5))
