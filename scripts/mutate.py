@@ -34,6 +34,7 @@ from py_compile import PycInvalidationMode
 from queue import SimpleQueue
 
 from mutants import Mutant, mutants_of
+from rich.box import MARKDOWN
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -277,7 +278,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time (1)")
     given = parser.parse_args()
-    table, known = Table("chapter", "mutants", *RESULTS, "score"), Known(given)
+    table, known = Table("chapter", "mutants", *RESULTS, "score", box=MARKDOWN), Known(given)
     with tempfile.TemporaryDirectory() as folder:
         checkouts = [Checkout(Path(folder) / str(job)) for job in range(given.jobs)]
         for chapter in given.chapters:
