@@ -12,8 +12,9 @@ compiled: it is found by the source that it was made from, so that what depends 
 mutant alone, and nothing else is. Tests of which the file does not know how long they take run without a mutant first.
 
 A mutant is killed if a test fails, or takes far longer than without it. What survives is printed with its place, to be
-looked at: some changes change nothing (equivalent mutants), some only how fast a result is reached, and some show what
-no test holds.
+looked at: some changes show what no test holds; some change nothing, or only how fast a result is reached. These may be
+entered into the file as "equivalent", with the reason in place of what noticed it: they are not tried, nor counted in
+the score.
 """
 
 import argparse
@@ -64,7 +65,7 @@ RUNNING: set[int] = set()
 ENDING = threading.Event()
 """Set when this program is to end."""
 
-RESULTS = ("killed", "ran past the limit", "survived")
+RESULTS = ("killed", "ran past the limit", "survived", "equivalent")
 
 
 @dataclass(frozen=True)
@@ -284,7 +285,9 @@ def main() -> None:
         for chapter in given.chapters:
             results = [outcome.result for outcome in mutate(checkouts, chapter, known, given.count)]
             counts = [results.count(result) for result in RESULTS]
-            table.add_row(chapter, str(len(results)), *map(str, counts), f"{1 - counts[-1] / len(results):.0%}")
+            table.add_row(
+                chapter, str(len(results)), *map(str, counts), f"{sum(counts[:2]) / max(sum(counts[:3]), 1):.0%}"
+            )
     Console().print(table)
 
 
