@@ -2,7 +2,8 @@
 
 python scripts/mutate.py [CHAPTER ...] [--count N] [--seed S] [--json FILE] [--jobs N]
 
-It takes hours. With --json, what is known is in the file after every mutant, and is not tried again by a later run.
+It takes hours. With --json, what is known is in the file after every mutant, and is not tried again by a later run;
+the table at the end has all that the file knows.
 
 Chapters are those below, or any folder of the package; without one, all of these. The tests are those of the same
 folder (tests/fitting/rbf for fitting/rbf), and of the same part of the story (tests/fitting) those that speak of the
@@ -240,8 +241,8 @@ class Known:
                 write_json({"seed": self.seed, "mutants": rows, "seconds": self.seconds}, self.file)
 
 
-def mutate(checkouts: list[Checkout], chapter: str, known: Known, count: int) -> list[Outcome]:
-    """Return the outcome of random mutants of a chapter, with progress."""
+def mutate(checkouts: list[Checkout], chapter: str, known: Known, count: int) -> None:
+    """Find out what becomes of random mutants of a chapter, with progress."""
     free: SimpleQueue[Checkout] = SimpleQueue()
     for each in checkouts:
         free.put(each)
@@ -253,7 +254,7 @@ def mutate(checkouts: list[Checkout], chapter: str, known: Known, count: int) ->
     drawn, console = drawn[:count], Console(stderr=True)
     places = [place(checkouts[0], mutant) for mutant in drawn]  # before any job changes a file
 
-    def outcome_of(mutant: Mutant, where: str) -> Outcome:
+    def attempt(mutant: Mutant, where: str) -> None:
         if where not in known.outcomes:
             checkout = free.get()
             try:
@@ -263,10 +264,9 @@ def mutate(checkouts: list[Checkout], chapter: str, known: Known, count: int) ->
                 free.put(checkout)
             if known.outcomes[where].result == "survived":
                 console.print(where, highlight=False, markup=False)
-        return known.outcomes[where]
 
     with Progress(console=console) as progress, ThreadPoolExecutor(len(checkouts)) as pool:
-        return list(progress.track(pool.map(outcome_of, drawn, places), len(drawn), description=chapter))
+        list(progress.track(pool.map(attempt, drawn, places), len(drawn), description=chapter))
 
 
 def main() -> None:
@@ -283,7 +283,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         checkouts = [Checkout(Path(folder) / str(job)) for job in range(given.jobs)]
         for chapter in given.chapters:
-            results = [outcome.result for outcome in mutate(checkouts, chapter, known, given.count)]
+            mutate(checkouts, chapter, known, given.count)
+            results = [outcome.result for outcome in known.outcomes.values() if outcome.chapter == chapter]
             counts = [results.count(result) for result in RESULTS]
             table.add_row(
                 chapter, str(len(results)), *map(str, counts), f"{sum(counts[:2]) / max(sum(counts[:3]), 1):.0%}"
