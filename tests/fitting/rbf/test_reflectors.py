@@ -72,3 +72,13 @@ def test_small_systems_are_solved_as_large_ones_are(size):
         few, many = right.copy(), right.copy()
         assert cholesky_loops.solve_few(matrix.copy(), few) == cholesky_loops.solve_positive(matrix.copy(), many)
         np.testing.assert_allclose(few, many, rtol=ROUNDING * np.linalg.cond(factor[: None if factor is rows else 1]))
+
+
+@pytest.mark.parametrize("count", [1, cholesky_loops.STRIP, cholesky_loops.STRIP + 1])
+def test_a_triangle_times_its_inverse_is_one(count):
+    """Also as Python, which, unlike machine code, raises where an array has no such place."""
+    lower = np.tril(np.random.default_rng(count).uniform(-1, 1, (count, count))) / count + np.eye(count)
+    for invert in (cholesky_loops.invert_triangle, cholesky_loops.invert_triangle.py_func):
+        inverse = invert(lower)
+        np.testing.assert_allclose(lower @ inverse, np.eye(count), rtol=0, atol=ROUNDING)
+        assert not np.triu(inverse, 1).any()

@@ -72,6 +72,19 @@ def test_the_score_is_the_literal_one(power, d, degree, value, weighted):
     assert score == pytest.approx(reference.gcv(points, values, power, degree, value, weights), rel=GCV_TWIN)
 
 
+@pytest.mark.parametrize("smoothing", [1e-3, 1.0])
+def test_points_that_coincide_are_averaged_at_any_smoothing(smoothing):
+    """What no spline can tell apart is all in the residual: an eigenvalue of zero for each point beyond the first."""
+    points, _, values = noisy(2)
+    points[-3:], values[-3:] = points[0], values[0] + [0.5, -1.0, 0.25]
+    found = seen(points, values, 3, 1)
+    assert (found.eigenvalues == 0).sum() == 3
+    influence = reference.influence_matrix(points, 3, 1, smoothing)
+    expected = np.sum((values - influence @ values) ** 2)
+    residual = np.sum((smoothing * found.coefficients / (found.eigenvalues + smoothing)) ** 2)
+    assert residual == pytest.approx(expected, rel=FIELD_TWIN)
+
+
 def test_the_pooled_score_adds_residuals_and_traces():
     """Two systems with their own scales: N Σ|(I − H)f|² / (Σ tr(I − H))²."""
     scales, value = np.array([1.0, 7.0]), 0.02

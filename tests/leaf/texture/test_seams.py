@@ -313,6 +313,7 @@ def test_every_period_of_a_tiled_field_has_the_same_key(fitted):
         (("best", (0, 0)), {}, "leave it out"),
         (((3.0, 2.0), (1.5, 0.5)), {}, "move the tile inwards"),
         (((3.0, 2.0), (0.5, 0.5)), {"fade": 0.6}, "move the tile inwards"),
+        (((2.4, 2.0), (1.2, 0.5)), {"fade": 0.45}, "move the tile inwards"),  # beyond its far side
         ((None,), {"flip": "along"}, "give a smaller period"),
         ((None,), {"shift": 0.5}, "give a smaller period"),
         (("best",), {"flip": "upside down"}, "along, across, both"),

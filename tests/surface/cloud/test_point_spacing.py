@@ -36,6 +36,14 @@ def test_a_lattice_and_a_random_cloud_of_one_density_agree():
     )
 
 
+def test_many_points_in_one_place_are_refused_among_others():
+    points = np.concatenate(
+        [np.column_stack([np.random.default_rng(3).random((200, 2)), np.zeros(200)]), np.zeros((40, 3))]
+    )
+    with pytest.raises(o3l.errors.InputError, match="13 points lie in one place"):
+        point_spacing(points)
+
+
 def test_points_on_a_line_have_none():
     with pytest.raises(o3l.errors.InputError, match="on a line"):
         _ = OrientedCloud.of(np.outer(np.arange(50.0), [1, 2, 3])).spacing

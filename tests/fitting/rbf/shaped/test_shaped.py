@@ -9,8 +9,9 @@ import reference
 from o3dleaf import PUInterpolant, RBFInterpolant, load
 from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf.kernels import NAMES, as_kernel
+from o3dleaf.fitting.rbf.shaped.dense_system import solve_symmetric
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import PROFILES, Shaped
-from tolerances import SCIPY_PARITY, SHAPED_SLOPE
+from tolerances import ROUNDING, SCIPY_PARITY, SHAPED_SLOPE
 
 EPSILON = {1: 30.0, 2: 5.0, 3: 3.0}
 """About 0.7 over the spacing of the points, where systems are well conditioned."""
@@ -142,6 +143,17 @@ def test_what_makes_no_sense_is_refused():
         PUInterpolant.fit(points, values, kernel=Shaped("gaussian", 1.0, 2))
     with pytest.raises(IllPosedError, match="at least"):
         PUInterpolant.fit(points, values, degree=-1)
+
+
+def test_a_direction_that_is_lost_to_rounding_is_left_out_or_missed():
+    """A matrix that an elimination takes for regular: λ has nothing of the lost direction, values must not."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(8, 8)))[0]
+    sizes = np.append(np.linspace(1, 2, 7), 1e-18)
+    matrix, lost = turn * sizes @ turn.T, turn[:, -1]
+    weights = turn[:, :-1] @ np.ones(7)
+    np.testing.assert_allclose(solve_symmetric(matrix, (matrix @ weights)[np.newaxis])[0], weights, atol=ROUNDING)
+    with pytest.raises(IllPosedError, match="singular"):
+        solve_symmetric(matrix, (weights + lost)[np.newaxis])
 
 
 def test_ball_by_ball_it_makes_a_blend():
