@@ -18,6 +18,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.resources.scratch import is_held
+from o3dleaf.core.resume.parts import kept
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -126,20 +127,23 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
 
     options.check_tiles()
 
+    fit_patch = partial(
+        PUInterpolant.fit_lattice,
+        volume.data,
+        spacing=volume.spacing,
+        origin=volume.origin,
+        transform=transform,
+        isovalue=level,
+        band=True,
+        rho=options.rho,
+        unit=volume.unit,
+        bounds=box,
+    )
+
     def fit() -> TiledField | WangField:
         # A smoothed implicit interpolant F(z) = f_surface on the voxels.
         with stage("fit micro-scale interpolant"):
-            field = PUInterpolant.fit_lattice(
-                volume.data,
-                spacing=volume.spacing,
-                origin=volume.origin,
-                transform=transform,
-                isovalue=level,
-                band=True,
-                rho=options.rho,
-                unit=volume.unit,
-                bounds=box,
-            )
+            field = kept("patch.o3l", fit_patch)
         # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best
         # period; or tiles cut out of it.
         with stage("tile"):

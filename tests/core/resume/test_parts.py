@@ -11,6 +11,7 @@ from leaf_fields import leaf_of, texture
 from o3dleaf.commands.reconstruct import ReconstructJob
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.resume.parts import SUFFIX, Parts, kept, key_of, resuming
+from o3dleaf.samples import wheat_ct
 from o3dleaf.surface.reconstruction import reconstruct
 
 
@@ -50,6 +51,24 @@ def test_what_was_made_is_made_once_for_its_key_and_gone_at_the_end(tmp_path):
     assert run("two", stop=False) == len(made) == 2
     assert not list(tmp_path.iterdir())
     assert kept("a.o3l", lambda: numbers(made)) == 3  # nothing to be resumed
+
+
+def test_the_fit_of_a_volume_is_kept(tmp_path, monkeypatch):
+    volume, _ = wheat_ct(size=(720, 720, 480))
+
+    def stopped():
+        with resuming(tmp_path / "leaf.ply", "one", o3l.load):
+            o3l.create_texture(volume)
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        stopped()
+    whole = o3l.create_texture(volume)
+    monkeypatch.setattr(o3l.PUInterpolant, "fit_lattice", None)  # not done again
+    with resuming(tmp_path / "leaf.ply", "one", o3l.load):
+        goes_on = o3l.create_texture(volume)
+    places = np.random.default_rng(0).uniform([0, 0, -100], [400, 400, 100], (200, 3))
+    np.testing.assert_array_equal(goes_on(places), whole(places))
 
 
 def test_a_key_knows_content_and_options(tmp_path):
