@@ -56,6 +56,9 @@ def test_what_was_made_is_made_once_for_its_key_and_gone_at_the_end(tmp_path):
 def test_the_fit_of_a_volume_is_kept(tmp_path, monkeypatch):
     volume, _ = wheat_ct(size=(720, 720, 480))
 
+    def not_again(*given, **options):
+        raise AssertionError
+
     def stopped():
         with resuming(tmp_path / "leaf.ply", "one", o3l.load):
             o3l.create_texture(volume)
@@ -64,7 +67,7 @@ def test_the_fit_of_a_volume_is_kept(tmp_path, monkeypatch):
     with pytest.raises(Stopped):
         stopped()
     whole = o3l.create_texture(volume)
-    monkeypatch.setattr(o3l.PUInterpolant, "fit_lattice", None)  # not done again
+    monkeypatch.setattr(o3l.PUInterpolant, "fit_lattice", not_again)
     with resuming(tmp_path / "leaf.ply", "one", o3l.load):
         goes_on = o3l.create_texture(volume)
     places = np.random.default_rng(0).uniform([0, 0, -100], [400, 400, 100], (200, 3))
