@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from o3dleaf import PUInterpolant, extract_isosurface, load
+from o3dleaf import PUInterpolant, extract_isosurface, get_num_threads, load, set_num_threads
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import scratch
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
@@ -82,6 +82,17 @@ def test_averaged_voxels_is_by_how_much_noise_of_the_fit_is_smaller(smoothing):
     field = PUInterpolant.fit_lattice(noise, spacing=1.0, smoothing=smoothing, points_per_ball=60)
     middle = cover.starts[cover.classes == np.bincount(cover.classes).argmax()] + cover.tile // 2
     assert np.var(field(middle)) == pytest.approx(1 / averaged_voxels(cover, model), rel=0.4)
+
+
+def test_threads_and_the_layout_in_memory_do_not_change_a_bit():
+    values, before, found = solid(), get_num_threads(), []
+    for threads, lies in ((1, values), (2, np.asfortranarray(values)), (4, values.transpose(1, 0, 2).copy())):
+        set_num_threads(threads)
+        data = lies.transpose(1, 0, 2) if threads == 4 else lies
+        field = PUInterpolant.fit_lattice(data, spacing=SPACING, smoothing=0.3, band=True, points_per_ball=60)
+        found.append((field.local.weights.tobytes(), field.local.tails.tobytes(), field.data_hash))
+    set_num_threads(before)
+    assert found[0] == found[1] == found[2]
 
 
 def test_its_surface_is_that_of_the_whole_fit():
