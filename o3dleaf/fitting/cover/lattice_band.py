@@ -71,7 +71,7 @@ class LatticeBand:
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
                 rows = windows[0][layer]
-                part = _averages(lies[rows.start : rows.stop + window - 1], window)
+                part = _averages(lies[rows.start : rows.stop + window - 1], window, np.argsort(order))
                 low, high = (_extremes(extreme, part, windows[1:]) - level for extreme in (np.minimum, np.maximum))
                 reserve = RESERVE * (high - low)
                 far[layer] = (low > reserve) | (-high > reserve)
@@ -106,12 +106,16 @@ class LatticeBand:
         return np.concatenate(starts), np.concatenate(levels), bare
 
 
-def _averages(part: npt.NDArray[Any], window: int) -> npt.NDArray[Any]:
-    """Return the averages over all boxes of so many voxels along each axis, or of all where there are fewer."""
+def _averages(part: npt.NDArray[Any], window: int, axes: IntArray) -> npt.NDArray[Any]:
+    """Return the averages over all boxes of so many voxels along each axis, or of all where there are fewer.
+
+    The order of the axes decides the last bits.
+    """
     if window == 1:
         return part
     sums = part.astype(np.result_type(part.dtype, np.float32))
-    for axis, size in enumerate(part.shape):
+    for axis in axes:
+        size = part.shape[axis]
         width = min(window, size)
         rows = np.moveaxis(sums, axis, 0)
         total = rows[: size - width + 1].copy()

@@ -186,7 +186,8 @@ class BarePlane:
 
     def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return no λ, (m, 0), and the (m, q) tails of (m, n) values."""
-        tails: FloatArray = values @ self.solution.T
+        # Not by BLAS, whose bits depend on how many balls there are.
+        tails: FloatArray = np.einsum("mn,qn->mq", values, self.solution)
         # The first monomial is 1.
         rise = np.linalg.norm(tails[:, 1:], axis=1)
         most = STEEPEST * np.abs(tails[:, 0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from o3dleaf import PUInterpolant, extract_isosurface, load
+from o3dleaf import PUInterpolant, extract_isosurface, get_num_threads, load, set_num_threads
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import scratch
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
@@ -84,6 +84,17 @@ def test_averaged_voxels_is_by_how_much_noise_of_the_fit_is_smaller(smoothing):
     assert np.var(field(middle)) == pytest.approx(1 / averaged_voxels(cover, model), rel=0.4)
 
 
+def test_threads_and_the_layout_in_memory_do_not_change_a_bit():
+    values, before, found = solid(), get_num_threads(), []
+    for threads, lies in ((1, values), (2, np.asfortranarray(values)), (4, values.transpose(1, 0, 2).copy())):
+        set_num_threads(threads)
+        data = lies.transpose(1, 0, 2) if threads == 4 else lies
+        field = PUInterpolant.fit_lattice(data, spacing=SPACING, smoothing=0.3, band=True, points_per_ball=60)
+        found.append((field.local.weights.tobytes(), field.local.tails.tobytes(), field.data_hash))
+    set_num_threads(before)
+    assert found[0] == found[1] == found[2]
+
+
 def test_its_surface_is_that_of_the_whole_fit():
     whole, band = fits(solid())
     expected, found = (extract_isosurface(field, 2.0) for field in (whole, band))
@@ -97,7 +108,7 @@ def test_all_voxels_around_a_bare_ball_lie_on_one_side_and_every_query_in_a_ball
     places = np.argwhere(np.ones(values.shape, dtype=bool))
     centers, radii, inside = cover.centers(np.zeros(3)), cover.radii, values.ravel() > 0
     assert set(cover.levels[cover.bare]) >= {0, 1}
-    for ball in np.flatnonzero(cover.bare)[::7]:
+    for ball in [*np.flatnonzero(cover.levels), *np.flatnonzero(cover.bare)[::7]]:
         away = np.maximum(np.abs(places * SPACING - centers[ball]) - 2 * SPACING, 0.0)
         around = inside[np.linalg.norm(away, axis=1) <= radii[ball]]
         assert around.all() or not around.any()
@@ -119,20 +130,18 @@ def test_planes_are_reproduced_in_all_balls(shape):
     np.testing.assert_allclose(band(at), expected, rtol=0, atol=POLYNOMIAL * shape[0])
 
 
-def test_the_field_keeps_the_side_of_its_voxels_however_steep_they_are():
-    """Far from the level, a plane through values that fall by the hundredfold would cross it."""
-    shape = (40, 40, 40)
-    x = np.arange(shape[0])[:, np.newaxis, np.newaxis] * np.ones(shape)
-    values = 1.0 + 1000.0 * np.exp(-x / 2.0)
-    band = PUInterpolant.fit_lattice(values, spacing=1.0, band=True, smoothing=1.0, points_per_ball=60)
-    count = 0
-    for ball in bare_balls(band)[::20]:
-        unit = np.random.default_rng(ball).normal(size=(200, 3))
-        unit /= np.linalg.norm(unit, axis=1)[:, np.newaxis]
-        tail = np.prod(unit[:, np.newaxis, :] ** band.local.exponents, axis=2) @ band.local.tails[ball]
-        assert (tail > 0).all()
-        count += 1
-    assert count > 10
+def test_a_bare_ball_keeps_the_side_of_its_voxels_however_steep_they_are():
+    """The plane of least squares through a step from 1 to 4.8 in the middle of a ball is below zero at its edge."""
+    shape, lowest = (60, 24, 24), []
+    unit = np.random.default_rng(0).normal(size=(500, 3))
+    unit /= np.linalg.norm(unit, axis=1)[:, np.newaxis]
+    for middle in range(27, 33):
+        values = np.where(np.arange(shape[0]) < middle, 1.0, 4.8)[:, np.newaxis, np.newaxis] * np.ones(shape)
+        band = PUInterpolant.fit_lattice(values, spacing=1.0, band=True, smoothing=0.0, points_per_ball=200)
+        balls, exponents = bare_balls(band), band.local.exponents
+        assert len(balls) == len(band.cover.radii)
+        lowest.append((np.prod(unit[:, np.newaxis, :] ** exponents, axis=2) @ band.local.tails[balls].T).min())
+    assert min(lowest) > 0
 
 
 def test_the_coefficients_go_with_the_surface_and_not_with_the_volume():
