@@ -107,7 +107,7 @@ PLACES = QUERIES.like(lambda w: w.plane)
 FLAT = QUERIES.like(lambda w: w.flat)
 ON_LEAF = QUERIES.like(lambda w: w.on_leaf)
 REGION = BOX.like(lambda w: np.array([[2.0, -1.0], [4.0, 1.0]]))
-FACTORS = VALUES.like([[1.0, 0.5], [0.8, 1.2]]).but("one less", "none")
+FACTORS = VALUES.like([[1.0, 0.5], [0.75, 1.25]]).but("one less", "none")
 """A table."""
 SIDE = tuple_of(200, 120, whole=True)
 VIEW = OBJECT.like(lambda w: view.View())
