@@ -28,7 +28,7 @@ FINENESS = 3.0
 LEAST_NODES = 24
 """Nodes in a tile at least, of which strips about its borders take three on either side."""
 MOST_NODES = 1 << 18
-"""Nodes in a patch, a hundred megabytes: 512 along either side, of tiles 170 and more."""
+"""Nodes in a patch, some hundred megabytes with their spectra: 512 along either side, 170 and more in a tile."""
 SHARE = 1 / 8
 """Of a tile, that the strip of a border reaches into it: wide enough for a cut, and all that tiles have in common."""
 SIZES = (1 / 3, 1 / 2)
