@@ -27,6 +27,7 @@ from .surface.creases.creased_splines import CreasedSplines as CreasedSplines
 from .leaf.blade.blade import Blade as Blade
 from .leaf.parametric.surface import ChartSurface as ChartSurface
 from .leaf.margin.margin import Margin as Margin
+from .leaf.parametric.thickness import ThicknessMap as ThicknessMap
 from .leaf.parametric.parametric_blade import ParametricBlade as ParametricBlade
 from .leaf.macro.midrib import find_midrib as find_midrib
 from .leaf.macro.frame import LeafFrame as LeafFrame

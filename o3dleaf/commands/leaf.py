@@ -178,7 +178,7 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.spacing is None:
             return []
         if patch is not None:
-            return [need_for_tile(patch, self.spacing, self.scan_unit)]
+            return [need_for_tile(patch, self.spacing, self.scan_unit, wang=self.wang)]
         window = self.window or WINDOW_MM * unit_scale("mm", self.scan_unit)
         region = self.region if self.around is None else ((0.0, 0.0), (window, window))
         return [need_for_sheet(points_of(scan, "scan"), self.spacing, region)]

@@ -15,6 +15,7 @@ from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.quilting import SIZES
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 
@@ -53,10 +54,13 @@ def need_for_sheet(points: FloatArray, spacing: float, region: npt.ArrayLike | N
     return need_of(measured.SHEET_TRIANGLE * count, what, "give a larger one", step=spacing)
 
 
-def need_for_tile(patch: Volume | TiledField | PatchBlend | WangField, spacing: float, unit: str) -> Need:
-    """Return what one tile of a volume, or all tiles of a texture, take at least at a spacing in a unit."""
+def need_for_tile(
+    patch: Volume | TiledField | PatchBlend | WangField, spacing: float, unit: str, *, wang: bool = False
+) -> Need:
+    """Return what one tile of a volume, or all its Wang tiles, or those of a texture, take at least at a spacing."""
     if isinstance(patch, Volume):
-        area = SHARE * float(np.prod(np.sort(np.array(patch.shape) * patch.spacing)[1:]))
+        share = KINDS * SIZES[0] ** 2 if wang else SHARE
+        area = share * float(np.prod(np.sort(np.array(patch.shape) * patch.spacing)[1:]))
     else:
         area = float(np.prod(patch.period)) * (KINDS if isinstance(patch, WangField) else 1)
     scale = unit_scale(patch.unit, unit) if patch.unit else 1.0

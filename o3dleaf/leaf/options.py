@@ -4,7 +4,10 @@ A field made by `option` is an option of the commands too; the others are for Py
 """
 
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Finite, NotNegative, Positive, SmoothingValue, Whole
@@ -15,7 +18,7 @@ from o3dleaf.core.job import number_or_word, option, words_of
 TILES = ("periodic", "wang")
 FRAMES = ("surface", "paper")
 OF_FRAME = {
-    "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "rim_radius"),
+    "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "rim_radius", "thickness"),
     "paper": ("alpha", "offset"),
 }
 """Options that one frame alone looks at."""
@@ -56,6 +59,9 @@ class BladeOptions:
         which pieces of the scan had to be joined, none if it is in one piece.
     rim_radius : float, optional
         Distance from the margin over which the thickness of the micro-structure falls, in the scan's unit.
+    thickness : (n, m) array_like or path-like, optional
+        Factors of the thickness of the micro-structure, a table or a CSV file of one, laid over the blade: rows along
+        it, from base to tip, columns across; see `ThicknessMap`.
     alpha : float, optional
         Of frame "paper": radius of the α-shape, in the scan's unit.
     offset : {"up", "normal"}
@@ -72,7 +78,7 @@ class BladeOptions:
         require_choice(self.frame, FRAMES, "frame")
         defaults = {each.name: each.default for each in fields(BladeOptions)}
         for frame, names in OF_FRAME.items():
-            given = [name for name in names if getattr(self, name) != defaults[name]]
+            given = [name for name in names if np.any(getattr(self, name) != defaults[name])]
             if frame != self.frame and given:
                 name = given[0]
                 raise InputError(
@@ -96,6 +102,13 @@ class BladeOptions:
     )
     rim_radius: Positive | None = option(
         None, "Let the thickness fall over this distance from the rim", unit="scan-unit"
+    )
+    thickness: Any = option(
+        None,
+        "CSV table of factors of the thickness, laid over the leaf: rows along it, from base to tip.",
+        kind=Path,
+        reads=True,
+        needs=("ct",),
     )
     alpha: Positive | None = option(
         None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"

@@ -30,6 +30,7 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
+from o3dleaf.leaf.parametric.thickness import as_factors
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
@@ -85,6 +86,8 @@ def create_blade(
     """
     options = options or BladeOptions()
     options.check_frame()
+    if options.thickness is not None:
+        as_factors(options.thickness, "thickness")
     build = FRAMES[options.frame]
     # The scan, without points that are there twice or far from all others.
     with stage("prepare scan"):

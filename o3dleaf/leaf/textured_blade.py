@@ -70,8 +70,8 @@ class TexturedBlade:
 
     @property
     def thickness(self) -> float:
-        """Height of the texture's patch, in `unit`: the length that all others are measured by."""
-        return float(np.ptp(self.texture.cell[:, 2]) / self.scale)
+        """Height of the texture's patch where it is highest, in `unit`: the length that all others are measured by."""
+        return float(np.ptp(self.texture.cell[:, 2]) / self.scale * self.blade.most_thickness)
 
     @property
     def tile_rows(self) -> range:

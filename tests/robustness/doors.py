@@ -107,6 +107,8 @@ PLACES = QUERIES.like(lambda w: w.plane)
 FLAT = QUERIES.like(lambda w: w.flat)
 ON_LEAF = QUERIES.like(lambda w: w.on_leaf)
 REGION = BOX.like(lambda w: np.array([[2.0, -1.0], [4.0, 1.0]]))
+FACTORS = VALUES.like([[1.0, 0.5], [0.75, 1.25]]).but("one less", "none")
+"""A table."""
 SIDE = tuple_of(200, 120, whole=True)
 VIEW = OBJECT.like(lambda w: view.View())
 EXTENT = tuple_of(1.0, 0.7, 0.4).without("an array")
@@ -168,6 +170,11 @@ def patch_blend(w: Any) -> Any:
     return o3l.PatchBlend([w.texture, w.texture], [4.0])
 
 
+def thickness_map() -> Any:
+    """Return a map of thickness over the world's plane."""
+    return o3l.ThicknessMap([[1.0, 0.5], [0.8, 1.2]], [[0.0, -1.0], [10.0, 1.0]])
+
+
 @cache
 def wang_tiles(w: Any) -> Any:
     """Return tiles cut out of a patch."""
@@ -212,6 +219,7 @@ DOORS: dict[str, Door] = {
         keep_petiole=FLAG,
         fill_holes=SIZE.optional,
         rim_radius=maybe_length,
+        thickness=FACTORS.later.optional,
         alpha=maybe_length,
         offset=one_of("up").later,
     ),
@@ -414,7 +422,11 @@ DOORS: dict[str, Door] = {
         outline=OBJECT.like(lambda w: w.leaf.blade.outline).later,
         rim_radius=maybe_length,
         notes=TABLE.like(()),
+        thickness=OBJECT.like(lambda w: thickness_map()).optional,
     ),
+    "ThicknessMap": door(o3l.ThicknessMap, factors=FACTORS, bounds=REGION),
+    "ThicknessMap.values": Door(lambda _: thickness_map().values, {"uv": PLACES}),
+    "ThicknessMap.jet": Door(lambda _: thickness_map().jet, {"uv": PLACES}),
     "ParametricBlade.flatten": method(lambda w: w.leaf.blade, "flatten", x=ON_LEAF),
     "ParametricBlade.lift": method(lambda w: w.leaf.blade, "lift", flat=FLAT),
     "ParametricBlade.extract_mesh": method(

@@ -82,6 +82,11 @@ class Blade(ABC):
         """Return what a summary says of the blade, as plain values, by headings."""
 
     @property
+    def most_thickness(self) -> float:
+        """The largest factor by which the blade makes heights longer."""
+        return 1.0
+
+    @property
     def warnings(self) -> list[str]:
         """Defects, one line each; empty for a good blade."""
         return []

@@ -9,6 +9,7 @@
 `surface`           the surface S of the chart
 `local_smoothing`   smoothing chosen place by place
 `fitted`            what a fit hands on: the surface, its sheet and chart, the feet
+`thickness`         the factor of thickness, from a map
 `tight_bends`       bends tighter than a scan can show
 `surface_fit`       S fitted to the points of a scan, at parameters that are their feet
 `parametric_blade`  the blade on it

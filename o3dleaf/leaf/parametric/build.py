@@ -17,6 +17,7 @@ from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
+from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -74,7 +75,9 @@ def build_parametric_blade(
     notes = (*sheet.notes, *petiole.notes, *chart.notes, *fit.notes, *margin.notes)
     for note in notes:
         journal.note(note)
-    return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes)
+    table = None if options.thickness is None else as_factors(options.thickness, "thickness")
+    thickness = None if table is None else ThicknessMap(table, margin.bounds)
+    return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes, thickness=thickness)
 
 
 class _Parted(NamedTuple):

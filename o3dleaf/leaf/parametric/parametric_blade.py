@@ -25,6 +25,7 @@ from o3dleaf.leaf.parametric import lift_loops
 from o3dleaf.leaf.parametric.feet import SAMPLE_COUNT, sample_surface
 from o3dleaf.leaf.parametric.feet_loops import Samples
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.parametric.thickness import Thickness, ThicknessMap, ThicknessProduct
 
 COLLAR = 8.0
 """Width of the strip around the outline in which feet are looked for too, in steps of the samples."""
@@ -40,8 +41,8 @@ class ParametricBlade(Blade):
     .. math:: x = S(u, v) + w\, τ(u, v)\, n(u, v)
 
     u runs along the midrib and v across it; n is the unit normal S_u × S_v / |S_u × S_v|, to the adaxial side. τ
-    falls from 1 towards the margin within `rim_radius`; without one it is 1. Flat coordinates of a point are those of
-    its foot on the surface, the closest one, and its height there over τ.
+    falls from 1 towards the margin within `rim_radius`, times the map `thickness`; without either it is 1. Flat
+    coordinates of a point are those of its foot on the surface, the closest one, and its height there over τ.
 
     Attributes
     ----------
@@ -52,12 +53,14 @@ class ParametricBlade(Blade):
         In `unit`.
     notes : tuple of str
         What was found while it was built, and what does not hold, a line each.
+    thickness : ThicknessMap or None
     """
 
     surface: ChartSurface
     outline: Outline
     rim_radius: Positive | None = None
     notes: tuple[str, ...] = ()
+    thickness: ThicknessMap | None = None
 
     open_edges: ClassVar[OpenEdges] = "cut"
 
@@ -75,10 +78,23 @@ class ParametricBlade(Blade):
         """Unit of length of the world and of flat coordinates."""
         return self.surface.unit
 
+    def state(self) -> dict[str, Any]:
+        """Return what the blade is made of, for `o3dleaf.io.model_file`; a map only where there is one."""
+        state = {name: getattr(self, name) for name in ("surface", "outline", "rim_radius", "notes")}
+        return state if self.thickness is None else state | {"thickness": self.thickness}
+
     @cached_property
-    def taper(self) -> Taper | None:
+    def taper(self) -> Thickness | None:
         """The factor of heights, where it is not 1."""
-        return None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
+        rim = None if self.rim_radius is None else Taper(self.outline.polygon, self.rim_radius)
+        if self.thickness is None or rim is None:
+            return rim or self.thickness
+        return ThicknessProduct(rim, self.thickness)
+
+    @property
+    def most_thickness(self) -> float:
+        """The largest factor of heights."""
+        return 1.0 if self.thickness is None else self.thickness.most
 
     @cached_property
     def samples(self) -> Samples:

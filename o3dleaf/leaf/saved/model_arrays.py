@@ -22,6 +22,7 @@ from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.parametric.thickness import ThicknessMap
 from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
@@ -132,6 +133,7 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "labels": _whole("16", "n", "m", most="k+-1"),
         "energy": _floats("3"),
     },
+    ThicknessMap: {"factors": _floats("n", "m"), "bounds": _floats("2", "2")},
     LocalPolynomials: {"tails": _floats("k", "q"), "exponents": EXPONENTS, "ranks": _whole("k")},
     LocalPotentials: {
         "tails": _floats("k", "q"),

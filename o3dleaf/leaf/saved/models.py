@@ -28,6 +28,7 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
+from o3dleaf.leaf.parametric.thickness import ThicknessMap
 from o3dleaf.leaf.saved.model_arrays import check_model, stored_index
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.quilt import Quilt
@@ -61,6 +62,7 @@ CLASSES: dict[str, Callable[..., Any]] = {
         RobustChoice,
         Shaped,
         Smoothing,
+        ThicknessMap,
         TiledField,
         VectorSplines,
         WangField,

@@ -27,6 +27,8 @@ FINENESS = 3.0
 """Nodes in the reach of a cross-fade: weights reach two of them, the better half of it, and cuts find their way."""
 LEAST_NODES = 24
 """Nodes in a tile at least, of which strips about its borders take three on either side."""
+MOST_NODES = 1 << 18
+"""Nodes in a patch, some hundred megabytes with their spectra: 512 along either side, 170 and more in a tile."""
 SHARE = 1 / 8
 """Of a tile, that the strip of a border reaches into it: wide enough for a cut, and all that tiles have in common."""
 SIZES = (1 / 3, 1 / 2)
@@ -285,8 +287,15 @@ def make_quilt(fields: Sequence[PUInterpolant], tile: FloatArray | None, seed: i
     first = SampledPatch.of(fields[0])
     extent = np.min([each.bounds[1, :2] - each.bounds[0, :2] for each in fields], axis=0)
     step = np.minimum(reach_of_fade(fields[0]) / FINENESS, extent * SIZES[0] / LEAST_NODES)
+    # Of a patch of many balls the nodes are coarser.
+    area = max(float(np.prod(each.bounds[1, :2] - each.bounds[0, :2])) for each in fields)
+    step = np.maximum(step, np.sqrt(area / MOST_NODES))
     if tile is not None:
         step = np.minimum(step, tile / LEAST_NODES)
+        if area / float(step[0]) / float(step[1]) > 2 * MOST_NODES:
+            raise InputError(
+                f"tile: {tile.tolist()} is too small a part of the patch, {extent.tolist()}; give a larger one"
+            )
         step = tile / np.ceil(tile / step * (1 - 1e-12))
     else:
         step = extent / np.ceil(extent / step * (1 - 1e-12))

@@ -28,6 +28,9 @@ from o3dleaf.leaf.texture.quilt import Quilt, spline_weights
 from o3dleaf.leaf.texture.quilting import make_quilt
 from o3dleaf.leaf.texture.seams import SeamEnergy
 
+FARTHEST = 2.0**52
+"""Tiles from the first one, beyond which no point is known to lie in one rather than another: it stays in the last."""
+
 
 @checked
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -142,7 +145,7 @@ class WangField(LayerField):
             If the places are no whole numbers.
         """
         given = as_points(places, "places", dim=2)
-        whole = given.astype(np.int64)
+        whole = np.clip(given, -FARTHEST, FARTHEST).astype(np.int64)
         if np.any(whole != given):
             raise InputError("places: are no whole numbers; give the numbers of tiles along and across")
         return kinds_of(self.local.color, whole[:, 0], whole[:, 1])
@@ -232,8 +235,8 @@ class QuiltedTiles:
     def _sum(self, queries: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets of Σ ω_k F_k at (n, 3) points."""
         quilt = self.quilt
-        places = np.floor(queries[:, :2] / quilt.tile).astype(np.int64)
-        within = queries[:, :2] - places * quilt.tile
+        places = np.floor(np.clip(queries[:, :2] / quilt.tile, -FARTHEST, FARTHEST)).astype(np.int64)
+        within = np.clip(queries[:, :2] - places * quilt.tile, 0.0, quilt.tile)
         cells = np.clip((within / quilt.step).astype(np.int64), 0, quilt.nodes - 1)
         kinds = kinds_of(self.color, places[:, 0], places[:, 1])
         alone = quilt.alone[kinds, cells[:, 0], cells[:, 1]]

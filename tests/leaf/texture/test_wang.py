@@ -1,5 +1,6 @@
 """Wang tiles: borders that match, one smooth field, least cuts, no period."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -305,3 +306,17 @@ def test_patches_that_do_not_go_together_are_refused(patch):
         WangField([])
     with pytest.raises(o3l.errors.UnitError):
         WangField([exact(Rough(), "mm"), exact(Rough(), "um")])
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [("labels", 40), ("labels", -1), ("sources", 1), ("sources", -1), ("corners", np.nan), ("tile", 0.0)],
+)
+def test_a_file_whose_tiles_show_what_is_not_there_is_refused(tmp_path, part, value):
+    laid = WangField(PUInterpolant.fit(*_cloud(), smoothing=0.0, points_per_ball=80, unit="mm"))
+    array = getattr(laid.quilt, part).copy()
+    array.flat[0] = value
+    spoiled = replace(laid.quilt, **{part: array})
+    WangField(laid.fields, quilt=spoiled).save(tmp_path / "tiles.o3l")
+    with pytest.raises(o3l.errors.InputError, match="damaged"):
+        o3l.load(tmp_path / "tiles.o3l")
