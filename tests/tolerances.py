@@ -895,6 +895,10 @@ petioles 95 end within it, with a deviation of 0.33."""
 JUNCTION_WIDTH = 0.25
 """Of a petiole's width, known from the variance of some thirty points: 8 % deviation, three of them."""
 
+SECTION = 0.02
+"""Of a bar's width or depth, the median over its sections: from the variance of 100 points in each found within 0.8 %;
+a variance of a thirteenth of its square instead of a twelfth is off by 4 %."""
+
 OUTSIDE_POLYNOMIAL = 1e-9
 """Of the largest value: outside a ball a sum of r³ cancels to rounding times the cube of the distance in radii."""
 FIELD_HESSIAN_OUTSIDE = 1e-7

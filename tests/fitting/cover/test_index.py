@@ -148,3 +148,14 @@ def test_images_of_balls_beside_the_cell_are_all_that_reach_into_it(side):
         gap = moved - np.clip(moved, *bounds)
         expected |= {(ball, step) for ball in np.flatnonzero(np.linalg.norm(gap, axis=1) < radii)}
     assert {(ball, round(shift[0])) for ball, shift in zip(index.balls, index.shifts, strict=True)} == expected
+
+
+def test_a_point_on_the_rim_of_a_ball_lies_in_it():
+    """On a lattice, where distances and radii are whole: 3² + 4² = 5²."""
+    points = np.stack(np.meshgrid(np.arange(11.0), np.arange(11.0)), axis=-1).reshape(-1, 2)
+    centers, radii = np.array([[5.0, 5.0], [2.0, 4.0], [7.0, 3.0]]), np.array([5.0, 2.0, 1.0])
+    index = BallIndex.build(centers, radii, np.array([[0.0, 0.0], [10.0, 10.0]]))
+    offsets, rows = index.members(points)
+    for image, ball in enumerate(index.balls):
+        within = np.sum((points - centers[ball]) ** 2, axis=1) <= radii[ball] ** 2
+        assert np.array_equal(rows[offsets[image] : offsets[image + 1]], np.flatnonzero(within))

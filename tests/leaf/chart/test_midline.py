@@ -3,6 +3,8 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
+from o3dleaf.leaf.chart.axis.ends import SLICES, slice_axis
+from o3dleaf.leaf.chart.flattening.geodesics import Ways
 from o3dleaf.leaf.chart.midline import find_midline
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, sickle, triangulated
@@ -33,6 +35,17 @@ LEAVES = {
 def sheet_of(outline, step):
     flat, triangles = triangulated(outline, step)
     return flat, rolled(flat), triangles
+
+
+def test_the_slices_of_a_strip_follow_one_another_along_its_middle():
+    """At equal steps, all up to the side of a triangle."""
+    side = 0.5
+    flat, triangles = triangulated(shapely.box(0, -2, 80, 2), side)
+    area = shapely.area(shapely.polygons(flat[triangles]))
+    axis = slice_axis(Ways(flat, triangles), area, int(np.argmin(np.linalg.norm(flat, axis=1))))
+    assert len(axis) == SLICES + 2
+    assert np.abs(np.diff(axis[1:-1, 0]) - 80 / SLICES).max() < side
+    assert np.abs(axis[1:-1, 1]).max() < side
 
 
 @pytest.mark.parametrize("leaf", LEAVES)

@@ -4,6 +4,7 @@ import shapely
 
 from o3dleaf import samples
 from o3dleaf.leaf.chart.petiole import find_petiole
+from o3dleaf.leaf.chart.stalk.sections import sections_along
 from tests import tolerances as tol
 from tests.sheet_shapes import blade, ellipse, lobed, rolled, stalked, triangulated
 
@@ -19,6 +20,14 @@ def drawn(outline, spacing, seed=0):
     rng, (low, high) = np.random.default_rng(seed), np.reshape(outline.bounds, (2, 2))
     points = rng.uniform(low, high, (round(np.prod(high - low) / spacing**2), 2))
     return points[shapely.contains_xy(outline, *points.T)]
+
+
+@pytest.mark.parametrize(("width", "depth"), [(2.0, 1.0), (3.0, 0.5)])
+def test_sections_of_a_bar_are_as_wide_and_deep_as_the_bar(width, depth):
+    points = np.random.default_rng(0).uniform(0, [40, width, depth], (20_000, 3))
+    sections = sections_along(points, np.full(len(points), 40 * width / len(points)), points[:, 0], 0.0)
+    assert np.median(sections.width) == pytest.approx(width, rel=tol.SECTION)
+    assert np.median(sections.depth) == pytest.approx(depth, rel=tol.SECTION)
 
 
 @pytest.mark.parametrize("stub", [0.0, 8.0])

@@ -6,11 +6,13 @@ from itertools import combinations
 import numpy as np
 import pymeshlab
 import pytest
+import shapely
 
 from o3dleaf import mesh_report
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
+from o3dleaf.leaf.instancing.stitch import _on_box
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.surface.isosurface.polygonize import polygonize
 from tile_fields import LATTICE, area, assemble, layer, outline
@@ -136,6 +138,16 @@ def test_the_edges_of_squares_are_refined_alike_from_both_sides():
     whole = refine_face(coarse, 4)
     assert np.array_equal(refine_face(coarse[:, :2], 4)[:, -1], whole[:, 4])
     assert np.array_equal(refine_face(coarse[:, 1:], 4)[:, 0], whole[:, 4])
+
+
+@pytest.mark.parametrize(("direction", "step"), [(1, (1, 0)), (2, (0, 1)), (4, (0, 0))])
+def test_an_edge_lies_in_a_box_s_sides_if_its_middle_does(direction, step):
+    box = np.array([[1, 2], [4, 6]])
+    low = np.stack(np.meshgrid(np.arange(7), np.arange(9), indexing="ij"), axis=-1).reshape(-1, 2)
+    sides = shapely.box(*box[0], *box[1]).exterior
+    expected = [sides.distance(shapely.LineString([ends, ends + step]).centroid) == 0 for ends in low]
+    names = np.column_stack([low, np.full(len(low), 3), np.full(len(low), direction)])
+    assert np.array_equal(_on_box(names, box), expected)
 
 
 def test_a_window_that_reaches_the_rim_is_refused():

@@ -167,6 +167,14 @@ def test_a_cylinder_folds_at_its_own_radius(cylinder):
     assert np.all(up.distortion(middle).focal > 100)
 
 
+def test_what_room_is_left_falls_to_none_at_the_focal_surface(cylinder):
+    """On a cylinder the share of the way to its axis, up to what its curvature is wrong by; outside nothing folds."""
+    blade, height = cylinder[0], np.linspace(-12, 6, 50)
+    flat = np.column_stack([np.linspace(8, 22, 50), np.zeros(50), height])
+    room = NormalOffsets.at(blade.frame, blade.height_map, flat).room
+    assert np.median(np.abs(room - np.minimum(1, 1 + height / 8)) / np.abs(height)) <= CURVATURE
+
+
 @pytest.mark.parametrize("radius", [4.0, 20.0])
 def test_heights_end_at_the_focal_surface_but_not_on_the_other_side(cylinder, radius):
     """Half way to the centre of a cylinder, and outside of it at one and a half times its radius."""

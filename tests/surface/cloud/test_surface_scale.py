@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf import samples
 from o3dleaf.surface.cloud.neighbors import nearest_neighbors
-from o3dleaf.surface.cloud.surfels import FLAT, surface_scale
+from o3dleaf.surface.cloud.surfels import FLAT, flatness_of, surface_scale
 
 
 def scale_of(points):
@@ -52,3 +52,9 @@ def test_a_sheet_is_thinned_as_far_as_its_noise_asks_for(spacings):
     assert not scale.full
     assert scale.flatness <= 2 * FLAT
     assert scale.thinning == 1 if spacings == 0 else spacings < np.sqrt(scale.thinning) < 8 * spacings
+
+
+def test_neighbors_on_a_line_or_in_one_place_show_no_surface():
+    line = np.outer(np.random.default_rng(0).random(60), [1.0, -2.0, 0.5])
+    assert flatness_of(line) == 1
+    assert flatness_of(np.ones((60, 3))) == 1
