@@ -146,6 +146,14 @@ def test_every_ball_of_a_class_holds_what_the_distances_say():
         assert len(found) <= 300
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_tiles_are_the_same_in_any_unit(unit):
+    shape = (23, 17, 19)
+    cover, other = (VoxelCover.fit(shape, steps, 300, 1.1) for steps in (np.diag(SPACING), unit * np.diag(SPACING)))
+    assert np.array_equal(cover.tile, other.tile)
+    assert np.array_equal(cover.keys, other.keys)
+
+
 def test_gcv_asks_a_sample_of_balls_as_the_general_path_does():
     """The pooled score of the sampled balls, each decomposed by itself, has no smaller smoothing within its noise."""
     values = data()
