@@ -1,6 +1,8 @@
 """The lattices on which the texture of a blade is sampled, which divide its period, and the tiles made on them."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -8,7 +10,7 @@ from o3dleaf.core.checks import require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
 from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
-from o3dleaf.leaf.texture.corners import KINDS, TORUS, Coloring, kinds_of, torus_color
+from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
@@ -57,14 +59,19 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     borders, scale, torus = MatchingBorders((nx, ny), nz, TORUS), leaf.scale, texture.torus
     whole = extract_tile(lambda flat: torus(flat * scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
     parts = split_torus(whole, (nx, ny))
-    kinds = {_kind(torus_color, place): part for place, part in parts.items()}
-    color = texture.local.color
-    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), lambda place: _kind(color, place)), 1
+    on_torus = _kind_by(torus_color)
+    kinds = {on_torus(place): part for place, part in parts.items()}
+    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1
 
 
-def _kind(color: Coloring, place: tuple[int, int]) -> int:
-    """Return the Wang tile that lies in one place."""
-    return int(kinds_of(color, *(np.array(number) for number in place)))
+def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:
+    """Return the function that tells which Wang tile lies in one place; the color of a corner is asked for once."""
+
+    @cache
+    def corner(i: int, j: int) -> int:
+        return int(color(np.array(i), np.array(j)))
+
+    return lambda place: sum(corner(place[0] + a, place[1] + b) << bit for bit, (a, b) in enumerate(CORNERS))
 
 
 def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> TileLattice:
