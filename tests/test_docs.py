@@ -3,6 +3,7 @@
 import ast
 import inspect
 import re
+import shlex
 from pathlib import Path
 from pkgutil import resolve_name
 
@@ -44,8 +45,10 @@ def test_functions_take_what_they_are_given(page):
 def test_commands_have_the_options(page):
     text = page.read_text(encoding="utf-8").replace("\\\n", " ")
     unknown = []
-    for line in re.findall(r"(?:^    |`)(o3dleaf [a-z]+ [^`\n#]*)", text, re.MULTILINE):
-        name, *words = line.split()[1:]
+    lines = [shlex.split(line)[1:] for line in re.findall(r"(?:^    |`)(o3dleaf [a-z]+ [^`\n#]*)", text, re.MULTILINE)]
+    # What stands in quotes may be a command itself.
+    inner = [word.split() for line in lines for word in line if word.partition(" ")[0] in COMMANDS and " " in word]
+    for name, *words in [*lines, *inner]:
         options = {flag for each in COMMANDS[name].params for flag in (*each.opts, *each.secondary_opts)} | {"--help"}
         unknown += [(name, word) for word in words if re.match(r"--?[a-z]", word) and word not in options]
     assert unknown == []
