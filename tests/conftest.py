@@ -97,7 +97,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """Leave what was imported and collected, a million objects, alone: to go through it takes a twentieth of the time."""
+    """Leave what was imported and collected, a million objects, alone: to go through it takes a twentieth of all."""
     gc.collect()
     gc.freeze()
 
