@@ -89,10 +89,11 @@ class Piece:
 
     def run(self) -> Row:
         """Do it without a word, and return what became of it."""
-        start, key = time.monotonic(), self.key
+        start = time.monotonic()
         if self.job.threads is not None:
             set_num_threads(self.job.threads)
         try:
+            key = self.key
             with show_progress(quiet=True), single_threaded_blas():
                 summary = self.job.run()
         except Exception as cause:  # noqa: BLE001 - whatever happens to one file, the others go on
@@ -144,7 +145,9 @@ class BatchJob(LongJob):
                 self.output.rmdir()
 
     def estimate(self) -> "list[Need]":
-        """Return what the largest file takes."""
+        """Return what the largest file takes, if that is asked; each is weighed by itself when its turn comes."""
+        if not self.only_estimate:
+            return []
         needs = [need for piece in self.pieces for need in piece.job.estimate()]
         return [max(needs, key=lambda need: need.bytes)] if needs else []
 
@@ -162,7 +165,10 @@ class BatchJob(LongJob):
     @cached_property
     def pieces(self) -> list[Piece]:
         """The commands of all files, in their order."""
-        words = shlex.split(self.command)
+        try:
+            words = shlex.split(self.command)
+        except ValueError as cause:
+            raise InputError(f"command: is {self.command!r} ({cause}); close its quotes") from cause
         if not words or words[0] not in BATCHED:
             raise InputError(f"command: is {self.command!r}; begin with one of {', '.join(BATCHED)}")
         kind, suffix = BATCHED[words[0]]
@@ -170,6 +176,7 @@ class BatchJob(LongJob):
         for file in self.inputs():
             result = (self.output / file.name).with_suffix(suffix)
             job = _placed(job_from(kind, [*words[1:], str(file), "--output", str(result)]))
+            job = replace(job, memory=job.memory or self.memory, time=job.time or self.time)
             made.append(Piece(job, file, result))
         return made
 
@@ -228,10 +235,10 @@ class BatchJob(LongJob):
 
 
 def _files_of(place: Path) -> list[Path]:
-    """Return a file, or the files in a folder."""
+    """Return a file, or the files in a folder, but for hidden ones."""
     if not is_folder(place):
         return [require_file(place)]
-    files = [file for file in place.iterdir() if is_file(file)]
+    files = [file for file in place.iterdir() if is_file(file) and not file.name.startswith(".")]
     if not files:
         raise InputError(f"{place}: holds no file; give files, or a folder of them")
     return files

@@ -52,6 +52,21 @@ def test_each_result_is_that_of_its_own_command_and_a_broken_file_stops_none(tmp
     assert not (tmp_path / "out" / "broken.ply").exists()
 
 
+def test_a_file_that_vanishes_or_needs_too_much_is_a_line_of_the_table(tmp_path, scans):
+    (scans / ".hidden.ply").write_text("no scan")
+    many = np.random.default_rng(0).random((300_000, 3))
+    o3d.io.write_point_cloud(scans / "b.ply", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(many)))
+    job = BatchJob(files=[scans], output=tmp_path / "out", command="reconstruct", memory="1MB")
+    job.check()
+    assert job.estimate() == []
+    first, second = job.pieces
+    (scans / "a.ply").unlink()
+    gone, large = first.run(), second.run()
+    assert (gone.done, large.done) == (False, False)
+    assert "a.ply" in gone.said
+    assert "300,000 points need" in large.said
+
+
 def test_what_is_done_is_left_out_until_its_input_or_its_options_are_others(tmp_path, scans):
     def written():
         return {file.name: file.stat().st_mtime_ns for file in (tmp_path / "out").glob("?.ply")}
@@ -77,6 +92,7 @@ def test_what_is_done_is_left_out_until_its_input_or_its_options_are_others(tmp_
         ({"command": "qa"}, "begin with one of leaf, reconstruct, clean, patch"),
         ({"command": ""}, "begin with one of"),
         ({"command": "reconstruct --help"}, "leave it out"),
+        ({"command": "reconstruct 'x"}, "close its quotes"),
         ({"command": "reconstruct --closed sideways"}, "unknown 'sideways'"),
         ({"workers": 0}, "at least 1"),
     ],
