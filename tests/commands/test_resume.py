@@ -37,7 +37,7 @@ def start(folder, before, words):
     path = os.pathsep.join(map(os.path.abspath, sys.path))
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM.format(before), *map(str, words)],
-        cwd=folder, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, text=True,
+        cwd=folder, env=os.environ | {"PYTHONPATH": path}, stderr=subprocess.PIPE, encoding="utf-8",
     )  # fmt: skip
 
 
