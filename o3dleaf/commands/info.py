@@ -81,17 +81,20 @@ class InfoJob(UnitOption, Job):
         """Return the figures of a volume."""
         import numpy as np
 
+        from o3dleaf.leaf.ct.drift import find_drift
         from o3dleaf.leaf.ct.formats.read import open_stated, read_stated
         from o3dleaf.leaf.ct.hairs import find_cut_hairs
+        from o3dleaf.leaf.ct.rings import find_rings, middle, middle_slices
         from o3dleaf.leaf.ct.threshold import find_classes
         from o3dleaf.leaf.ct.voids import levels_around, pieces_at_levels
         from o3dleaf.leaf.ct.volume import thinned
 
         if self.crop is None:
             volume, stated = read_stated(self.file, **self.lattice)
+            axis = middle(volume)
         else:
             opened, stated = open_stated(self.file, **self.lattice)
-            volume = opened.crop(self.crop)
+            volume, axis = opened.crop(self.crop), middle(opened)
         small = thinned(volume)
         level = self.level_of(volume)
         classes = find_classes(small.data)
@@ -116,6 +119,8 @@ class InfoJob(UnitOption, Job):
             "noise": None if classes is None else classes.deviations.tolist(),
             "threshold": level,
             "level": self.level,
+            "drift": None if classes is None else str(find_drift(small)),
+            "rings": None if classes is None else str(find_rings(middle_slices(volume), axis)),
             "hairs": str(find_cut_hairs(volume, level)) if isinstance(level, float) else None,
             "voids_looked_for_in": list(small.shape),
             "levels": [asdict(row) for row in rows],

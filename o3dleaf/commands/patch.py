@@ -56,6 +56,13 @@ class CtOptions(TextureOptions):
     )
     ct_layout: str | None = option(None, LAYOUT_HELP, **OF_VOLUME)
     ct_crop: Any = option(None, CROP_HELP, kind=str, parse=parse_box, unit="ct-unit", **OF_VOLUME)
+    remove_drift: bool = option(
+        False, "Give air and leaf the same intensities in all slices, which follow one another along z.", **OF_VOLUME
+    )
+    remove_rings: bool = option(False, "Remove rings, and cupping, around the scanner's axis along z.", **OF_VOLUME)
+    ring_axis: tuple[float, float] | None = option(
+        None, "X Y of that axis (the middle of the file's slices, by default)", unit="ct-unit", needs=("remove_rings",)
+    )
 
     @staticmethod
     def volume_of(path: Path | None) -> Path | None:
@@ -87,15 +94,26 @@ class CtOptions(TextureOptions):
         if path.suffix.lower() in table(MODEL):
             return []
         crop = self.ct_crop
-        return [need_for_texture(count_voxels(path) if crop is None else count_cropped(path, crop, **self.lattice))]
+        voxels = count_voxels(path) if crop is None else count_cropped(path, crop, **self.lattice)
+        return [need_for_texture(voxels, corrected=self.remove_drift or self.remove_rings)]
 
     def read_volume(self, path: Path) -> "Volume":
-        """Return the volume of a file, or of the part of it that is wanted."""
+        """Return the volume of a file, or of the part of it that is wanted, corrected as was asked for."""
+        from o3dleaf.leaf.ct.drift import remove_drift
         from o3dleaf.leaf.ct.formats.read import open_volume, read_volume
+        from o3dleaf.leaf.ct.rings import middle, remove_rings
 
         if self.ct_crop is None:
-            return read_volume(path, **self.lattice)
-        return open_volume(path, **self.lattice).crop(self.ct_crop)
+            volume = read_volume(path, **self.lattice)
+            axis = middle(volume)
+        else:
+            opened = open_volume(path, **self.lattice)
+            volume, axis = opened.crop(self.ct_crop), middle(opened)
+        if self.remove_drift:
+            volume = remove_drift(volume)
+        if self.remove_rings:
+            volume = remove_rings(volume, self.ring_axis or axis)
+        return volume
 
     @property
     def lattice(self) -> dict[str, Any]:

@@ -157,11 +157,16 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
     return fit
 
 
-def need_for_texture(voxels: int) -> Need:
-    """Return what a volume of so many voxels takes, to be fitted, about; asked for again when its band is known."""
+def need_for_texture(voxels: int, *, corrected: bool = False) -> Need:
+    """Return what a volume of so many voxels takes, to be corrected and fitted, about.
+
+    It is asked for again when its band is known.
+    """
     band = min(voxels, BAND * voxels ** (2 / 3))
     on_disk = 0 if is_held(8 * COEFFICIENTS * band) else 8 * COEFFICIENTS * band
     cost = measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+    if corrected:
+        cost += measured.CORRECTED_VOXEL * voxels
     return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")
 
 

@@ -289,7 +289,10 @@ def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
 def test_info_says_what_a_file_holds(run, files, tmp_path):
     result = run("info", files / "ct.tif", "--json", tmp_path / "ct.json")
     assert result.returncode == 0, result.stderr
-    assert json.loads((tmp_path / "ct.json").read_text())["shape"] == [30, 30, 20]
+    contents = json.loads((tmp_path / "ct.json").read_text())
+    assert contents["shape"] == [30, 30, 20]
+    assert "rings around" in contents["rings"]
+    assert "of the step" in contents["drift"]
     assert str(POINTS) in run("info", files / "scan.ply", "--unit", "mm").stdout
 
 

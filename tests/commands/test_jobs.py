@@ -4,13 +4,16 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from o3dleaf import remove_drift, remove_rings, samples, write_volume
 from o3dleaf.commands.cli import JOBS, add_command
 from o3dleaf.commands.leaf import LeafJob, in_a_line
 from o3dleaf.commands.line.words import job_of
+from o3dleaf.commands.patch import PatchJob
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import Job, LongJob, argument, option, options_of, output, spelled, table
@@ -154,3 +157,14 @@ def test_the_last_line_tells_what_was_written():
     assert "7 triangles" in in_a_line(summary)
     summary["mesh"]["note"] = "of a coarser mesh"
     assert "3,982,438 triangles" in in_a_line(summary)
+
+
+@pytest.mark.parametrize("asked", [{}, {"ring_axis": (300.0, 500.0)}])
+def test_a_volume_is_corrected_around_the_middle_of_its_file_whatever_is_cropped(asked, tmp_path):
+    volume = samples.wheat_ct(spacing=24)[0]
+    file, crop = tmp_path / "ct.tif", [[100.0, 0.0, 0.0], [1200.0, 1500.0, 480.0]]
+    write_volume(volume, file)
+    job = PatchJob(file, tmp_path / "a.o3l", ct_crop=crop, remove_drift=True, remove_rings=True, **asked)
+    axis = asked.get("ring_axis", volume.bounds.mean(axis=0)[:2])
+    expected = remove_rings(remove_drift(volume.crop(crop)), axis)
+    np.testing.assert_allclose(job.read_volume(file).data, expected.data, atol=1e-6)

@@ -729,6 +729,10 @@ DOORS: dict[str, Door] = {
         origin=VECTOR.optional,
         layout=OBJECT.optional,
     ),
+    "remove_drift": door(o3l.remove_drift, volume=OBJECT.like(lambda w: w.volume)),
+    "remove_rings": door(
+        o3l.remove_rings, volume=OBJECT.like(lambda w: w.volume), axis=VECTOR.like((1.0, 0.0)).optional
+    ),
     "remesh": door(
         o3l.remesh,
         mesh=MESH,

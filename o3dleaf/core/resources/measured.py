@@ -46,6 +46,8 @@ FITTED_VOXEL = Each(60, 0.75)
 """Of a volume that is fitted: all of it, or the narrow band around its surface."""
 LEFT_VOXEL = Each(4, 0.1)
 """Of a volume that is fitted in a narrow band: of all of it, to find the band, and for what lies beside it."""
+CORRECTED_VOXEL = Each(12, 0.7)
+"""Of a volume whose drift and rings are removed: one copy made of another, and what is held at once."""
 BLADE = Cost(0, 20.0)
 """Of a blade, whatever its scan: beyond some 20,000 points more are thinned."""
 BLADE_POINT = Each(2000, 65)

@@ -68,11 +68,12 @@ def choose_fitter(data: OrientedPoints) -> Hermite | MovingLeastSquares:
         if size > len(data.points) // 4:
             break
         square = mean_square_residual(size, data, tree)
-        growth = square / before if before > 0 else 1.0
-        if before > 0 and growth > STEEP:
-            break
-        if before > 0 and growth < flattest:
-            flattest, chosen = growth, size
+        if before > 0:
+            growth = square / before
+            if growth > STEEP:
+                break
+            if growth < flattest:
+                flattest, chosen = growth, size
         before = square
     return MovingLeastSquares(points_per_ball=round(chosen / FILLED)) if chosen >= LARGE else spline
 

@@ -6,6 +6,9 @@
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
 `voids`      what a range of levels makes of a volume
+`pure`       voxels that are air or leaf, and nothing between
+`drift`      air and leaf of the same intensity in every slice
+`rings`      rings around the scanner's axis, found and removed
 `align`      the rigid motion that lays a blade flat
 `hairs`      hairs that the sides cut, and a crop without
 `box`        the largest upright box in a turned one

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from o3dleaf.fitting.cover.contrast import CELL, _occupied, widen_clusters
+from o3dleaf.fitting.cover.contrast import CELL, _occupied, _one_of_each_cell, widen_clusters
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from tolerances import CLUSTER_ERROR
@@ -54,3 +54,12 @@ def test_cells_are_as_large_as_their_balls():
         inside = np.all(np.abs(away) < 1 / CELL, axis=1)
         assert inside.all()
         assert counts[ball] == len(np.unique(np.floor(away), axis=0)) > 1
+
+
+@pytest.mark.parametrize("side", [0.11, 1e-25])
+def test_one_point_of_each_cell_is_the_first_in_it(side):
+    """Cells of as many places on an axis as there are doubles are told apart, too."""
+    points = np.random.default_rng(4).random((2000, 3)) * (1.0, 2.0, 0.5)
+    cells = np.floor((points - points.min(axis=0)) / side)
+    first = {tuple(cell): number for number, cell in reversed(list(enumerate(cells.tolist())))}
+    np.testing.assert_array_equal(_one_of_each_cell(points, side), sorted(first.values()))

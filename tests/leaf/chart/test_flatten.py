@@ -8,7 +8,7 @@ from o3dleaf.leaf.chart.flatten import lay_flat
 from o3dleaf.leaf.chart.flattening.embedding import convex_chart, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import require_sheet
-from o3dleaf.leaf.chart.flattening.stretch import chart_areas, stretch_quantiles, triangle_stretch
+from o3dleaf.leaf.chart.flattening.stretch import Stretch, chart_areas, stretch_quantiles, triangle_stretch
 from o3dleaf.leaf.chart.flattening.untangle import untangle
 from o3dleaf.leaf.chart.sheet_chart import chart_sheet
 from tests import tolerances as tol
@@ -44,6 +44,18 @@ def test_the_stretch_is_that_of_the_affine_map():
     chart = vertices[:, :2] @ shear
     found = triangle_stretch(vertices, np.array([[0, 1, 2]]), chart)[0]
     np.testing.assert_allclose(found, np.linalg.svd(shear, compute_uv=False), rtol=1e-12)
+
+
+def test_a_share_below_a_hundredth_of_the_area_is_not_told():
+    """Of 1,000 triangles alike in area, 9 in each tail have no say; the tenth has."""
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    vertices, triangles = np.tile(corners, (1000, 1)), np.arange(3000).reshape(1000, 3)
+    sizes = np.ones(1000)
+    sizes[:9], sizes[-9:] = 0.1, 10.0
+    scaled = lambda sizes: (corners[:, :2] * sizes[:, None, None]).reshape(-1, 2)  # noqa: E731
+    assert stretch_quantiles(vertices, triangles, scaled(sizes)) == Stretch(pytest.approx(1.0), pytest.approx(1.0))
+    sizes[9:12], sizes[-12:-9] = 0.2, 5.0
+    assert stretch_quantiles(vertices, triangles, scaled(sizes)) == Stretch(pytest.approx(0.2), pytest.approx(5.0))
 
 
 def test_a_twist_of_half_a_turn_is_stretched_by_no_more_than_the_curvature_asks():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import planar_leaves as leaves
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.leaf.margin.margin import Margin
-from o3dleaf.leaf.margin.sheet_mesh import border_of, triangulate
+from o3dleaf.leaf.margin.sheet_mesh import _halved, _margin, border_of, triangulate
 from tolerances import CUT_SHEET_ANGLE, CUT_SHEET_AREA, ON_THE_MARGIN, ROUNDING
 
 SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(12), "lobed": leaves.lobed(), "eaten": leaves.eaten(2)}
@@ -101,3 +101,14 @@ def test_the_margin_of_a_sample_is_triangulated_with_its_tip_and_hole():
     margin = Margin.fit(leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(2)))
     for step in (4 * margin.spacing, margin.spacing, margin.spacing / 4):
         check(margin.polygon, *triangulate(margin.polygon, step))
+
+
+def test_sides_counted_through_all_rings_are_cut_in_the_ring_that_they_are_of():
+    """The first side of each ring too, which follows the last of the one before."""
+    margin = _margin(shapely.Polygon(leaves.ellipse().exterior, [shapely.Point(0, 0).buffer(0.3).exterior]), 0.5)
+    counts = np.array([len(chords.places) for chords in margin])
+    starts = np.cumsum(counts) - counts
+    for ring, start in enumerate(starts):
+        halved = _halved(margin, np.array([start]))
+        assert [len(chords.places) for chords in halved] == list(counts + (np.arange(len(counts)) == ring))
+        assert halved[ring].places[1] == margin[ring].places[1] / 2

@@ -6,7 +6,7 @@ import shapely
 
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
-from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, tight_bends
+from o3dleaf.leaf.parametric.tight_bends import past_tight_bends, tight_bends, tightest_bend
 from sheet_shapes import triangulated
 
 SPACING = 0.5
@@ -50,3 +50,16 @@ def test_only_past_the_sheet_points_on_tight_bends_say_nothing_of_the_margin():
     inner = np.abs(whole.feet[:, 0] - LENGTH / 2) < LENGTH / 2 - 1  # off the corners of the sheet
     assert not past_tight_bends(whole, SPACING)[inner].any()
     assert not past_tight_bends(fitted(2.0 * SPACING, HALF), SPACING).any()
+
+
+def test_the_tightest_bend_of_a_sheet_is_on_it():
+    past, whole = fitted(0.6 * SPACING, HALF), fitted(0.6 * SPACING, HALF + OVER + 0.1)
+    assert tightest_bend(fitted(2.0 * SPACING, HALF).surface, past.mesh, past.feet, SPACING) is None
+    inner = past.feet[:, 1] < HALF - 2 * SPACING
+    assert tightest_bend(past.surface, past.mesh, past.feet[inner], SPACING) is None
+    bend = tightest_bend(whole.surface, whole.mesh, whole.feet, SPACING)
+    assert bend.radius < SPACING
+    assert bend.place[1] > HALF - SPACING / 2
+    # The flat part alone as the sheet: the bend lies past its edge.
+    short = fitted(0.6 * SPACING, HALF - 2 * SPACING)
+    assert tightest_bend(short.surface, short.mesh, short.feet, SPACING) is None

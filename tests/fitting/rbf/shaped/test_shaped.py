@@ -154,6 +154,7 @@ def test_a_direction_that_is_lost_to_rounding_is_left_out_or_missed():
     np.testing.assert_allclose(solve_symmetric(matrix, (matrix @ weights)[np.newaxis])[0], weights, atol=ROUNDING)
     with pytest.raises(IllPosedError, match="singular"):
         solve_symmetric(matrix, (weights + lost)[np.newaxis])
+    np.testing.assert_array_equal(solve_symmetric(matrix, np.zeros((1, 8))), np.zeros((1, 8)))
 
 
 def test_ball_by_ball_it_makes_a_blend():
