@@ -66,6 +66,10 @@ CONSUMERS = {
     "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
 }
 """The programs that are known by name; docs/consumers has a page on each."""
+FOLDERS = ("droplet",)
+"""What is no file but a folder: a case of a droplet, `o3dleaf.output.droplet`."""
+PROGRAMS = (*CONSUMERS, *FOLDERS)
+"""All that the command line knows by name."""
 NO_UNIT = "no stated unit"
 RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
 """What scalars cannot be called."""
