@@ -247,6 +247,15 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     return np.divide(array, lengths)
 
 
+def as_direction(values: npt.ArrayLike, name: str) -> FloatArray:
+    """Return a direction as a (3,) unit vector, or raise `InputError` if it has no length."""
+    row = as_row(values, name, count=3)
+    largest = np.abs(row).max()
+    if not largest > 0:
+        raise InputError(f"{name}: has no length; give a direction, such as 0 0 1")
+    return np.asarray(row / largest / np.linalg.norm(row / largest))
+
+
 def as_viewpoint(viewpoint: npt.ArrayLike, count: int) -> FloatArray:
     """Return the place that each of `count` points was seen from (count, 3), given one or one each."""
     array = as_floats(viewpoint, "viewpoint")

@@ -13,11 +13,13 @@ from o3dleaf.io.labelled_mesh import LABELS, RIM, AnyMesh
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_rows
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.export.particle_loops import thin_samples
-from o3dleaf.output.export.particles import Particles, require_closed
-from o3dleaf.output.export.thinning import sort_into_cubes, surface_samples
+from o3dleaf.output.export.particles import Particles, cover_surface, require_closed
+from o3dleaf.output.export.thinning import sort_into_cubes
 
-LEAST = 1.4**-0.5
-"""Least distance of two particles, of the spacing: one chosen so has 1.4 of its square to itself, hence spacing²."""
+LEAST = 0.75
+"""Least distance r of two particles, of the spacing: one has about 1.75 r² to itself, hence spacing²."""
+CANDIDATES = 3
+"""Particles are chosen among samples that are as much nearer together: nine to one."""
 SHALLOWER = 0.25
 """Of the spacing, by which another part of the surface may be nearer to a particle of a layer than its own."""
 
@@ -40,8 +42,8 @@ def sample_boundary(
     .. math:: x = p - k\,d\,n(p), \qquad \mathrm{dist}(x) \ge (k - 1/4)\,d
 
     for points p of the surface with outward normal n, d the spacing: what is nearer to another part of the surface is
-    left out. So a part thinner than 2 k d has no layer k: the middle of a blade is not filled twice, and a hair as thick
-    as a spacing is layer 0 alone. No two particles, of whatever layer or face, are nearer than d/√1.4 = 0.845 d, and
+    left out. So a part thinner than 2 k d has no layer k: the middle of a blade is not filled twice, and a hair as
+    thick as a spacing is layer 0 alone. No two particles, of whatever layer or face, are nearer than 0.75 d, and
     none is missing where one has room; each has about d² of its layer to itself, d³ of the volume. Its `size` is the
     area of that part of the surface which it lies on or below: those of layer 0 add up to the mesh's, and those of a
     layer below to the part of it that has this layer.
@@ -74,22 +76,21 @@ def sample_boundary(
     step, surface = require_positive(spacing, "spacing"), MeshData.of(mesh, labels, unit)
     if layers > 1:
         require_closed(surface)
-    corners = surface.vertices[surface.triangles]
-    vectors = face_vectors(corners)
-    areas = np.linalg.norm(vectors, axis=1) / 2
-    points, triangle, shares = surface_samples(corners, areas, step * LEAST, copies=layers)
-    normals = unit_rows(vectors)[triangle]
+    points, triangle, shares = cover_surface(surface, step * LEAST / CANDIDATES, step, seed, layers)
+    normals = unit_rows(face_vectors(surface.vertices[surface.triangles[triangle]]))
     sample = np.arange(len(points))
     if field is not None:
         points, normals, there = _on_field(field, surface, points, normals, triangle, step)
         sample = sample[there]
     depth = _depths(surface, step)
-    places, of, layer = [points[sample]], [sample], [np.zeros(len(sample), dtype=np.uint8)]
+    places, of, layer = [points[sample]], [sample], [np.zeros(len(sample), dtype=np.int64)]
     for k in range(1, layers):
         below = points[sample] - k * step * normals[sample]
         deep = depth(below) >= (k - SHALLOWER) * step
+        if not deep.any():
+            break
         places, of = [*places, below[deep]], [*of, sample[deep]]
-        layer.append(np.full(int(deep.sum()), k, dtype=np.uint8))
+        layer.append(np.full(int(deep.sum()), k))
     found, sampled, layer_of = np.concatenate(places), np.concatenate(of), np.concatenate(layer)
     kept = _thinned(found, [len(each) for each in places], step * LEAST, seed)
     sizes = _areas_below(found, layer_of, shares[sampled], kept)
@@ -108,6 +109,11 @@ def _on_field(
     moved[~cut] = field.project(points[~cut])
     turned[~cut] = field.normals(moved[~cut])
     return moved, turned, np.linalg.norm(moved - points, axis=1) <= step
+
+
+def layer_counts(particles: Particles) -> list[int]:
+    """Return how many particles there are of each layer."""
+    return [] if particles.layers is None else np.bincount(particles.layers).tolist()
 
 
 class _depths:  # noqa: N801 - a function that holds its tree
@@ -142,7 +148,7 @@ def _thinned(points: FloatArray, sizes: list[int], radius: float, seed: int) -> 
     return np.sort(by_cube[members[rank < counts[cube]]])
 
 
-def _areas_below(points: FloatArray, layer: npt.NDArray[np.uint8], shares: FloatArray, kept: IntArray) -> FloatArray:
+def _areas_below(points: FloatArray, layer: IntArray, shares: FloatArray, kept: IntArray) -> FloatArray:
     """Return the areas (k,) of the samples to which a kept particle is the nearest of their layer."""
     sizes = np.zeros(len(kept))
     for k in np.unique(layer[kept]):

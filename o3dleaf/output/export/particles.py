@@ -25,6 +25,8 @@ from o3dleaf.output.export.particle_loops import assign_samples, crossings, thin
 from o3dleaf.output.export.thinning import sort_into_cubes, surface_samples
 from o3dleaf.surface.mesh.topology import EdgeTable
 
+FINER = 2
+"""Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
 BLOCK = 1 << 14
 SUFFIXES = (".ply", ".csv", ".vtp")
 """Formats of particles."""
@@ -46,7 +48,7 @@ class Particles:
     labels : (n,) ndarray of uint8, or None
         Of particles on a surface: the label of the triangle.
     unit : str, optional
-    layers : (n,) ndarray of uint8, or None
+    layers : (n,) ndarray of int64, or None
         Of a boundary in layers: 0 on the surface, 1 one spacing below it, and so on; see `sample_boundary`.
     """
 
@@ -55,7 +57,7 @@ class Particles:
     sizes: FloatArray
     labels: LabelArray | None = None
     unit: Unit | None = None
-    layers: LabelArray | None = None
+    layers: IntArray | None = None
 
     def __repr__(self) -> str:
         where = "inside" if self.normals is None else "on a surface" if self.layers is None else "in layers"
@@ -100,11 +102,25 @@ def sample_particles(
     """
     step = require_positive(spacing, "spacing")
     surface = MeshData.of(mesh, labels, unit)
+    points, triangle, sizes = cover_surface(surface, step, step, seed)
+    normals = unit_rows(face_vectors(surface.vertices[surface.triangles[triangle]]))
+    own = None if surface.labels is None else surface.labels[triangle]
+    return Particles(points, normals, sizes, own, surface.unit)
+
+
+def cover_surface(
+    surface: MeshData, spacing: float, step: float, seed: int, copies: int = 1
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return points, triangles and areas of samples, no two of one face nearer than `spacing`; see `sample_particles`.
+
+    They are chosen among the middles of parts of the triangles, at most `step` / FINER long. `copies` is how often the
+    caller will hold as many.
+    """
     corners = surface.vertices[surface.triangles]
     vectors = face_vectors(corners)
     normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
-    points, triangle, shares = surface_samples(corners, areas, step)
-    by_cube, cube, starts, neighbors = sort_into_cubes(points, step)
+    points, triangle, shares = surface_samples(corners, areas, step / FINER, step, copies)
+    by_cube, cube, starts, neighbors = sort_into_cubes(points, spacing)
     points, triangle, shares = points[by_cube], triangle[by_cube], shares[by_cube]
     order = np.random.default_rng(seed).permutation(len(points))
     members, nearest = np.empty((2, len(points)), dtype=np.int64)
@@ -112,19 +128,18 @@ def sample_particles(
     samples = points, normals, triangle, cube, starts, neighbors
 
     def task(start: int, stop: int) -> None:
-        assign_samples(*samples, members, counts, step, start, stop, nearest)
+        assign_samples(*samples, members, counts, spacing, start, stop, nearest)
 
     thinning, assigning = progress.split(1, 1)
     with thinning:
         for start, stop in blocks(len(points), BLOCK):
-            thin_samples(*samples, order[start:stop], step, members, counts)
+            thin_samples(*samples, order[start:stop], spacing, members, counts)
             progress.report(stop, len(points))
     with assigning:
         run_blocks(task, len(points), BLOCK, reports=True)
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
-    own = None if surface.labels is None else surface.labels[triangle[kept]]
-    return Particles(points[kept], normals[triangle[kept]], sizes, own, surface.unit)
+    return points[kept], triangle[kept], sizes
 
 
 @checked

@@ -8,17 +8,16 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
 
-FINER = 2
-"""Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
 AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def surface_samples(
-    corners: FloatArray, areas: FloatArray, spacing: float, copies: int = 1
+    corners: FloatArray, areas: FloatArray, part: float, step: float, copies: int = 1
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Return points, triangles and areas of samples: the middles of k² equal parts of each (3, 3) triangle.
 
-    `copies` is how often the caller will hold them.
+    No part is longer than `part`; `step` is what a user would have to enlarge, `copies` is how often the caller will
+    hold the samples.
 
     Raises
     ------
@@ -28,11 +27,11 @@ def surface_samples(
     if not areas.sum() > 0:
         raise InputError("mesh: has no area; there is nothing to cover")
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.maximum(np.ceil(longest / (spacing / FINER)), 1)
+    parts = np.maximum(np.ceil(longest / part), 1)
     with np.errstate(over="ignore"):
         total = float((parts**2).sum()) * copies
     what = f"spacing: {in_words(total)} samples"
-    require_resources(measured.SAMPLE * total, what, "give a larger one", step=spacing)
+    require_resources(measured.SAMPLE * total, what, "give a larger one", step=step)
     samples = []
     for k in np.unique(parts[areas > 0]):
         rows = np.flatnonzero((parts == k) & (areas > 0))
