@@ -247,9 +247,17 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     return np.divide(array, lengths)
 
 
+def as_place(values: npt.ArrayLike, name: str) -> FloatArray:
+    """Return one point or vector (3,), or raise `InputError`."""
+    rows = as_points(values, name, dim=3)
+    if len(rows) != 1:
+        raise InputError(f"{name}: has {len(rows)} rows; give three numbers")
+    return np.asarray(rows[0])
+
+
 def as_direction(values: npt.ArrayLike, name: str) -> FloatArray:
     """Return a direction as a (3,) unit vector, or raise `InputError` if it has no length."""
-    row = as_row(values, name, count=3)
+    row = as_place(values, name)
     largest = np.abs(row).max()
     if not largest > 0:
         raise InputError(f"{name}: has no length; give a direction, such as 0 0 1")

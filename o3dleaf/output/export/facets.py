@@ -10,7 +10,7 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import claim, require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, as_direction, as_row
+from o3dleaf.core.checks import FloatArray, as_direction, as_place
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.io.labelled_mesh import AnyMesh
@@ -62,7 +62,7 @@ class Facets:
 
     def moved(self, origin: npt.ArrayLike) -> "Facets":
         """Return the facets with the point `origin` at 0 0 0."""
-        shift = as_row(origin, "origin", count=3)
+        shift = as_place(origin, "origin")
         mesh = replace(self.mesh, vertices=self.mesh.vertices - shift)
         return replace(self, mesh=mesh, centroids=self.centroids - shift)
 
