@@ -69,8 +69,12 @@ from .output.export.consumers import export_mesh as export_mesh
 from .io.labelled_mesh import LabelledMesh as LabelledMesh
 from .output.export.particles import sample_particles as sample_particles
 from .output.export.particles import fill_particles as fill_particles
+from .output.export.boundary import sample_boundary as sample_boundary
 from .output.export.particles import export_particles as export_particles
 from .output.export.particles import Particles as Particles
+from .output.export.facets import facets_of as facets_of
+from .output.export.facets import export_facets as export_facets
+from .output.export.facets import Facets as Facets
 from .output.export.distance_grid import export_distance as export_distance
 from .output.report.requirements import check_report as check_report
 from .output.report.examine import write_report as write_report

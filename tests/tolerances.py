@@ -939,3 +939,12 @@ TEXT_DIGITS = 1e-5
 """Six digits of numbers below ten, or single precision."""
 PACKED_COLOR = 1 / 255
 """Colors are bytes, rounded down."""
+
+FACET_OF_SPHERE = 5e-3
+"""Middles of triangles a tenth of the radius long lie 1.5e-3 below a sphere; a layer off by a tenth, 1e-2."""
+
+OF_PARTICLES = 1e-2
+"""Of a spacing of particles: what is asked for; found 1e-10, and without projection 0.1."""
+
+FACET_CURVATURE = 0.02
+"""Of 1/R: normals at the poles of a sphere of 40 parallels are off by 0.01; half or twice the sum would be 0.5 or 1."""

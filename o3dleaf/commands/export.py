@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.droplet import DropletOptions
 from o3dleaf.commands.patch import MODEL
-from o3dleaf.core.arguments.kinds import Positive, Unit
+from o3dleaf.core.arguments.kinds import Count, Positive, Unit
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import LongJob, Names, UnitOption, argument, corners_of, option, output, table
 from o3dleaf.core.journal import stage
@@ -38,8 +38,8 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     output: Path = output(())
     consumer: str | None = option(
         None,
-        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; droplet, for a folder with a case "
-        "of OpenFOAM.",
+        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; droplet: a folder with a case of "
+        "OpenFOAM; sph: the boundary as particles in layers; retention: facets with inclination and side.",
         "--for",
         choices="o3dleaf.output.export.consumers:PROGRAMS",
         unless=("points",),
@@ -73,7 +73,15 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     part: str | None = option(None, "Export only this part: adaxial, abaxial or rim.")
     sheets: bool = option(False, "Two open sheets instead of one closed solid.", "--open", **OF_MODEL, unless=("tile",))
     tile: bool = option(False, "One flat period as a closed block, instead of the leaf.", **OF_MODEL)
-    step: Positive | None = option(None, "Spacing of particles or grid points", unit="unit", needs=("points",))
+    step: Positive | None = option(
+        None, "Spacing of particles or grid points", unit="unit", needs=("points", "boundary")
+    )
+    layers: Count = option(
+        3, "Layers of particles, the first on the surface, the next ones a step deeper each.", needs=("boundary",)
+    )
+    vertical: tuple[float, float, float] = option(
+        (0.0, 0.0, 1.0), "Direction X Y Z that inclinations of facets are measured to.", needs=("retention",)
+    )
     bounds: Any = option(
         None,
         "Box of the distance grid (by default that of the mesh): X0 Y0 Z0 X1 Y1 Z1",
@@ -132,6 +140,16 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         return self.consumer == "droplet"
 
     @property
+    def boundary(self) -> bool:
+        """Whether --for is sph."""
+        return self.consumer == "sph"
+
+    @property
+    def retention(self) -> bool:
+        """Whether --for is retention."""
+        return self.consumer == "retention"
+
+    @property
     def distance_grid(self) -> bool:
         """Whether --what is distance."""
         return self.what == "distance"
@@ -139,15 +157,17 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     def check(self) -> None:
         """Refuse a file that is none for the next program, and what does not go together."""
         from o3dleaf.core.atomic_files import require_writable
-        from o3dleaf.output.export.consumers import CONSUMERS
+        from o3dleaf.output.export.consumers import CONSUMERS, OTHERS
 
         super().check()
         if self.droplet:
             self.check_case(self)
             return
-        require_writable(self.output, CONSUMERS[self.consumer].suffixes if self.consumer else table(WHAT[self.what]))
-        if self.what != "mesh" and self.step is None:
-            raise InputError(f"step: is missing for {self.what}; give it in the unit of {self.source.name}")
+        suffixes = OTHERS | {name: each.suffixes for name, each in CONSUMERS.items()}
+        require_writable(self.output, suffixes[self.consumer] if self.consumer else table(WHAT[self.what]))
+        if (self.points or self.boundary) and self.step is None:
+            made = "sph" if self.boundary else self.what
+            raise InputError(f"step: is missing for {made}; give it in the unit of {self.source.name}")
         if self.saved_model and self.spacing is None:
             raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
 
@@ -168,6 +188,7 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
 
     def work(self) -> str:
         """Export, and return a line about what was written."""
+        from o3dleaf.output.export.consumers import OTHERS
         from o3dleaf.output.export.selection import moved, part_of
 
         if self.droplet:
@@ -180,6 +201,8 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
             with stage("scalars"):
                 scalars = self.scalars(mesh, model)
         with stage("write"):
+            if self.consumer in OTHERS:
+                return self.hand_over(mesh, model)
             return self.write(mesh if self.origin is None else moved(mesh, self.origin), scalars)
 
     def mesh(self) -> "tuple[LabelledMesh, Any]":
@@ -252,6 +275,24 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         particles = (sample_particles if self.what == "surface-particles" else fill_particles)(mesh, step)
         export_particles(particles, self.output, to_unit=self.to_unit)
         return f"{len(particles.points):,} particles"
+
+    def hand_over(self, mesh: "LabelledMesh", model: Any) -> str:
+        """Write what is no mesh for a program that is known by name; return a line about it."""
+        from o3dleaf.leaf.multiscale import MultiscaleLeaf
+        from o3dleaf.output.export.boundary import layer_counts, sample_boundary
+        from o3dleaf.output.export.facets import export_facets, facets_of
+        from o3dleaf.output.export.particles import export_particles
+
+        leaf = model if isinstance(model, MultiscaleLeaf) and not self.tile else None
+        if self.consumer == "retention":
+            facets = facets_of(mesh, field=leaf, vertical=self.vertical)
+            export_facets(facets.moved(self.origin or (0.0, 0.0, 0.0)), self.output, to_unit=self.to_unit)
+            return f"{len(facets.areas):,} facets, {', '.join(sorted(set(facets.sides)))}"
+        found = sample_boundary(mesh, self.step or 0.0, layers=self.layers, field=leaf)
+        found = replace(found, points=found.points - (self.origin or (0.0, 0.0, 0.0)))
+        export_particles(found, self.output, to_unit=self.to_unit)
+        counts = layer_counts(found)
+        return f"{len(found.points):,} particles in {len(counts)} layers, {' + '.join(f'{n:,}' for n in counts)}"
 
     def line(self, summary: str) -> str:
         """Return what was written."""

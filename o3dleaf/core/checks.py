@@ -247,6 +247,23 @@ def as_normals(normals: npt.ArrayLike, points: FloatArray) -> FloatArray:
     return np.divide(array, lengths)
 
 
+def as_place(values: npt.ArrayLike, name: str) -> FloatArray:
+    """Return one point or vector (3,), or raise `InputError`."""
+    rows = as_points(values, name, dim=3)
+    if len(rows) != 1:
+        raise InputError(f"{name}: has {len(rows)} rows; give three numbers")
+    return np.asarray(rows[0])
+
+
+def as_direction(values: npt.ArrayLike, name: str) -> FloatArray:
+    """Return a direction as a (3,) unit vector, or raise `InputError` if it has no length."""
+    row = as_place(values, name)
+    largest = np.abs(row).max()
+    if not largest > 0:
+        raise InputError(f"{name}: has no length; give a direction, such as 0 0 1")
+    return np.asarray(row / largest / np.linalg.norm(row / largest))
+
+
 def as_viewpoint(viewpoint: npt.ArrayLike, count: int) -> FloatArray:
     """Return the place that each of `count` points was seen from (count, 3), given one or one each."""
     array = as_floats(viewpoint, "viewpoint")

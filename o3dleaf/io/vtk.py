@@ -14,15 +14,15 @@ TYPES = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 Table = Mapping[str, npt.NDArray[Any]]
 
 
-def write_vtp(out: IO[bytes], mesh: MeshData, name: str) -> None:
-    """Write a mesh: point data `Normals` and the other attributes, cell data `label`."""
+def write_vtp(out: IO[bytes], mesh: MeshData, name: str, cells: Table | None = None) -> None:
+    """Write a mesh: point data `Normals` and the other attributes, cell data `label` and `cells`."""
     count = len(mesh.triangles)
     points = {"Normals" if name == "normals" else name: values for name, values in mesh.attributes.items()}
-    cells = {} if mesh.labels is None else {"label": mesh.labels}
+    of_cells = dict(cells or {}) | ({} if mesh.labels is None else {"label": mesh.labels})
     connected = mesh.triangles.astype(np.int64).ravel(), np.arange(3, 3 * count + 1, 3, dtype=np.int64)
     numbered = ", ".join(f"{number} {label}" for number, label in enumerate(mesh.names))
     note = f"{name}, lengths in {mesh.unit or 'no stated unit'}, label: {numbered}"
-    _write(out, mesh.vertices, ("Polys", *connected), points, cells, note)
+    _write(out, mesh.vertices, ("Polys", *connected), points, of_cells, note)
 
 
 def write_vtp_points(out: IO[bytes], points: FloatArray, table: Table, note: str) -> None:

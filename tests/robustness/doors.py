@@ -205,6 +205,7 @@ MESHING = {
 DOORS: dict[str, Door] = {
     "AlphaShape": door(o3l.AlphaShape, points=CLOUD.like(lambda w: w.plane), alpha=maybe_length),
     "AlphaShape.contains": method(lambda w: w.paper_leaf.blade.outline, "contains", points=PLACES),
+    "Facets.moved": method(lambda w: o3l.facets_of(w.mesh), "moved", origin=VECTOR),
     "Blade.window": method(lambda w: w.leaf.blade, "window", x=VECTOR.like(lambda w: w.strip[0]), size=LENGTH),
     "Blade.distortion": method(lambda w: w.leaf.blade, "distortion", plane=PLACES.optional),
     "BladeOptions": door(
@@ -620,6 +621,12 @@ DOORS: dict[str, Door] = {
         unit=maybe_unit,
         to_unit=maybe_unit,
     ),
+    "export_facets": door(
+        o3l.export_facets,
+        facets=OBJECT.like(lambda w: o3l.facets_of(w.mesh)),
+        path=written_to("out.vtp"),
+        to_unit=maybe_unit,
+    ),
     "export_mesh": door(
         o3l.export_mesh,
         mesh=MESH,
@@ -648,6 +655,14 @@ DOORS: dict[str, Door] = {
         within=CALLABLE.optional,
         sharpen=FLAG,
         features=FLAG,
+    ),
+    "facets_of": door(
+        o3l.facets_of,
+        mesh=MESH,
+        field=OBJECT.optional,
+        vertical=VECTOR.like([0.0, 0.0, 1.0]),
+        labels=VALUES.like(lambda w: np.zeros(len(w.mesh[1]), np.uint8)).optional,
+        unit=maybe_unit,
     ),
     "fill_particles": door(o3l.fill_particles, mesh=MESH, step=LENGTH.like(0.2), unit=maybe_unit),
     "find_inverted_regions": door(o3l.find_inverted_regions, mesh=MESH, cloud=ORIENTED),
@@ -740,6 +755,16 @@ DOORS: dict[str, Door] = {
         field=maybe_field,
         isovalue=NUMBER.like(0.0),
         deviation=maybe_length,
+    ),
+    "sample_boundary": door(
+        o3l.sample_boundary,
+        mesh=MESH,
+        spacing=LENGTH.like(0.2),
+        layers=WHOLE.like(2),
+        field=OBJECT.optional,
+        labels=VALUES.like(lambda w: np.zeros(len(w.mesh[1]), np.uint8)).optional,
+        unit=maybe_unit,
+        seed=WHOLE,
     ),
     "sample_particles": door(
         o3l.sample_particles,

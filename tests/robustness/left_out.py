@@ -11,7 +11,7 @@ RECORDS = {
     ),
     **dict.fromkeys(("Blade", "Field", "samples.Solid"), "a base, or a protocol"),
     **dict.fromkeys(
-        ("LabelledMesh", "Particles", "view.Inset", "view.Points", "view.Scalars"), "checked where it is used"
+        ("Facets", "LabelledMesh", "Particles", "view.Inset", "view.Points", "view.Scalars"), "checked where it is used"
     ),
     **dict.fromkeys(("view.show", "view.pick_midrib"), "opens a window"),
 }

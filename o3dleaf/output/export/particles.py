@@ -22,12 +22,12 @@ from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
 from o3dleaf.io.ply import write_ply_points
 from o3dleaf.io.vtk import Table, write_vtp_points
 from o3dleaf.output.export.particle_loops import assign_samples, crossings, thin_samples
+from o3dleaf.output.export.thinning import sort_into_cubes, surface_samples
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 FINER = 2
 """Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
 BLOCK = 1 << 14
-AROUND = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 SUFFIXES = (".ply", ".csv", ".vtp")
 """Formats of particles."""
 
@@ -48,6 +48,8 @@ class Particles:
     labels : (n,) ndarray of uint8, or None
         Of particles on a surface: the label of the triangle.
     unit : str, optional
+    layers : (n,) ndarray of int64, or None
+        Of a boundary in layers: 0 on the surface, 1 one spacing below it, and so on; see `sample_boundary`.
     """
 
     points: FloatArray
@@ -55,9 +57,10 @@ class Particles:
     sizes: FloatArray
     labels: LabelArray | None = None
     unit: Unit | None = None
+    layers: IntArray | None = None
 
     def __repr__(self) -> str:
-        where = "inside" if self.normals is None else "on a surface"
+        where = "inside" if self.normals is None else "on a surface" if self.layers is None else "in layers"
         unit = "" if self.unit is None else f", unit {self.unit}"
         return f"Particles({len(self.points):,} {where}{unit})"
 
@@ -99,78 +102,44 @@ def sample_particles(
     """
     step = require_positive(spacing, "spacing")
     surface = MeshData.of(mesh, labels, unit)
+    points, triangle, sizes = cover_surface(surface, step, step, seed)
+    normals = unit_rows(face_vectors(surface.vertices[surface.triangles[triangle]]))
+    own = None if surface.labels is None else surface.labels[triangle]
+    return Particles(points, normals, sizes, own, surface.unit)
+
+
+def cover_surface(
+    surface: MeshData, spacing: float, step: float, seed: int, copies: int = 1
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return points, triangles and areas of samples, no two of one face nearer than `spacing`; see `sample_particles`.
+
+    They are chosen among the middles of parts of the triangles, at most `step` / FINER long. `copies` is how often the
+    caller will hold as many.
+    """
     corners = surface.vertices[surface.triangles]
     vectors = face_vectors(corners)
     normals, areas = unit_rows(vectors), np.linalg.norm(vectors, axis=1) / 2
-    points, triangle, shares = _samples(corners, areas, step / FINER)
-    key, strides = _cubes(points, step)
-    by_cell = np.argsort(key, kind="stable")
-    points, triangle, shares = points[by_cell], triangle[by_cell], shares[by_cell]
-    keys, starts, cell = np.unique(key[by_cell], return_index=True, return_inverse=True)
-    neighbors = np.searchsorted(keys, keys[:, np.newaxis] + AROUND @ strides)
-    neighbors[keys[np.minimum(neighbors, len(keys) - 1)] != keys[:, np.newaxis] + AROUND @ strides] = -1
+    points, triangle, shares = surface_samples(corners, areas, step / FINER, step, copies)
+    by_cube, cube, starts, neighbors = sort_into_cubes(points, spacing)
+    points, triangle, shares = points[by_cube], triangle[by_cube], shares[by_cube]
     order = np.random.default_rng(seed).permutation(len(points))
     members, nearest = np.empty((2, len(points)), dtype=np.int64)
-    counts = np.zeros(len(keys), dtype=np.int64)
-    samples = points, normals, triangle, cell, starts, neighbors
+    counts = np.zeros(len(starts), dtype=np.int64)
+    samples = points, normals, triangle, cube, starts, neighbors
 
     def task(start: int, stop: int) -> None:
-        assign_samples(*samples, members, counts, step, start, stop, nearest)
+        assign_samples(*samples, members, counts, spacing, start, stop, nearest)
 
     thinning, assigning = progress.split(1, 1)
     with thinning:
         for start, stop in blocks(len(points), BLOCK):
-            thin_samples(*samples, order[start:stop], step, members, counts)
+            thin_samples(*samples, order[start:stop], spacing, members, counts)
             progress.report(stop, len(points))
     with assigning:
         run_blocks(task, len(points), BLOCK, reports=True)
     kept, place = np.unique(nearest, return_inverse=True)
     sizes: FloatArray = np.bincount(place, weights=shares).astype(np.float64)
-    own = None if surface.labels is None else surface.labels[triangle[kept]]
-    return Particles(points[kept], normals[triangle[kept]], sizes, own, surface.unit)
-
-
-def _cubes(points: FloatArray, edge: float) -> tuple[IntArray, IntArray]:
-    """Return a key for the cube that each point lies in, and what a step along each axis adds to it."""
-    place = np.floor((points - points.min(axis=0)) / edge).astype(np.int64) + 1
-    counts = place.max(axis=0) + 2
-    strides = np.array([counts[1] * counts[2], counts[2], 1])
-    return place @ strides, strides
-
-
-def _samples(corners: FloatArray, areas: FloatArray, step: float) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return points, triangles and areas of samples: the middles of k² equal parts of each (3, 3) triangle.
-
-    Raises
-    ------
-    InputError, MemoryBudgetError
-        If there is no area, or there are too many parts.
-    """
-    if not areas.sum() > 0:
-        raise InputError("mesh: has no area; there is nothing to cover")
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.maximum(np.ceil(longest / step), 1)
-    with np.errstate(over="ignore"):
-        total = float((parts**2).sum())
-    what = f"spacing: {in_words(total)} samples"
-    require_resources(measured.SAMPLE * total, what, "give a larger one", step=step * FINER)
-    samples = []
-    for k in np.unique(parts[areas > 0]):
-        rows = np.flatnonzero((parts == k) & (areas > 0))
-        weights = _middles(int(k))
-        points = np.einsum("sc,tcd->tsd", weights, corners[rows]).reshape(-1, 3)
-        samples.append((points, np.repeat(rows, len(weights)), np.repeat(areas[rows] / len(weights), len(weights))))
-    together = [np.concatenate(each) for each in zip(*samples, strict=True)]
-    return together[0], together[1], together[2]
-
-
-def _middles(k: int) -> FloatArray:
-    """Return the (k², 3) barycentric weights of the middles of a triangle's k² equal parts."""
-    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(k), np.arange(k), indexing="ij"))
-    upright, turned = i + j < k, i + j < k - 1
-    first = np.concatenate([i[upright] + 1 / 3, i[turned] + 2 / 3])
-    second = np.concatenate([j[upright] + 1 / 3, j[turned] + 2 / 3])
-    return np.stack([first / k, second / k, 1 - (first + second) / k], axis=1)
+    return points[kept], triangle[kept], sizes
 
 
 @checked
@@ -232,6 +201,12 @@ def _lattice(vertices: FloatArray, step: float) -> tuple[FloatArray, tuple[int, 
     return first, (int(count[0]), int(count[1]), int(count[2]))
 
 
+def require_closed(mesh: MeshData) -> None:
+    """Raise `InputError` unless every edge has two triangles."""
+    if (EdgeTable.of(mesh.triangles).count != 2).any():
+        raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
+
+
 def columns_through(
     mesh: MeshData, origin: FloatArray, step: float, shape: tuple[int, int, int]
 ) -> tuple[IntArray, FloatArray]:
@@ -242,8 +217,7 @@ def columns_through(
     InputError
         If the mesh is open.
     """
-    if (EdgeTable.of(mesh.triangles).count != 2).any():
-        raise InputError("mesh: is open, or edges branch; mesh the leaf with closed=True, or close its holes")
+    require_closed(mesh)
     vertices, triangles = mesh.vertices, mesh.triangles
     with np.errstate(over="ignore", divide="ignore"):
         count = float(np.abs(face_vectors(vertices[triangles])[:, 2]).sum() / 2 / step / step)
@@ -269,7 +243,7 @@ def columns_through(
 def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit: Unit | None = None) -> None:
     """Write particles: binary PLY or VTP with every digit, or CSV; the file appears whole or not at all.
 
-    Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label, where there are labels. Lengths,
+    Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label and layer, where there are. Lengths,
     areas and volumes are in the file's unit, which PLY and VTP state in a comment and CSV in its first line.
 
     Parameters
@@ -291,20 +265,18 @@ def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit
     scale = unit_scale(particles.unit, unit)
     on_surface = particles.normals is not None
     size, power = ("area", 2) if on_surface else ("volume", 3)
-    table = {size: particles.sizes * scale**power}
+    numbers = {"label": particles.labels, "layer": particles.layers}
+    table = {size: particles.sizes * scale**power} | {name: each for name, each in numbers.items() if each is not None}
     note = f"o3dleaf particles, unit {unit or 'not stated'}"
     with whole_file(target) as temporary, temporary.open("r+b") as out:
         if target.suffix.lower() == ".vtp":
             extra: Table = {} if particles.normals is None else {"Normals": particles.normals}
-            extra = {**extra, **table, **({} if particles.labels is None else {"label": particles.labels})}
-            write_vtp_points(out, particles.points * scale, extra, note)
+            write_vtp_points(out, particles.points * scale, {**extra, **table}, note)
             return
         columns = dict(zip("xyz", particles.points.T * scale, strict=True))
         if particles.normals is not None:
             columns |= dict(zip(("nx", "ny", "nz"), particles.normals.T, strict=True))
         columns |= table
-        if particles.labels is not None:
-            columns["label"] = particles.labels
         if target.suffix.lower() == ".csv":
             content = _csv(columns, note)
             claim(out, len(content))
