@@ -2,16 +2,19 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
+from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.pu.blend import BATCH_SIZE, FOLD_BLOCK, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
+from o3dleaf.io.model_file import write_model
 
 STEEPNESS = 2.0
 """The range of a patch's values is lost within this part, 1/2, of r N^(−1/d), the distance of its data but for a factor
@@ -57,6 +60,11 @@ class LayerField(Blended):
 
         run_blocks(task, len(queries), FOLD_BLOCK)
         return jets
+
+    @checked
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the texture as one model file, which `o3dleaf.load` reads."""
+        write_model(self, path)
 
 
 def _steepness(patch: PUInterpolant) -> float:

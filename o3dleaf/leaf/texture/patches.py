@@ -2,7 +2,6 @@
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from o3dleaf.fitting.local.jet_loops import add_product
 from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
-from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.tiling import TiledField
 
@@ -176,11 +174,6 @@ class PatchBlend(LayerField):
             return ("break", p)
         patch = int(np.searchsorted(self.breaks, start))
         return (patch, self.local.textures[patch].tile_key(p))
-
-    @checked
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the blend as one model file, which `o3dleaf.load` reads."""
-        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)

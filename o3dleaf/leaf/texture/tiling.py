@@ -4,7 +4,6 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import lcm
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
-from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.crop import best_crop, reach_of_fade
 from o3dleaf.leaf.texture.crossfade import CrossFade
 from o3dleaf.leaf.texture.layer import LayerField
@@ -208,11 +206,6 @@ class TiledField(LayerField):
     def bounds(self) -> FloatArray:
         """(2, d) the domain: all of the plane, and the patch's own extent across it."""
         return self.index.domain
-
-    @checked
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the tiled field as one model file, which `o3dleaf.load` reads."""
-        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)

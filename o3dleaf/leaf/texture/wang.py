@@ -3,7 +3,6 @@
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from o3dleaf.fitting.local.jet_loops import add_product
 from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
-from o3dleaf.io.model_file import write_model
 from o3dleaf.leaf.texture.corners import SIDE, Coloring, kinds_of, seeded, torus_color
 from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.quilt import Quilt, spline_weights
@@ -174,11 +172,6 @@ class WangField(LayerField):
     def bounds(self) -> FloatArray:
         """(2, 3) the domain: all of the plane, and the heights that all patches have."""
         return self.index.domain
-
-    @checked
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the field as one model file, which `o3dleaf.load` reads."""
-        write_model(self, path)
 
 
 @dataclass(frozen=True, eq=False)

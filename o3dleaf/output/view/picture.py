@@ -1,5 +1,6 @@
 """A picture of meshes and point clouds, on a machine with or without a screen."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -35,6 +36,8 @@ FEWEST, MOST = 64, 30_000
 """Pixels of a side; Matplotlib draws below 2^16."""
 LETTER = 0.47
 """Mean width of a letter of a caption, in heights of a line."""
+UNIT = re.compile(r"(?<=\d) (?=%|[nµumck]?m\b)")
+"""The space between a number and its unit, at which no line ends."""
 ENGINES = ("cpu", "open3d", "auto")
 
 
@@ -173,7 +176,7 @@ def draw_page(
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
     fitted = _frame(scenes[0], subject.view)
     heading, *caption = title.split("\n") if title else [""]
-    lines = [line for text in caption for line in wrap(text, max(1, int((size[0] / em - 2) / LETTER)))]
+    lines = lines_of(caption, max(1, int((size[0] / em - 2) / LETTER)))
     room = max(0, int((0.75 * size[1] / em - 2.8) / 1.4))  # the picture keeps a quarter of the page
     if len(lines) > room:
         lines = [*lines[: max(0, room - 1)], "…"][:room]
@@ -236,3 +239,8 @@ def _mark_inset(page: Page, camera: Camera, main: Box, detail: tuple[Inset, Scen
     # What lies beside the picture has no place on it, and no line leads there.
     if (high >= edge).all() and (low <= edge + main.size).all():
         page.mark(np.clip([low, high], edge, edge + main.size), box)
+
+
+def lines_of(texts: Sequence[str], letters: int) -> list[str]:
+    """Return texts as lines of at most so many letters, which do not end between a number and its unit."""
+    return [line for text in texts for line in wrap(UNIT.sub("\u00a0", text), letters)]

@@ -11,7 +11,7 @@ import shapely
 from o3dleaf import mesh_report
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.levels import Level, extract_levels, refine_face
+from o3dleaf.leaf.instancing.levels import Level, _curtain, extract_levels, refine_face, signed_samples
 from o3dleaf.leaf.instancing.stitch import _on_box
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.surface.isosurface.polygonize import polygonize
@@ -85,6 +85,18 @@ def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
     assert set(np.unique(labels)) == ({0, 1, 2} if closed else {0, 1})
     if closed:
         assert report.volume == pytest.approx(2 * 0.1037 * area(outline()), rel=0.01)
+
+
+def test_a_curtain_hangs_from_every_column_around_a_window_and_keeps_the_samples_of_its_parent():
+    root = nested()
+    window = root.children[0]
+    curtain = _curtain(window, root.tile, layer)
+    (i0, j0), (i1, j1) = window.box
+    around = {(i, j) for i in range(i0, i1 + 1) for j in range(j0, j1 + 1) if i in {i0, i1} or j in {j0, j1}}
+    assert curtain.keys() == around
+    shared = np.array(sorted(each for each in around if not any(np.remainder(each, window.ratio))))
+    kept = np.array([curtain[i, j] for i, j in shared.tolist()])[:, :: window.ratio]
+    np.testing.assert_array_equal(kept, signed_samples(root.tile, shared // window.ratio, layer))
 
 
 def test_each_level_is_the_surface_of_its_own_spacing():

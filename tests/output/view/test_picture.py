@@ -13,7 +13,7 @@ from o3dleaf.core.units import name_length
 from o3dleaf.output.view import render, show
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.panel import lay_out, round_length
-from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page
+from o3dleaf.output.view.picture import PAPER, Inset, Scalars, draw_page, lines_of
 from tolerances import BACKGROUND, SILHOUETTE
 
 SIZE = (320, 200)
@@ -191,3 +191,11 @@ def test_no_screen_is_an_error_with_a_cure(ball, monkeypatch):
 def test_a_title_is_no_formula(ball):
     """Names of files may hold dollar signs, between which Matplotlib would look for one."""
     render(ball, size=SIZE, title=r"$\frac{$ leaf, 5 $ a kilogram")
+
+
+def test_no_line_ends_between_a_number_and_its_unit():
+    text = "0.29 % at 3.5 mm, 12 µm and 4 more"
+    for letters in range(8, 40):
+        lines = lines_of([text, "5 m"], letters)
+        assert " ".join(lines).replace("\u00a0", " ") == f"{text} 5 m"
+        assert not [line for line in lines if line.startswith(("%", "mm", "µm", "m "))]
