@@ -28,7 +28,7 @@ FIGURES = {
     "largest_width_along": "largest width along the leaf, diameters",
     "largest_width_across": "largest width across, diameters",
     "ratio_at_largest_width": "along over across, at the largest spread",
-    "largest_ratio": "along over across, furthest from 1",
+    "largest_ratio": "along over across, furthest from 1 while it touches",
     "largest_ratio_at_ms": "the latter at, ms",
     "largest_contact_mm2": "largest contact area, mm²",
     "lift_off_ms": "lift-off, ms",
