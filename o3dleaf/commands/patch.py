@@ -1,13 +1,23 @@
 """`o3dleaf patch`: a micro-CT volume fitted once, and the options of all commands that read one."""
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, LongJob, argument, number_or_word, option, output, table, words_of
+from o3dleaf.core.job import (
+    Job,
+    LongJob,
+    ResumeOption,
+    argument,
+    number_or_word,
+    option,
+    output,
+    table,
+    words_of,
+)
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
@@ -148,7 +158,7 @@ class BlockOption:
 
 
 @dataclass(frozen=True)
-class PatchJob(CtOptions, BlockOption, LongJob):
+class PatchJob(CtOptions, BlockOption, ResumeOption, LongJob):
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
 
     volume: Path = argument(
@@ -171,6 +181,11 @@ class PatchJob(CtOptions, BlockOption, LongJob):
         return self.need_for(self.volume)
 
     def work(self) -> "TiledField | WangField":
+        """Write the model and the block, and return the texture."""
+        with resumed(self.output, self) if self.resume else nullcontext():
+            return self.build()
+
+    def build(self) -> "TiledField | WangField":
         """Write the model and the block, and return the texture."""
         from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.leaf.meshing import extract_flat_tile

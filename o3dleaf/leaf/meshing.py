@@ -14,6 +14,7 @@ from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_p
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resume.blocks import keeping_blocks
 from o3dleaf.core.resume.parts import current_parts
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import unit_comment
@@ -77,7 +78,7 @@ class MeshPlan:
         reduce = _reducer(leaf, simplify, remesh_tile)
         _require_periodic(leaf, closed=closed and not leaf.cuts_edges, remesh_tile=remesh_tile is not None)
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
-        with polygonizing:
+        with polygonizing, keeping_blocks("tile"):
             # Only whole tiles are reduced: they are kept small.
             self.tile, tiles, self._copies = extract_tiles(leaf, spacing, kind, together=reduce is None)
         with reducing:
@@ -255,6 +256,7 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str 
     """
     periodic = texture.torus if isinstance(texture, WangField) else texture
     lattice = tile_lattice(periodic, scale, spacing)
-    tile = extract_tile(lambda flat: periodic(flat * scale), lattice, sharpen=lattice.shape[:2])
+    with keeping_blocks("tile"):
+        tile = extract_tile(lambda flat: periodic(flat * scale), lattice, sharpen=lattice.shape[:2])
     vertices, triangles, labels = extract_block(tile)
     return LabelledMesh(build_mesh(vertices, triangles), labels, unit=unit)

@@ -18,7 +18,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.resources.scratch import is_held
-from o3dleaf.core.resume.parts import kept
+from o3dleaf.core.resume.blocks import kept
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade

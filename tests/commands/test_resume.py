@@ -96,7 +96,8 @@ def test_a_reconstruction_that_is_killed_comes_to_the_same_bytes(tmp_path, input
         folder.mkdir()
     finish(whole, "pass", words)
     parts = killed / f"out.ply{SUFFIX}"
-    kill_when(start(killed, "pass", [*words, "--resume"]), (parts / "fit.o3l").exists)
+    kill_when(start(killed, "pass", [*words, "--resume"]), (parts / "fit-0.blocks").exists)
+    kill_when(start(killed, "pass", [*words, "--resume"]), (parts / "surface-0.blocks").exists)
     kept = (parts / "fit.o3l").stat().st_mtime_ns
     kill_when(start(killed, "pass", [*words, "--resume"]), lambda: time.time() > 0)
     assert (parts / "fit.o3l").stat().st_mtime_ns == kept

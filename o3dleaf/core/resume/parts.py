@@ -3,8 +3,7 @@
 ::
 
     with resuming(output, key, load):
-        ...
-        field = kept("fit.o3l", make)  # made once, by this run or by one that was stopped
+        ...  # what is `kept` inside (`blocks`) is made once, by this run or by one that was stopped
 
 A folder belongs to one key: a digest of what was read, of the options and of the version. That of another key is
 emptied. It survives the end of a process, not that of the machine: nothing waits for the disk.
@@ -13,6 +12,7 @@ emptied. It survives the end of a process, not that of the machine: nothing wait
 import hashlib
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from o3dleaf.core import journal
 from o3dleaf.core.atomic_files import make_folder, write_json
@@ -29,8 +29,6 @@ SUFFIX = ".o3dleaf-part"
 STATE = "state.json"
 CHUNK = 1 << 20
 """Bytes of a file that are read at once."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -44,11 +42,14 @@ class Parts:
         ``load(path)`` returns what `save` wrote.
     state : dict
         What was recorded of them, by name.
+    steps : Counter of str
+        How often this run has begun steps of each name.
     """
 
     folder: Path
     load: Callable[[Path], Any]
     state: dict[str, Any] = field(default_factory=dict)
+    steps: Counter[str] = field(default_factory=Counter)
 
     def path(self, name: str) -> Path:
         """Return the path of a part, there or not."""
@@ -99,18 +100,6 @@ def resuming(path: str | PathLike[str], key: str, load: Callable[[Path], Any]) -
 def left_behind() -> list[str]:
     """Return the folders of parts of work that did not come to its end in this process."""
     return [str(folder) for folder in _left if folder.is_dir()]
-
-
-def kept(name: str, make: Callable[[], T]) -> T:
-    """Return what a run before made under this name, or make it, and ``save`` it if the work is to be resumed."""
-    parts = current_parts()
-    if parts is None:
-        return make()
-    if parts.path(name).exists():
-        return cast(T, parts.load(parts.path(name)))
-    made: Any = make()
-    made.save(parts.path(name))
-    return cast(T, made)
 
 
 def key_of(inputs: Iterable[Path], options: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.columns.column_fit_loops import ball_column_spectra
@@ -82,7 +83,7 @@ def choose_smoothing(
         return (pooled, None) if smoothing.value == "gcv" else (smoothing, shared.each(pooled, trials, blocks))
     if smoothing.value == "gcv":
         return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, sample))), None
-    return smoothing, np.array(each_ball(lambda ball: _own_value(spectrum(ball)), every, reports=True))
+    return smoothing, _value_of_each(lambda ball: _own_value(spectrum(ball)), len(every))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +124,7 @@ class SharedErrors:
             squares, weight = fit_loops.ball_shared_squares(*self._system(ball, candidates, inverses))
             return cast("float", pooled.chosen_from(candidates, squares, weight).value) if weight else chosen
 
-        return np.array(each_ball(value_of, np.arange(count), reports=True))
+        return _value_of_each(value_of, count)
 
     def _system(self, ball: int, trials: FloatArray, last: object) -> tuple[Any, ...]:
         """Return what the compiled loops take of a ball, with `trials` in its unit coordinates, up to their `last`."""
@@ -135,6 +136,18 @@ class SharedErrors:
 
 def _own_value(spectrum: Spectrum) -> float:
     return choose_by_gcv(spectrum) if np.any(spectrum.eigenvalues > 0) else 0.0
+
+
+def _value_of_each(work: Callable[[int], float], count: int) -> FloatArray:
+    """Return what `work` says of each ball, on all threads."""
+    values = np.empty(count)
+
+    def task(start: int, stop: int) -> None:
+        for ball in range(start, stop):
+            values[ball] = work(ball)
+
+    run_kept_blocks(task, count, 1, lambda start, stop: (values[start:stop],), reports=True)
+    return values
 
 
 def each_ball(work: Callable[[int], T], balls: IntArray, *, reports: bool = False) -> list[T]:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local import fit_loops
@@ -87,8 +88,13 @@ def fit_splines(
         def task(start: int, stop: int) -> None:
             fit_loops.fit_balls(start, stop, values, cover.balls, tail, power, diagonals, fitted)
 
+        def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
+            first, last = cover.offsets[start], cover.offsets[stop]
+            sites, weights, *by_ball = fitted
+            return sites[dimension * first : dimension * last], weights[first:last], *(a[start:stop] for a in by_ball)
+
         with solving:
-            run_blocks(task, count, BATCH_SIZE, reports=True)
+            run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)
     sites, weights, tails, ranks, dropped = fitted
     kept = None if data.weights is None else data.weights[cover.members]
     places = dimension * cover.offsets[:-1]

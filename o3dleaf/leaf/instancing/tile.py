@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
+from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -167,9 +169,9 @@ def extract_tile(
     slab = max(1, min(nx, slab_size // (ny * nz)))
     slabs, flooded = [], np.zeros(2, dtype=np.int64)
     for start, stop in blocks(nx, slab):
-        inside = _sample(field, lattice, start, stop, alike) > 0
-        flooded += inside[:, [0, -1]].sum(axis=0)
-        slabs.append(find_runs(inside))
+        *found, solid = kept_block(partial(_find_slab, field, lattice, (start, stop), alike))
+        flooded += solid
+        slabs.append(found)
         progress.report(stop, nx)
     # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
     if flooded.max() > nx * ny / 2:
@@ -184,7 +186,8 @@ def extract_tile(
     triangles: list[Any] = []
     cells: list[Any] = []
     for start, stop in blocks(nx, slab):
-        *own_parts, names, shifts, nodes, count = _march_slab(field, lattice, runs, method, (start, stop), alike)
+        march_slab = partial(_march_slab, field, lattice, runs, method, (start, stop), alike)
+        *own_parts, names, shifts, nodes, count = kept_block(march_slab)
         vertices.append(own_parts)
         named.append((names, shifts))
         triangles.append(nodes)
@@ -216,6 +219,14 @@ def require_columns(count: float, step: float) -> None:
     """Raise `MemoryBudgetError` if a tile of so many columns, a step apart, does not fit into memory."""
     what = f"spacing: {in_words(count)} columns of the lattice in one tile"
     require_resources(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
+
+
+def _find_slab(
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, slab: tuple[int, int], alike: Alike | None
+) -> tuple[npt.NDArray[Any], ...]:
+    """Return the runs of a slab's columns, and how many of them are solid at the bottom and at the top."""
+    inside = _sample(field, lattice, *slab, alike) > 0
+    return *find_runs(inside), inside[:, [0, -1]].sum(axis=0)
 
 
 def _sample(
@@ -296,22 +307,21 @@ def _sharpened(
 
     Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
     """
-    sharpened = fractions.copy()
-    for first, last in blocks(len(edges), BLOCK):
-        part = edges[first:last]
 
-        def values_at(rows: IntArray, share: FloatArray, part: IntArray = part) -> FloatArray:
+    def sharpen(first: int, last: int) -> tuple[FloatArray]:
+        part, sharpened, low = edges[first:last], fractions[first:last].copy(), upward[first:last]
+
+        def values_at(rows: IntArray, share: FloatArray) -> FloatArray:
             return field(lattice.positions(lattice_positions(part[rows], share, lattice.shape)))
 
         every = np.arange(len(part))
         ends = [np.zeros(len(part)), np.ones(len(part))]
         values = [values_at(every, share) for share in ends]
-        low = upward[first:last]
         rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
         a, b, fa, fb = (each[rows] for each in (*ends, *values))
         for _ in range(MAX_STEPS):
             share = (a * fb - b * fa) / (fb - fa)
-            sharpened[first + rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
+            sharpened[rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
             f = values_at(rows, share)
             crossed = (f > 0) != (fb > 0)
             a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
@@ -322,7 +332,10 @@ def _sharpened(
             a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
             if not len(rows):
                 break
-    return sharpened
+        return (sharpened,)
+
+    parts = [kept_block(partial(sharpen, first, last))[0] for first, last in blocks(len(edges), BLOCK)]
+    return np.concatenate([np.empty(0), *parts])
 
 
 def _nodes(

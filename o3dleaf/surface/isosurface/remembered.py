@@ -9,6 +9,7 @@ from o3dleaf.core.checks import FloatArray, as_points, require_one_column
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.surface.isosurface import remembered_loops as loops
 
 MAX_PLACES = 1 << 20
@@ -21,7 +22,8 @@ MAX_STARTS = 64
 class RememberedField:
     """A field of three dimensions that keeps what it said at each place, and is asked anew where it is not known.
 
-    Answers are those of the field, to the last bit: places are the same if all bits of their coordinates are.
+    Answers are those of the field, to the last bit: places are the same if all bits of their coordinates are. Work that
+    is to be resumed keeps them.
 
     Parameters
     ----------
@@ -79,10 +81,10 @@ class RememberedField:
         return other
 
     def _value(self, points: FloatArray) -> FloatArray:
-        return np.asarray(self.field(points), dtype=np.float64)[:, np.newaxis]
+        return kept_block(lambda: (np.asarray(self.field(points), dtype=np.float64)[:, np.newaxis],))[0]
 
     def _jet(self, points: FloatArray) -> FloatArray:
-        return np.column_stack(values_and_gradients(self.field, points))
+        return kept_block(lambda: (np.column_stack(values_and_gradients(self.field, points)),))[0]
 
 
 class _Memory:

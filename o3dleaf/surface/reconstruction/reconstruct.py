@@ -19,7 +19,7 @@ from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
-from o3dleaf.core.resume.parts import kept
+from o3dleaf.core.resume.blocks import keeping_blocks, kept
 from o3dleaf.fitting.local.fitter import Fitter
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.constraints import offset_constraints
@@ -136,7 +136,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
         Of what was left out or decided; where a journal is open, it is noted there instead.
     """
     require_choice(measure or AUTO, SHOWN, "measure")
-    with journal.stage("prepare cloud"):
+    with journal.stage("prepare cloud"), keeping_blocks("prepared"):
         require_cloud(pcd, "pcd")
         need_for(len(np.atleast_1d(as_array(raw_points(pcd, "pcd"), "pcd")))).require()
         cloud = OrientedCloud.of(prepare(pcd) if viewpoint is None else prepare(pcd, viewpoint=viewpoint))
@@ -167,7 +167,7 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
             unit=unit,
         )
         field = kept("fit.o3l", fit)
-    with journal.stage("follow surface"):
+    with journal.stage("follow surface"), keeping_blocks("surface"):
         around = surroundings(cloud, closed)
         data = partial(surface_data, cloud, constraints, local=local)
         followed = follow_surface(field, around, cloud, spacing, data)

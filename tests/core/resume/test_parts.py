@@ -10,7 +10,8 @@ import o3dleaf as o3l
 from leaf_fields import leaf_of, texture
 from o3dleaf.commands.reconstruct import ReconstructJob
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.resume.parts import SUFFIX, Parts, kept, key_of, resuming
+from o3dleaf.core.resume.blocks import kept
+from o3dleaf.core.resume.parts import SUFFIX, Parts, key_of, resuming
 from o3dleaf.samples import wheat_ct
 from o3dleaf.surface.reconstruction import reconstruct
 

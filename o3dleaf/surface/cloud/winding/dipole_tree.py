@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.surface.cloud.winding import dipole_loops
 
 BLOCK = 16
@@ -69,8 +70,11 @@ class DipoleTree:
         def task(start: int, stop: int) -> None:
             dipole_loops.wind(self.points, flux, square, self.nodes, sums, mean_square, wanted, start, stop, total)
 
-        run_blocks(task, self._leaves, BLOCK)
-        return total
+        def make() -> tuple[FloatArray]:
+            run_blocks(task, self._leaves, BLOCK)
+            return (total,)
+
+        return kept_block(make)[0]
 
     def winding_at(self, flux: FloatArray, places: FloatArray, width: FloatArray) -> FloatArray:
         """Return the winding number (k,) at any places, where the width is that of the place and not of the dipoles.
@@ -106,8 +110,11 @@ class DipoleTree:
         def task(start: int, stop: int) -> None:
             dipole_loops.pull(self.points, error, square, self.nodes, sums, wanted, start, stop, total)
 
-        run_blocks(task, self._leaves, BLOCK)
-        return total
+        def make() -> tuple[FloatArray]:
+            run_blocks(task, self._leaves, BLOCK)
+            return (total,)
+
+        return kept_block(make)[0]
 
     @property
     def _leaves(self) -> int:
