@@ -8,6 +8,7 @@
 `figures`      `o3dleaf figures`
 `reconstruct`  `o3dleaf reconstruct`
 `clean`        `o3dleaf clean`
+`droplet`      `o3dleaf droplet`, and the options of its case in `o3dleaf export`
 `export`       `o3dleaf export`
 `qa`           `o3dleaf qa`
 `info`         `o3dleaf info`

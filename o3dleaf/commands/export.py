@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from o3dleaf.commands.droplet import DropletOptions
 from o3dleaf.commands.patch import MODEL
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, UnitOption, argument, corners_of, option, output, table
+from o3dleaf.core.job import LongJob, Names, UnitOption, argument, corners_of, option, output, table
 from o3dleaf.core.journal import stage
 from o3dleaf.core.progress import split
 
@@ -30,15 +31,15 @@ OF_MODEL: dict[str, Any] = {"needs": ("saved_model",)}
 
 
 @dataclass(frozen=True)
-class ExportJob(UnitOption, LongJob):
+class ExportJob(DropletOptions, UnitOption, LongJob):
     """Write a mesh, particles or distances for the next program, in its format and unit; see docs/consumers."""
 
     source: Path = argument("A mesh (PLY, STL, OBJ, OFF), or a model (.o3l) that is meshed first.", reads=True)
     output: Path = output(())
     consumer: str | None = option(
         None,
-        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; sph: the boundary as particles in "
-        "layers; retention: facets with inclination and side.",
+        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; droplet, for a folder with a case "
+        "of OpenFOAM; sph, for particles in layers; retention, for facets; evolver, for a static droplet.",
         "--for",
         choices="o3dleaf.output.export.consumers:PROGRAMS",
         unless=("points",),
@@ -144,6 +145,11 @@ class ExportJob(UnitOption, LongJob):
         return self.consumer == "retention"
 
     @property
+    def droplet(self) -> bool:
+        """Whether --for is droplet."""
+        return self.consumer == "droplet"
+
+    @property
     def distance_grid(self) -> bool:
         """Whether --what is distance."""
         return self.what == "distance"
@@ -154,6 +160,9 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.output.export.consumers import CONSUMERS, OTHERS
 
         super().check()
+        if self.droplet:
+            self.check_case(self)
+            return
         suffixes = OTHERS | {name: each.suffixes for name, each in CONSUMERS.items()}
         require_writable(self.output, suffixes[self.consumer] if self.consumer else table(WHAT[self.what]))
         if (self.points or self.boundary) and self.step is None:
@@ -161,6 +170,10 @@ class ExportJob(UnitOption, LongJob):
             raise InputError(f"step: is missing for {made}; give it in the unit of {self.source.name}")
         if self.saved_model and self.spacing is None:
             raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
+
+    def outputs(self) -> list[tuple[Path, Names]]:
+        """Return the file that is written; a case is a folder, which is looked at by itself."""
+        return [] if self.droplet else super().outputs()
 
     def estimate(self) -> "list[Need]":
         """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
@@ -178,6 +191,8 @@ class ExportJob(UnitOption, LongJob):
         from o3dleaf.output.export.consumers import OTHERS
         from o3dleaf.output.export.selection import moved, part_of
 
+        if self.droplet:
+            return self.write_cases(self.source, self.output, self.spacing)
         with stage("mesh" if self.saved_model else "read"):
             mesh, model = self.mesh()
             mesh = mesh if self.part is None else part_of(mesh, self.part)

@@ -61,6 +61,51 @@ def whole_file(path: str | PathLike[str], size: float = 0) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def whole_folder(path: str | PathLike[str], mark: str, results: str) -> Iterator[Path]:
+    """Yield a new folder beside `path` that takes its name at the end; a failure leaves nothing behind.
+
+    One of that name gives way if `require_replaceable` says that it may.
+    """
+    target = require_replaceable(path, mark, results)
+    temporary = target.parent / _own_name(target)
+    temporary.mkdir()
+    try:
+        yield temporary
+        if target.exists():
+            old = target.parent / _own_name(target)
+            target.rename(old)
+            temporary.rename(target)
+            shutil.rmtree(old)
+        else:
+            temporary.rename(target)
+    except OSError as cause:
+        raise O3DLeafError(
+            f"{shown(target)}: could not be written ({cause.strerror}); free space or choose another"
+        ) from cause
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def require_replaceable(path: str | PathLike[str], mark: str, results: str) -> Path:
+    """Return `path` if a folder of that name could be written, else raise `InputError`: before the work, not after it.
+
+    One that is there is replaced if it is empty, or holds a file `mark`, which says that it is ours, and nothing that
+    the pattern `results` matches: what took hours is not written over.
+    """
+    target = _resolved(Path(path))
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{shown(target)}: is a file, and a folder is written; give the name of a new folder")
+    if target.is_dir() and any(target.iterdir()):
+        if not (target / mark).is_file():
+            raise InputError(f"{shown(target)}: exists already and is not empty; give the name of a new folder")
+        if next(target.glob(results), None) is not None:
+            raise InputError(f"{shown(target)}: holds results, which are not written over; give another, or remove it")
+    _beside(target.parent / f"{target.name}.new").unlink()
+    _remove_abandoned(target.parent)
+    return target
+
+
 def require_writable(path: str | PathLike[str], suffixes: tuple[str, ...] = ()) -> Path:
     """Return `path` if a file of that name could be written, else raise `InputError`: before the work, not after it.
 
@@ -152,8 +197,7 @@ def _beside(target: Path) -> Path:
         raise InputError(f"{shown(target)}: exists already and is read-only; choose another name")
     folder = target.resolve().parent
     try:
-        prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
-        temporary = folder / f"{prefix}{uuid4().hex}{target.suffix.lower()}"
+        temporary = folder / _own_name(target)
         # With the permissions of any new file: tempfile's are private, and to ask for the mask is to change it.
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as cause:
@@ -161,6 +205,12 @@ def _beside(target: Path) -> Path:
             f"{shown(target)}: the folder cannot be written to ({cause.strerror}); choose another"
         ) from cause
     return temporary
+
+
+def _own_name(target: Path) -> str:
+    """Return a new name for what is to be called otherwise in the end, which says whose it is."""
+    prefix = f".{target.stem[:MAX_STEM]}.{OWNER.format(node=_node(), process=os.getpid())}."
+    return f"{prefix}{uuid4().hex}{target.suffix.lower()}"
 
 
 def shown(path: Path) -> str:
@@ -196,7 +246,10 @@ def _remove_abandoned(folder: Path) -> None:
         found = known.search(entry.name)
         if entry.name.startswith(".") and found and not _is_running(int(found[1])):
             with suppress(OSError):
-                Path(entry.path).unlink()
+                if entry.is_dir(follow_symlinks=False):
+                    shutil.rmtree(entry.path)
+                else:
+                    Path(entry.path).unlink()
 
 
 def _is_running(process: int) -> bool:

@@ -1,0 +1,277 @@
+"""The folder of a case: surfaces, one file of numbers, and OpenFOAM's dictionaries, which stand in `template`."""
+
+import json
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from o3dleaf.core.atomic_files import write_json, write_text
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.units import METERS
+from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.io.mesh_data import MeshData
+from o3dleaf.io.obj import write_obj
+from o3dleaf.output.droplet.surfaces import VARIANTS, LandingWindow
+from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
+
+SETTINGS = "droplet.json"
+"""What a case was made of; a folder without it is none of ours."""
+RESULTS = "**/postProcessing"
+"""What a run leaves."""
+RIM = 0.04e-3
+"""Meters of the surface that stay outside the box on each side: snapping needs some, and its rim is not straight."""
+GAP = 2.0
+"""Cells between the droplet and the highest point below it, at the start."""
+ROOM = 2.5
+"""Height of the box, in diameters, at least."""
+REBOUND = 0.75
+"""Diameters of air above the droplet at the start, at least."""
+BELOW = 2.0
+"""Cells between the lowest point of the face and the bottom of the box."""
+RIPPLE = 0.5
+"""Share of the longest step that capillary waves allow."""
+MOST_CELLS = 4e6
+"""More is a typing error in a size, or takes weeks."""
+
+
+@dataclass(frozen=True)
+class DropletBox:
+    """The box around a droplet and its cells, in meters, in the frame of the impact.
+
+    Attributes
+    ----------
+    cell : float
+    half : float
+        Half its width.
+    bottom : float
+    cells : (int, int, int)
+    start : float
+        Height of the droplet's middle at the start.
+    """
+
+    cell: float
+    half: float
+    bottom: float
+    cells: tuple[int, int, int]
+    start: float
+
+    @classmethod
+    def around(cls, vertices: FloatArray, impact: Impact, size: float, cell: float) -> "DropletBox":
+        """Return the box over the (n, 3) points of a face, `size` wide, for a droplet in the middle above it.
+
+        Raises
+        ------
+        InputError
+            If the droplet does not fit into it, or there would be too many cells.
+        """
+        radius = impact.diameter / 2
+        across = int((size - 2 * RIM) / cell + 1e-9)
+        half = across * cell / 2
+        if half < 1.5 * radius:
+            raise InputError(
+                f"size: {size * 1e3:g} mm is too narrow for a droplet of {impact.diameter * 1e3:g} mm that spreads; "
+                f"give at least {3 * radius * 1e3 + 2 * RIM * 1e3 + cell * 1e3:.3g}"
+            )
+        inside = (np.abs(vertices[:, :2]) <= half).all(axis=1)
+        away = np.hypot(*vertices[:, :2].T)
+        under = away < radius
+        touching = vertices[under, 2] + np.sqrt(radius**2 - away[under] ** 2)
+        start = float(touching.max(initial=radius)) + GAP * cell
+        bottom = float(np.floor(vertices[inside, 2].min() / cell - BELOW)) * cell
+        high = max(ROOM * impact.diameter, start + radius + REBOUND * impact.diameter - bottom)
+        up = int(np.ceil(high / cell - 1e-9))
+        if across**2 * up > MOST_CELLS:
+            raise InputError(f"cell: {cell * 1e3:g} mm makes {across**2 * up:,} cells; give a larger one")
+        return cls(cell, half, bottom, (across, across, up), start)
+
+    @property
+    def top(self) -> float:
+        """Height of the box's top."""
+        return self.bottom + self.cells[2] * self.cell
+
+
+@dataclass(frozen=True)
+class DropletCase:
+    """All that a case is made of.
+
+    Attributes
+    ----------
+    impact : Impact
+    box : DropletBox
+    duration, frame : float
+        Seconds that are simulated, and between two pictures.
+    about : mapping
+        What else its settings are to say.
+    """
+
+    impact: Impact
+    box: DropletBox
+    duration: float
+    frame: float
+    about: Mapping[str, Any]
+
+    def write(self, folder: Path, surfaces: Mapping[str, LabelledMesh]) -> None:
+        """Write the case into an empty folder: settings, numbers, a script, and a folder for each surface."""
+        template = files("o3dleaf.output.droplet") / "template"
+        for name in ("constants", "README.md"):
+            write_text(filled((template / name).read_text(encoding="utf-8"), self.numbers()), folder / name)
+        script = folder / "run"
+        write_text((template / "run").read_text(encoding="utf-8"), script)
+        script.chmod(0o755)
+        for name, surface in surfaces.items():
+            variant = folder / name
+            for source in sorted(Path(str(template / "variant")).rglob("*")):
+                if source.is_file():
+                    target = variant / source.relative_to(str(template / "variant"))
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(source, target)
+            write_surface(surface, variant / "constant" / "triSurface" / "leaf.obj", name)
+        settings = {"impact": asdict(self.impact), "box": asdict(self.box), "variants": list(surfaces)}
+        times = {"duration": self.duration, "frame": self.frame, "length_unit": LENGTH, "time_unit": TIME}
+        write_json({**settings, **times, **self.about}, folder / SETTINGS)
+
+    def numbers(self) -> dict[str, str]:
+        """Return what stands between two @ in the templates."""
+        si, scaled, box = self.impact, self.impact.scaled(), self.box
+        step = RIPPLE * si.capillary_step(box.cell)
+        lengths = {
+            "diameter": si.diameter,
+            "radius": si.diameter / 2,
+            "radius_set": si.diameter / 2 + 2 * box.cell,
+            "x_drop": 0.0,
+            "y_drop": 0.0,
+            "z_drop": box.start,
+            "cell": box.cell,
+            "x_min": -box.half,
+            "x_max": box.half,
+            "y_min": -box.half,
+            "y_max": box.half,
+            "z_min": box.bottom,
+            "z_max": box.top,
+            # Over the droplet, and on no face of a cell.
+            "x_inside": 0.37 * box.cell,
+            "y_inside": 0.41 * box.cell,
+            "z_inside": box.top - 0.43 * box.cell,
+        }
+        times = {"end_time": self.duration, "frame": self.frame, "delta_t": step / 10, "max_delta_t": step}
+        fluids = {
+            "rho_liquid": (scaled.density, si.density),
+            "rho_gas": (scaled.gas_density, si.gas_density),
+            "nu_liquid": (scaled.viscosity, si.viscosity),
+            "nu_gas": (scaled.gas_viscosity, si.gas_viscosity),
+        }
+        pairs = {name: (value / LENGTH, value) for name, value in lengths.items()}
+        pairs |= {name: (value / TIME, value) for name, value in times.items()} | fluids
+        pairs |= {f"{axis}_gravity": (scaled.gravity[k], si.gravity[k]) for k, axis in enumerate("xyz")}
+        found = {name: f"{value:.10g}" for name, (value, _) in pairs.items()}
+        found |= {f"si_{name}": f"{value:.6g}" for name, (_, value) in pairs.items()}
+        plain = {"speed": si.speed, "z_speed": -si.speed, "tension": si.tension, "angle": si.angle}
+        found |= {name: f"{value:.10g}" for name, value in plain.items()}
+        found |= {f"{axis}_cells": str(count) for axis, count in zip("xyz", box.cells, strict=True)}
+        found["numbers"] = f"We {si.weber:.4g}, Re {si.reynolds:.4g}, Bo {si.bond:.4g}"
+        found["length_unit"], found["time_unit"] = f"{LENGTH * 1e6:g} µm", f"{TIME * 1e6:g} µs"
+        found["cells"] = f"{np.prod(box.cells):,}"
+        found["si_duration_ms"] = f"{self.duration * 1e3:g}"
+        found["about"] = str(self.about.get("title", ""))
+        return found
+
+
+def filled(text: str, values: Mapping[str, str]) -> str:
+    """Return a template with what stands between two @ replaced."""
+    return re.sub(r"@(\w+)@", lambda found: values[found[1]], text)
+
+
+def write_surface(surface: LabelledMesh, path: Path, name: str) -> None:
+    """Write a surface as OBJ with a group for each label, in the solver's unit of length."""
+    if surface.unit is None:
+        raise InputError("model: states no unit, and a droplet has a size; make the leaf of a scan with a unit")
+    vertices, triangles = mesh_arrays(surface.mesh)
+    scaled = MeshData(vertices * (METERS[surface.unit] / LENGTH), triangles, surface.labels, surface.names)
+    path.parent.mkdir(parents=True)
+    with path.open("wb") as out:
+        write_obj(out, scaled, (f"o3dleaf droplet {name}, lengths in {LENGTH * 1e6:g} micrometers",))
+
+
+def read_settings(folder: Path) -> dict[str, Any]:
+    """Return the settings of a case, or raise `InputError` if the folder is none."""
+    try:
+        content = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as cause:
+        raise InputError(
+            f"{folder}: is no droplet case ({SETTINGS} is missing or broken); make one with "
+            "o3dleaf export MODEL --for droplet --at ALONG ACROSS -o CASE"
+        ) from cause
+    return dict(content)
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenCase:
+    """A case that was written, or one of several in a folder.
+
+    Attributes
+    ----------
+    folder : Path
+    settings : mapping
+    """
+
+    folder: Path
+    settings: Mapping[str, Any]
+
+    @property
+    def duration(self) -> float:
+        """Seconds that are simulated: as the file of numbers says, which may have been changed since."""
+        return self.constant("endTime") * TIME
+
+    def constant(self, name: str) -> float:
+        """Return a number of the file `constants`, in the solver's units."""
+        text = (self.folder / "constants").read_text(encoding="utf-8")
+        found = re.search(rf"^{name}\s+(\S+);", text, re.MULTILINE)
+        try:
+            return float(found[1]) if found else float("nan")
+        except ValueError as cause:
+            raise InputError(f"{self.folder / 'constants'}: {name} is {found and found[1]!r}; give a number") from cause
+
+
+def find_cases(folder: Path) -> list[WrittenCase]:
+    """Return the cases in a folder: the one that it is, or those of several landing places."""
+    settings = read_settings(folder)
+    parts = [folder / str(name) for name in settings.get("cases", ())]
+    return [WrittenCase(part, read_settings(part)) for part in parts] or [WrittenCase(folder, settings)]
+
+
+def make_case(
+    window: LandingWindow,
+    impact: Impact,
+    *,
+    cell: float,
+    duration: float,
+    frame: float,
+    about: Mapping[str, Any],
+    variants: tuple[str, ...] = VARIANTS,
+) -> tuple[DropletCase, dict[str, LabelledMesh]]:
+    """Return the case of a landing place, and its surfaces: lengths in meters, times in seconds.
+
+    Box and start are those of the leaf for all of them.
+    """
+    unit = METERS[window.leaf.unit or "m"]
+    surfaces = {name: window.surface(name) for name in variants}
+    solid = window.surface("leaf")
+    vertices, triangles = mesh_arrays(solid.mesh)
+    face = vertices[np.unique(triangles[solid.labels == 0])] * unit
+    box = DropletBox.around(face, impact, window.size * unit, cell)
+    pose = {
+        "place": list(window.place),
+        "origin": window.frame.origin.tolist(),
+        "axes": window.frame.axes.tolist(),
+        "unit": window.leaf.unit,
+        "surface_step": window.step,
+    }
+    return DropletCase(impact, box, duration, frame, {**about, **pose}), surfaces
