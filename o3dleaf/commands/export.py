@@ -38,8 +38,8 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     output: Path = output(())
     consumer: str | None = option(
         None,
-        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; droplet: a folder with a case of "
-        "OpenFOAM; sph: the boundary as particles in layers; retention: facets with inclination and side.",
+        "The next program: openfoam, dualsphysics, paraview, web, blender or gmsh; droplet, for a folder with a case "
+        "of OpenFOAM; sph, for particles in layers; retention, for facets; evolver, for a static droplet.",
         "--for",
         choices="o3dleaf.output.export.consumers:PROGRAMS",
         unless=("points",),
@@ -135,11 +135,6 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         return self.what != "mesh"
 
     @property
-    def droplet(self) -> bool:
-        """Whether --for is droplet."""
-        return self.consumer == "droplet"
-
-    @property
     def boundary(self) -> bool:
         """Whether --for is sph."""
         return self.consumer == "sph"
@@ -148,6 +143,11 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     def retention(self) -> bool:
         """Whether --for is retention."""
         return self.consumer == "retention"
+
+    @property
+    def droplet(self) -> bool:
+        """Whether --for is droplet."""
+        return self.consumer == "droplet"
 
     @property
     def distance_grid(self) -> bool:

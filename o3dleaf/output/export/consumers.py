@@ -66,10 +66,11 @@ CONSUMERS = {
     "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
 }
 """The programs that are known by name; docs/consumers has a page on each."""
-OTHERS = {"droplet": (), "sph": (".csv", ".vtp", ".ply"), "retention": (".csv", ".vtp"), "evolver": (".fe",)}
-"""What takes something else than a mesh, and the suffixes of that: a folder with a case, `boundary`, `facets`, a static
-drop."""
-PROGRAMS = (*CONSUMERS, *OTHERS)
+OTHERS = {"sph": (".csv", ".vtp", ".ply"), "retention": (".csv", ".vtp"), "evolver": (".fe",)}
+"""What takes something else than a mesh, and the suffixes of that: `boundary`, `facets`, a static drop."""
+FOLDERS = ("droplet",)
+"""What is no file but a folder: a case of a droplet, `o3dleaf.output.droplet`."""
+PROGRAMS = (*CONSUMERS, *OTHERS, *FOLDERS)
 """All that the command line knows by name."""
 NO_UNIT = "no stated unit"
 RESERVED = frozenset(("x", "y", "z", "nx", "ny", "nz", "normals", "colors"))
