@@ -31,6 +31,8 @@ def folder(tmp_path_factory):
         world.file(name)
     for suffix in (".obj", ".off", ".pcd", ".pts", ".csv", ".json", ".html", ".vti", ".png", ""):
         world.spoiled(suffix)
+    (place / "case").mkdir()
+    (place / "case" / "droplet.json").write_text("{}")
     return place
 
 
