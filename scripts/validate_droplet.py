@@ -4,12 +4,12 @@ python scripts/validate_droplet.py                        # all of it, one run a
 python scripts/validate_droplet.py spread --cells 0.035 0.028
 python scripts/validate_droplet.py angles --angles 90 150 --cells 0.028
 
-The plate is z = 0, the case otherwise that of `o3dleaf export --for droplet`, but for a quarter of it: the droplet stands
-over a corner of the box, whose sides are mirrors. For the angles the droplet starts at rest as a cap whose angle is
-10 degrees less than the one that is set, and swings; its angle is that of the cap of the same volume and height, and
-the mean is over one oscillation, from a lowest height to the next. Beside it: the height of the static drop by the
-equation of Young and Laplace, integrated here. Processor time is that of the solver alone, by its own log. Cases that are
-in the folder already go on to the time that is asked for.
+The plate is z = 0, the case otherwise that of `o3dleaf export --for droplet`, but for a quarter of it: the droplet
+stands over a corner of the box, whose sides are mirrors. For the angles it starts at rest as a cap whose angle is 10
+degrees less than the one that is set, and swings; its angle is that of the cap of the same volume and height, and the
+mean is over one oscillation, from a lowest height to the next. Beside it: the height of the static drop by the equation
+of Young and Laplace, integrated here. Processor time is that of the solver alone, by its own log. Cases that are in the
+folder already go on to the time that is asked for.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from tempfile import mkdtemp
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.signal import find_peaks
 
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
@@ -117,7 +118,7 @@ def check_angles(folder, cell, angles, duration):
 def one_oscillation(height):
     """Return the rows from the first lowest height to the next, or all where there is none."""
     smooth = np.convolve(np.pad(height, 4, mode="edge"), np.ones(9) / 9, mode="valid")
-    lowest = [n for n in range(4, len(height) - 4) if smooth[n] == smooth[max(0, n - 16) : n + 17].min()]
+    lowest = find_peaks(-smooth, distance=30)[0]
     if len(lowest) < 2:
         print("    (no whole oscillation; the mean is over all of the run)")
     return slice(lowest[0], lowest[1]) if len(lowest) > 1 else slice(None)

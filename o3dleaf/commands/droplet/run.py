@@ -2,9 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from o3dleaf.core.job import LongJob, argument, option
 from o3dleaf.core.journal import stage
+
+if TYPE_CHECKING:
+    from o3dleaf.core.resources.needs import Need
+
+SHORTER = 2.5
+"""Times as many steps as on a smooth face: in furrows and beside hairs air is fast."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +31,23 @@ class DropletJob(LongJob):
 
         super().check()
         find_cases(self.case)
+
+    def estimate(self) -> "list[Need]":
+        """Return what the solvers that run side by side hold, and the processor time of all of them."""
+        from o3dleaf.core.parallel import get_num_threads
+        from o3dleaf.core.resources.measured import SOLVED_CELL, SOLVED_STEP, SOLVER, Cost
+        from o3dleaf.core.resources.needs import need_of
+        from o3dleaf.output.droplet.case import find_cases
+
+        runs = [(case, name) for n, case in enumerate(find_cases(self.case)) for name in self.variants(n)]
+        if self.only_read:
+            runs = []
+        beside = min(len(runs), self.threads or get_num_threads())
+        cells = max((case.cells for case, _ in runs), default=0.0)
+        steps = sum(case.cells * case.steps * (1.0 if name == "twin" else SHORTER) for case, name in runs)
+        held = sum(((SOLVER + SOLVED_CELL * cells) for _ in range(beside)), Cost(0))
+        what = f"droplet: {len(runs)} runs of {cells:,.0f} cells"
+        return [need_of(held + SOLVED_STEP * steps, what, "give fewer threads, or larger cells (export --cell)")]
 
     def work(self) -> str:
         """Run, read, draw; return a line about it."""
