@@ -4,11 +4,12 @@ python scripts/validate_droplet.py                        # all of it, one run a
 python scripts/validate_droplet.py spread --cells 0.035 0.028
 python scripts/validate_droplet.py angles --angles 90 150 --cells 0.028
 
-The plate is z = 0, the case otherwise that of `o3dleaf export --for droplet`, but for a quarter of it: the droplet stands
-over a corner of the box, whose sides are mirrors. For the angles the droplet starts at rest as a cap whose angle is
-10 degrees less than the one that is set, and swings; its angle is that of the cap of the same volume and height, and
-the mean is over the second half of the run. Beside it: the height of the static drop by the equation of Young and
-Laplace, integrated here. Processor time is that of the solver alone, by its own log.
+The plate is z = 0, the case otherwise that of `o3dleaf export --for droplet`, but for a quarter of it: the droplet
+stands over a corner of the box, whose sides are mirrors. For the angles it starts at rest as a cap whose angle is 10
+degrees less than the one that is set, and swings; its angle is that of the cap of the same volume and height, and the
+mean is over one oscillation, from a lowest height to the next. Beside it: the height of the static drop by the equation
+of Young and Laplace, integrated here. Processor time is that of the solver alone, by its own log. Cases that are in the
+folder already go on to the time that is asked for.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from tempfile import mkdtemp
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from scipy.signal import find_peaks
 
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
@@ -28,7 +30,7 @@ from o3dleaf.output.droplet.case import DropletBox, DropletCase
 from o3dleaf.output.droplet.readings import DropletReadings, cap_of
 from o3dleaf.output.droplet.solver import SolverRun, require_openfoam
 from o3dleaf.output.droplet.surfaces import grid_solid
-from o3dleaf.output.droplet.units import LENGTH, Impact
+from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
 
 SIZE = 1.2e-3
 SWING = 10.0
@@ -47,11 +49,13 @@ def write_quarter(folder, impact, cell, duration, start=None, radius=None):
     """Write a case of a quarter of a droplet on the plate; `start` and `radius` of its ball, if it is no whole one."""
     box = DropletBox.around(np.zeros((1, 3)), impact, SIZE, cell)
     box = box if start is None else replace(box, start=start)
-    folder.mkdir(parents=True)
-    DropletCase(impact, box, duration, 2.5e-5, {"title": "plate"}).write(folder, {"plate": plate()})
+    if not folder.exists():
+        folder.mkdir(parents=True)
+        DropletCase(impact, box, duration, 2.5e-5, {"title": "plate"}).write(folder, {"plate": plate()})
     numbers = folder / "constants"
     text = numbers.read_text()
     changed = {"xMin": 0, "yMin": 0, "xCells": box.cells[0] // 2, "yCells": box.cells[1] // 2}
+    changed["endTime"] = duration / TIME
     changed |= {"xMax": box.cells[0] // 2 * cell / LENGTH, "yMax": box.cells[1] // 2 * cell / LENGTH}
     if radius is not None:
         changed |= {"radius": radius / LENGTH, "zSpeed": 0}
@@ -68,8 +72,11 @@ def solve(variant, duration):
         run.start(1)
         run.process.wait()
         run.require_success()
-    seconds = re.findall(r"ExecutionTime = (\S+) s", (variant / "log.solver").read_text())[-1]
-    return DropletReadings.read(variant), float(seconds)
+    logs = [variant / name for name in ("log.solver.before", "log.solver") if (variant / name).exists()]
+    times = [float(each) for log in logs for each in re.findall(r"ExecutionTime = (\S+) s", log.read_text())]
+    # Each start counts from zero.
+    ends = [time for time, following in zip(times, [*times[1:], 0.0], strict=True) if following < time]
+    return DropletReadings.read(variant), sum(ends)
 
 
 def check_spread(folder, cells, angle):
@@ -97,7 +104,7 @@ def check_angles(folder, cell, angles, duration):
         start = -ball * np.cos(np.radians(angle - SWING))
         variant = write_quarter(folder / f"angle_{angle:g}_{cell:g}", impact, cell * 1e-3, duration, start, ball)
         found, seconds = solve(variant, duration)
-        late = found.column("t") > duration / 2
+        late = one_oscillation(found.column("height"))
         volumes, heights = 4 * found.column("volume")[late], found.column("height")[late]
         seen = np.array([cap_of(*each) for each in zip(volumes, heights, strict=True)])
         height = static_height(volumes.mean(), angle, impact)
@@ -106,6 +113,15 @@ def check_angles(folder, cell, angles, duration):
               f"fastest at the end {found.column('fastest')[-4:].max():.2f} m/s, "
               f"volume to {np.abs(found.column('volume') / found.column('volume')[0] - 1).max():.1e}, "
               f"alpha >= {found.column('alpha_min').min():.1e}, {seconds:.0f} s", flush=True)  # fmt: skip
+
+
+def one_oscillation(height):
+    """Return the rows from the first lowest height to the next, or all where there is none."""
+    smooth = np.convolve(np.pad(height, 4, mode="edge"), np.ones(9) / 9, mode="valid")
+    lowest = find_peaks(-smooth, distance=30)[0]
+    if len(lowest) < 2:
+        print("    (no whole oscillation; the mean is over all of the run)")
+    return slice(lowest[0], lowest[1]) if len(lowest) > 1 else slice(None)
 
 
 def cap_radius(volume, angle):
@@ -141,7 +157,7 @@ def main():
     parser.add_argument("what", nargs="*", default=["spread", "angles"], help="spread, angles")
     parser.add_argument("--cells", type=float, nargs="+", help="mm; 0.035 and 0.028 for spread, 0.028 for angles")
     parser.add_argument("--angles", type=float, nargs="+", default=[90.0, 120.0, 140.0, 150.0])
-    parser.add_argument("--duration", type=float, default=2.0, help="of the angles, ms")
+    parser.add_argument("--duration", type=float, default=2.6, help="of the angles, ms")
     parser.add_argument("-o", "--output", type=Path, help="folder for the cases; a temporary one by default")
     options = parser.parse_args()
     require_openfoam()

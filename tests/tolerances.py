@@ -938,7 +938,7 @@ SCALED_NUMBERS = 1e-12
 TWIN_HEIGHT = 1e-6
 """Millimeters: a blade of radius 15 moved along its normals by a height, three times what is left of it."""
 LEVEL_TWIN = 0.0015
-"""Millimeters: a spline through a strip of radius 15 errs by a tenth of that, x⁴ over r³ by 4e-5, its chords by 0.1²/8r."""
+"""Millimeters: a spline through a strip of radius 15 errs by a tenth of that, x⁴ over r³ and chords by less."""
 CAP_VOLUME = 0.005
 """A ball of 15 cells, each by 64 points: found 0.002."""
 CAP_AREA = 0.06

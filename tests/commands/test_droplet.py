@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from leaf_fields import leaf_of, texture
-from o3dleaf.commands.droplet import DropletJob
+from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.core.errors import InputError
 from o3dleaf.output.droplet import solver

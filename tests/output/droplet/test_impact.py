@@ -47,13 +47,17 @@ def test_scaled_constants_have_the_same_dimensionless_numbers(diameter, speed, d
     scaled = impact.scaled()
     for name in ("weber", "reynolds", "bond"):
         assert math.isclose(getattr(scaled, name), getattr(impact, name), rel_tol=SCALED_NUMBERS)
-    assert math.isclose(scaled.density / scaled.gas_density, impact.density / impact.gas_density, rel_tol=SCALED_NUMBERS)
+    assert math.isclose(
+        scaled.density / scaled.gas_density, impact.density / impact.gas_density, rel_tol=SCALED_NUMBERS
+    )
     assert math.isclose(
         scaled.viscosity / scaled.gas_viscosity, impact.viscosity / impact.gas_viscosity, rel_tol=SCALED_NUMBERS
     )
     # A step is a time.
     cell = 0.1 * impact.diameter
-    assert math.isclose(scaled.capillary_step(cell / LENGTH) * TIME, impact.capillary_step(cell), rel_tol=SCALED_NUMBERS)
+    assert math.isclose(
+        scaled.capillary_step(cell / LENGTH) * TIME, impact.capillary_step(cell), rel_tol=SCALED_NUMBERS
+    )
 
 
 def test_speeds_and_tension_are_the_same_numbers_in_both():
