@@ -72,8 +72,8 @@ def test_blocks_that_are_done_elsewhere_come_to_the_same_bytes(tmp_path, scan, g
     cluster = Pickled()
     assert fit_on(cluster, scan, tmp_path / "spread", **given) == fit(scan, tmp_path / "plain", **given)
     assert cluster.sent.keys() == {"_Layers", "SolverThere", "partial"}
-    # Voxels are not sent: where they lie is a tenth of what comes of them.
-    assert cluster.sent["SolverThere"] < cluster.returned["SolverThere"] / 10
+    # Each batch would be sent all voxels, or its own, which are as many as its coefficients; where they lie is less.
+    assert cluster.sent["SolverThere"] < cluster.returned["SolverThere"] / 2
 
 
 @pytest.mark.parametrize("crop", [None, [[24, 0, 48], [400, 300, 200]]])
