@@ -17,12 +17,11 @@ from o3dleaf.commands.line.terminal import show_progress
 from o3dleaf.commands.line.words import job_from
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.commands.reconstruct import ReconstructJob
-from o3dleaf.core.arguments.kinds import Count
 from o3dleaf.core.checks import is_file, is_folder, require_file
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.job import LongJob, Names, argument, option, options_of
+from o3dleaf.core.job import ClusterOptions, LongJob, Names, argument, option, options_of
 from o3dleaf.core.journal import stage
-from o3dleaf.core.parallel import get_num_threads, set_num_threads, single_threaded_blas
+from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need
@@ -106,7 +105,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class BatchJob(LongJob):
+class BatchJob(ClusterOptions, LongJob):
     """Run one command for each of many files; results and a table of all, CSV and JSON, go into a folder.
 
     A file that is refused has its error in the table, and the others go on; exit code 1.
@@ -116,14 +115,6 @@ class BatchJob(LongJob):
     output: Path = option(..., "Folder of the results, named as their files.", "--output", "-o")
     command: str = option(
         "leaf", "leaf, reconstruct, clean or patch with its options, such as 'leaf --ct tile.o3l --spacing 0.05'."
-    )
-    workers: Count | None = option(
-        None, "Processes side by side, with Dask; left out, one file after the other in this process."
-    )
-    scheduler: str | None = option(
-        None,
-        "Address of a Dask scheduler, such as tcp://10.0.0.1:8786, whose workers have o3dleaf and see the same files.",
-        unless=("workers",),
     )
     resume: bool = option(
         False, "Leave out files whose result of the same input and options is in the folder.", "--resume"
@@ -175,6 +166,8 @@ class BatchJob(LongJob):
         made = []
         for file in self.inputs():
             result = (self.output / file.name).with_suffix(suffix)
+            if any(word.startswith(("--workers", "--scheduler")) for word in words):
+                raise InputError("command: has workers of its own; give --workers or --scheduler to batch alone")
             job = _placed(job_from(kind, [*words[1:], str(file), "--output", str(result)]))
             job = replace(job, memory=job.memory or self.memory, time=job.time or self.time)
             made.append(Piece(job, file, result))
@@ -208,13 +201,13 @@ class BatchJob(LongJob):
 
     def each(self, pieces: Sequence[Piece]) -> Iterator[tuple[int, Row]]:
         """Yield the number of each piece and its row, as they are ready."""
-        if self.workers is None and self.scheduler is None:
+        if not self.is_spread:
             yield from enumerate(map(Piece.run, pieces))
             return
-        from o3dleaf.core.processes.cluster import cluster_of
+        from o3dleaf.core.processes.cluster import cluster_of, share_of
 
         if self.workers is not None:
-            share = max(1, get_num_threads() // self.workers)
+            share = share_of(self.workers)
             pieces = [replace(each, job=replace(each.job, threads=each.job.threads or share)) for each in pieces]
         with cluster_of(self.workers, self.scheduler) as cluster:
             for number, row in cluster.map(Piece.run, pieces):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.job import (
+    ClusterOptions,
     Job,
     LongJob,
     ResumeOption,
@@ -22,6 +23,7 @@ from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
 if TYPE_CHECKING:
+    from o3dleaf.core.processes.spread import Spread
     from o3dleaf.core.resources.needs import Need
     from o3dleaf.core.resume.parts import Parts
     from o3dleaf.leaf.ct.volume import Volume
@@ -158,7 +160,7 @@ class BlockOption:
 
 
 @dataclass(frozen=True)
-class PatchJob(CtOptions, BlockOption, ResumeOption, LongJob):
+class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
     """Fit the micro-structure of a volume once, into a model file that `leaf --ct` takes."""
 
     volume: Path = argument(
@@ -182,21 +184,32 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, LongJob):
 
     def work(self) -> "TiledField | WangField":
         """Write the model and the block, and return the texture."""
-        with resumed(self.output, self) if self.resume else nullcontext():
-            return self.build()
+        from o3dleaf.core.processes.spread import spreading
 
-    def build(self) -> "TiledField | WangField":
-        """Write the model and the block, and return the texture."""
+        with resumed(self.output, self) if self.resume else nullcontext():
+            if not self.is_spread:
+                return self.build()
+            with spreading(self.workers, self.scheduler) as spread:
+                return self.build(spread)
+
+    def build(self, spread: "Spread | None" = None) -> "TiledField | WangField":
+        """Write the model and the block, by workers that read them from their files, and return the texture."""
         from o3dleaf.io.triangle_mesh import write_mesh
+        from o3dleaf.leaf.ct.voxel_file import VoxelFile
         from o3dleaf.leaf.meshing import extract_flat_tile
         from o3dleaf.leaf.pipeline import create_texture
+        from o3dleaf.leaf.saved.models import SavedTexture
 
         with stage("read"):
             volume = self.read_volume(self.volume)
+        if spread is not None:
+            spread.know(volume.data, VoxelFile.of(self.volume, volume.shape, self.ct_crop, **self.lattice))
         texture = create_texture(volume, options=self)
         with stage("write model"):
             texture.save(self.output)
         if self.tile_solid is not None and self.spacing is not None:
+            if spread is not None:
+                spread.know(texture, SavedTexture.of(self.output))
             with stage("write tile"):
                 write_mesh(extract_flat_tile(texture, 1.0, self.spacing), self.tile_solid)
         return texture

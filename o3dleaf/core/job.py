@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.allowed import require
 from o3dleaf.core.arguments.annotations import rules_of
-from o3dleaf.core.arguments.kinds import Unit
+from o3dleaf.core.arguments.kinds import Count, Unit
 from o3dleaf.core.atomic_files import require_apart, require_writable
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.errors import InputError
@@ -193,8 +193,8 @@ class Job(ABC):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Every option that the result depends on: all but the threads, the memory, the display and resuming."""
-        left_out = options_of(LongJob).keys() | options_of(ResumeOption).keys()
+        """Every option that the result depends on: all but the threads, workers, memory, the display and resuming."""
+        left_out = {name for kind in (LongJob, ResumeOption, ClusterOptions) for name in options_of(kind)}
         return {name: getattr(self, name) for name in options_of(type(self)) if name not in left_out}
 
     def inputs(self) -> list[Path]:
@@ -246,6 +246,25 @@ class ResumeOption:
         "to the byte. Give it from the first run on.",
         "--resume",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClusterOptions:
+    """Whether a job is done by this process alone, or by the workers of a Dask cluster."""
+
+    workers: Count | None = option(
+        None, "Processes of this machine that work side by side, with Dask; left out, this process does it alone."
+    )
+    scheduler: str | None = option(
+        None,
+        "Address of a Dask scheduler, such as tcp://10.0.0.1:8786, whose workers have o3dleaf and see the same files.",
+        unless=("workers",),
+    )
+
+    @property
+    def is_spread(self) -> bool:
+        """Whether workers do it."""
+        return self.workers is not None or self.scheduler is not None
 
 
 @dataclass(frozen=True, kw_only=True)

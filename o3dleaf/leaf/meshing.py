@@ -1,6 +1,8 @@
 """The mesh of a leaf: one tile polygonized, set down all over the blade, in memory or in a file."""
 
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, partial
 from os import PathLike
 
@@ -14,6 +16,7 @@ from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_p
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.processes.spread import current_spread
 from o3dleaf.core.resume.blocks import keeping_blocks
 from o3dleaf.core.resume.parts import current_parts
 from o3dleaf.io.labelled_mesh import LabelledMesh
@@ -27,7 +30,7 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import extract_tiles, tile_lattice
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
@@ -248,15 +251,42 @@ def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | N
     return None if simplify is None else simplified
 
 
+@dataclass(frozen=True)
+class PeriodOf:
+    """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
+
+    Attributes
+    ----------
+    texture : TiledField, PatchBlend, WangField, or a function that returns one
+    scale : float
+    """
+
+    texture: Texture | Callable[[], Texture]
+    scale: float
+
+    @property
+    def periodic(self) -> Texture | WangTorus:
+        """What repeats."""
+        texture = self.texture if isinstance(self.texture, Texture) else self.texture()
+        return texture.torus if isinstance(texture, WangField) else texture
+
+    def __call__(self, flat: FloatArray) -> FloatArray:
+        """Return the (n,) values at (n, 3) points."""
+        return self.periodic(flat * self.scale)
+
+
 def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LabelledMesh:
     """Return one flat period of a texture as a closed block, in lengths of `scale` of the texture's unit each.
 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     Of Wang tiles it is the torus of 4 × 4 on which each of them lies once.
     """
-    periodic = texture.torus if isinstance(texture, WangField) else texture
-    lattice = tile_lattice(periodic, scale, spacing)
+    spread, values = current_spread(), PeriodOf(texture, scale)
+    elsewhere = None if spread is None else spread.stand_in(texture)
+    lattice = tile_lattice(values.periodic, scale, spacing)
+    # Workers read the texture from where it was written.
+    field = values if elsewhere is None else PeriodOf(elsewhere, scale)
     with keeping_blocks("tile"):
-        tile = extract_tile(lambda flat: periodic(flat * scale), lattice, sharpen=lattice.shape[:2])
+        tile = extract_tile(field, lattice, sharpen=lattice.shape[:2])
     vertices, triangles, labels = extract_block(tile)
     return LabelledMesh(build_mesh(vertices, triangles), labels, unit=unit)

@@ -2,4 +2,5 @@
 
 `child_process`  a call in a process of its own
 `cluster`        calls on the workers of a Dask cluster
+`spread`         blocks of one job on such workers, known by context
 """

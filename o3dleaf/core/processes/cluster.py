@@ -6,17 +6,21 @@ that did it is lost. Results come as they are ready.
 
 import logging
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
+from itertools import islice
 from typing import Any, TypeVar
 
 from o3dleaf.core import journal
 from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.parallel import get_num_threads
 
 T = TypeVar("T")
 R = TypeVar("R")
 
+AHEAD, LEAST_AHEAD = 3, 16
+"""Tasks on their way at once for each thread of the workers, and the least of all, as workers may yet come."""
 EXTRA = "cluster"
 SECONDS = "20s"
 """That a scheduler has to answer."""
@@ -32,23 +36,39 @@ class Cluster:
         """Return the numbers of the workers' processes, each on its own machine."""
         return list(self._client.run(os.getpid).values())
 
-    def map(self, task: Callable[[T], R], arguments: Sequence[T]) -> Iterator[tuple[int, R | O3DLeafError]]:
+    def map(self, task: Callable[[T], R], arguments: Iterable[T]) -> Iterator[tuple[int, R | O3DLeafError]]:
         """Yield the number of each argument and what the task returned of it, as they are ready.
 
-        A task that is lost with its worker goes to another one; after the third an error stands in its place.
+        A task that is lost with its worker goes to another one; after the third an error stands in its place. A few
+        tasks for each worker are on their way at once, so that neither arguments nor results pile up.
         """
         distributed = import_module("distributed")
-        futures = [self._client.submit(task, each, pure=False) for each in arguments]
-        places = {future.key: number for number, future in enumerate(futures)}
-        for future in distributed.as_completed(futures, loop=self._client.loop):
+        todo, places = iter(enumerate(arguments)), dict[str, int]()
+
+        def submitted(count: int) -> list[Any]:
+            futures = []
+            for number, each in islice(todo, count):
+                futures.append(self._client.submit(task, each, pure=False))
+                places[futures[-1].key] = number
+            return futures
+
+        ahead = max(LEAST_AHEAD, AHEAD * sum(self._client.nthreads().values()))
+        ready = distributed.as_completed(submitted(ahead), loop=self._client.loop)
+        for future in ready:
             lost = future.exception()
             if isinstance(lost, distributed.KilledWorker):
-                yield (
-                    places[future.key],
-                    O3DLeafError("its worker died three times, for want of memory perhaps; give fewer workers"),
+                result: R | O3DLeafError = O3DLeafError(
+                    "its worker died three times, for want of memory perhaps; give fewer workers"
                 )
-                continue
-            yield places[future.key], future.result()
+            else:
+                result = future.result()
+            ready.update(submitted(1))
+            yield places.pop(future.key), result
+
+
+def share_of(workers: int | None) -> int | None:
+    """Return the threads of each of so many workers on this machine; None of workers elsewhere, which have theirs."""
+    return None if workers is None else max(1, get_num_threads() // workers)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ Far tiles are merged, 2 by 2 along each axis, as long as that holds for the larg
 the band and not with the volume.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.processes.spread import current_spread
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -61,23 +63,25 @@ class LatticeBand:
         `averaged` is how many voxels what is fitted to them averages over, 1 for an interpolant.
         """
         order = np.argsort(data.strides)[::-1]
-        lies, sides, around = data.transpose(order), tile[order].tolist(), (reach[order] + GUARD).tolist()
+        sides, around = tile[order].tolist(), (reach[order] + GUARD).tolist()
         window, windows = int(np.clip(averaged ** (1 / data.ndim) + 1e-9, 1, MOST)), []
-        for size, side, more in zip(lies.shape, sides, around, strict=True):
+        for size, side, more in zip(np.array(data.shape)[order].tolist(), sides, around, strict=True):
             starts, before = np.minimum(np.arange(0, size, side), size - side).tolist(), more + window - 1
             windows.append([slice(max(first - before, 0), first + side + more) for first in starts])
-        far = np.empty([len(each) for each in windows], dtype=bool)
+        far, spread = np.empty([len(each) for each in windows], dtype=bool), current_spread()
+        read = None if spread is None else spread.stand_in(data)
+        layers = _Layers(data.__getitem__ if read is None else read, level, order, window, windows[1:])
 
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
-                rows = windows[0][layer]
-                part = _averages(lies[rows.start : rows.stop + window - 1], window, np.argsort(order))
-                low, high = (_extremes(extreme, part, windows[1:]) - level for extreme in (np.minimum, np.maximum))
-                reserve = RESERVE * (high - low)
-                far[layer] = (low > reserve) | (-high > reserve)
+                far[layer] = layers(windows[0][layer])
             release_pages(data)
 
-        run_blocks(look, len(far), 1)
+        if spread is None or read is None:
+            run_blocks(look, len(far), 1)
+        else:
+            for layer, found in spread.each(layers, windows[0]):
+                far[layer] = found
         return cls(data.shape, tile, reach, np.ascontiguousarray(far.transpose(np.argsort(order))))
 
     def balls(self) -> tuple[IntArray, IntArray, BoolArray]:
@@ -104,6 +108,39 @@ class LatticeBand:
         levels.append(np.zeros(len(left), dtype=np.int64))
         bare = np.concatenate([np.ones(sum(map(len, levels[:-1])), dtype=bool), self.far[~merged]])
         return np.concatenate(starts), np.concatenate(levels), bare
+
+
+@dataclass(frozen=True)
+class _Layers:
+    """Which tiles of a layer are far.
+
+    Attributes
+    ----------
+    read : callable
+        ``read(slices)`` returns a part of the lattice.
+    level : float
+    order : (d,) ndarray of int
+        The axes, the slowest first.
+    window : int
+        Voxels along each axis that are averaged.
+    windows : list of lists of slices
+        What is looked at for each tile, along the other axes.
+    """
+
+    read: Callable[[tuple[slice, ...]], npt.NDArray[Any]]
+    level: float
+    order: IntArray
+    window: int
+    windows: list[list[slice]]
+
+    def __call__(self, rows: slice) -> BoolArray:
+        """Look at the layer of some rows along the slowest axis."""
+        slices = [slice(None)] * len(self.order)
+        slices[self.order[0]] = slice(rows.start, rows.stop + self.window - 1)
+        part = _averages(self.read(tuple(slices)).transpose(self.order), self.window, np.argsort(self.order))
+        low, high = (_extremes(extreme, part, self.windows) - self.level for extreme in (np.minimum, np.maximum))
+        reserve = RESERVE * (high - low)
+        return np.asarray((low > reserve) | (-high > reserve))
 
 
 def _averages(part: npt.NDArray[Any], window: int, axes: IntArray) -> npt.NDArray[Any]:

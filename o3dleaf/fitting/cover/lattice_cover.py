@@ -191,6 +191,10 @@ class VoxelCover:
         radii: FloatArray = np.asarray(self._radius * (1 << self.levels), dtype=np.float64)
         return radii
 
+    def radius_of(self, number: int) -> float:
+        """Return the radius of the balls of a class."""
+        return float(self._radius * (1 << self.keys[number, 0]))
+
     @property
     def _radius(self) -> float:
         """Radius of a ball of level 0."""

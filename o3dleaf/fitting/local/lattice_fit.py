@@ -4,10 +4,10 @@ A rigid motion keeps distances, hence the matrix of :math:`φ`. A class of balls
 and its balls are the columns of one right-hand side. Bare balls share what takes their values to a plane.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +15,16 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.core.processes.spread import current_spread
+from o3dleaf.core.progress import report
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.resources.scratch import is_held, scratch_array
+from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
+from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.rbf.factor import LocalFactor
@@ -28,59 +32,15 @@ from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, SplineModel
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
-STEEPEST = 0.9
-"""Of the value in the middle of a bare ball, how much its plane may rise or fall to the ball's edge: all of it lies on
-the side of the isovalue on which its voxels lie."""
+Solved = tuple[FloatArray, FloatArray]
+"""The coefficients λ and the tails of some balls."""
+
 COLUMNS = 256
 """Balls of a class that are solved for at once; fixed, so that the result does not depend on the threads."""
 RELEASED = 64
 """Such batches, after which the pages of a mapped file are given back."""
 COMPANY = 16
 """Balls that they are filled up to a multiple of: columns that BLAS takes by itself at the end come out otherwise."""
-
-
-@dataclass(frozen=True, eq=False)
-class VoxelValues:
-    """The data of a lattice: read where they lie, as float64 less the isovalue, ball by ball.
-
-    Attributes
-    ----------
-    data : ndarray
-        Of any layout; a mapped file stays one.
-    isovalue : float
-    """
-
-    data: npt.NDArray[Any]
-    isovalue: float
-
-    @classmethod
-    def of_array(cls, data: npt.NDArray[Any], isovalue: float) -> "VoxelValues":
-        """Return the values of an array, copied only where it runs backwards, or is a part of records."""
-        lies = min(data.strides) > 0 and not any(stride % data.itemsize for stride in data.strides)
-        return cls(data if lies else np.ascontiguousarray(data), isovalue)
-
-    @cached_property
-    def _stride(self) -> IntArray:
-        """(d,) numbers from a voxel to the next along each axis."""
-        return np.array(self.data.strides) // self.data.itemsize
-
-    @cached_property
-    def _flat(self) -> npt.NDArray[Any]:
-        """All numbers from the first voxel to the last, as they lie in memory or in the file."""
-        last = int((np.array(self.data.shape) - 1) @ self._stride)
-        return np.lib.stride_tricks.as_strided(self.data, (last + 1,), (self.data.itemsize,), writeable=False)
-
-    @property
-    def slowest(self) -> int:
-        """The axis along which voxels lie farthest apart."""
-        return int(np.argmax(self._stride))
-
-    def of(self, starts: IntArray, voxels: IntArray) -> FloatArray:
-        """Return the (m, n) values of balls whose tiles start at (m, d), of `voxels` (n, d) counted from there."""
-        places = (starts @ self._stride)[:, np.newaxis] + voxels @ self._stride
-        values: FloatArray = self._flat[places].astype(np.float64)
-        values -= self.isovalue
-        return values
 
 
 def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
@@ -105,35 +65,28 @@ def _sizes(cover: VoxelCover) -> IntArray:
 
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:
     """Fit a spline to the voxels of every ball, each class of balls by one factorization; to bare ones a plane."""
-    bare, sizes = cover.keys[:, -1] == 1, _sizes(cover)
-    voxels = [cover.voxels(number) for number in range(len(cover.keys))]
-    points = [cover.points(number, each) for number, each in enumerate(voxels)]
+    bare, sizes, solver = cover.keys[:, -1] == 1, _sizes(cover), ClassSolver(cover, model)
     # A bare ball has no site: the place of its class, which names it, is its middle.
-    sites = [np.zeros((len(cover.shape), 1)) if empty else each for empty, each in zip(bare, points, strict=True)]
+    sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
     offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
     weights, tails = scratch_array((int(offsets[-1]),)), np.empty((len(cover.starts), len(model.exponents)))
+    # As their voxels lie, so that a file larger than memory is gone through once.
+    along = cover.starts[:, values.slowest]
+    batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])
+
+    def place(number: int, solved: Solved) -> None:
+        balls = batches[number]
+        coefficients, tails[balls] = solved
+        weights[offsets[balls][:, np.newaxis] + np.arange(coefficients.shape[1])] = coefficients
+        if number % RELEASED == 0:
+            release_pages(values.data)
+            release_pages(weights)
+
     with single_threaded_blas():
-        factors = _factors(cover, points, model)
-        # As their voxels lie, so that a file larger than memory is gone through once.
-        along = cover.starts[:, values.slowest]
-        batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])
-
-        def solve_batches(start: int, stop: int) -> None:
-            for balls in batches[start:stop]:
-                number, many = cover.classes[balls[0]], len(balls)
-                # In whole groups of columns a product has the same bits for each, whatever its company.
-                data = np.zeros((-(-many // COMPANY) * COMPANY, len(voxels[number])))
-                data[:many] = values.of(cover.starts[balls], voxels[number])
-                coefficients, coarse = factors[number].solve(data)
-                tails[balls] = coarse[:many]
-                weights[offsets[balls][:, np.newaxis] + np.arange(sizes[number])] = coefficients[:many]
-            if start % RELEASED == 0:
-                release_pages(values.data)
-                release_pages(weights)
-
-        run_blocks(solve_batches, len(batches), 1, reports=True)
-    ranks = np.array([each.rank for each in factors])[cover.classes]
+        run_blocks(lambda start, stop: [solver.factor(number) for number in range(start, stop)], len(sizes), 1)
+        _solve_batches(cover, values, solver, batches, place)
+    ranks = np.array([solver.factor(number).rank for number in range(len(sizes))])[cover.classes]
     dropped = np.zeros(len(cover.starts), dtype=np.int64)
     flat = np.concatenate([each.ravel() for each in sites])
     places = begins[cover.classes]
@@ -142,57 +95,123 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     )
 
 
-def _factors(cover: VoxelCover, points: list[FloatArray], model: SplineModel) -> "list[LocalFactor | BarePlane]":
-    """Return what takes the values of the balls of each class to their coefficients."""
-    factors: list[Any] = [None] * len(points)
-    power, exponents = model.kernel.power, model.exponents
-    of_class = cover.radii[np.unique(cover.classes, return_index=True)[1]]
+def _solve_batches(
+    cover: VoxelCover,
+    values: VoxelValues,
+    solver: "ClassSolver",
+    batches: list[IntArray],
+    place: Callable[[int, Solved], None],
+) -> None:
+    """Solve for the balls of each batch, here or on the workers of a cluster, and place what comes of them."""
+    spread = current_spread()
+    read = None if spread is None else spread.stand_in(values.data)
+    asked = [(int(cover.classes[balls[0]]), cover.starts[balls]) for balls in batches]
+    if spread is None or read is None:
 
-    def factor(start: int, stop: int) -> None:
-        for number in range(start, stop):
-            if cover.keys[number, -1]:
-                factors[number] = BarePlane.of(points[number], exponents)
-                continue
-            count = points[number].shape[1]
-            diagonal = model.smoothing.diagonal(count) / of_class[number] ** power
-            factors[number] = LocalFactor.of(points[number], exponents, power, np.full(count, diagonal))
+        def solve(start: int, stop: int) -> None:
+            for number in range(start, stop):
+                place(number, solver.solve(values, *asked[number]))
 
-    run_blocks(factor, len(points), 1)
-    return factors
+        run_blocks(solve, len(batches), 1, reports=True)
+        return
+    there = SolverThere(solver.cover, solver.model, read, values.isovalue, uuid4().hex)
+    for done, (number, solved) in enumerate(spread.each(there, asked), start=1):
+        place(number, solved)
+        report(done, len(batches))
 
 
-@dataclass(frozen=True, eq=False)
-class BarePlane:
-    """The plane of least squares through the values of a bare ball, not as steep as to leave their side of zero.
+class ClassSolver:
+    """What takes the values of the balls of each class of a cover to their coefficients, factored when first asked for.
 
     Attributes
     ----------
-    solution : (q, n) ndarray
-        From values to coefficients of the tail, those of a degree above 1 being zero.
-    rank : int
+    cover : VoxelCover
+        The classes alone, without balls.
+    model : SplineModel
     """
 
-    solution: FloatArray
-    rank: int
+    def __init__(self, cover: VoxelCover, model: SplineModel) -> None:
+        none = np.empty(0, dtype=np.int64)
+        self.cover = replace(cover, starts=none.reshape(0, len(cover.shape)), levels=none, classes=none)
+        self.model = model
+        self._voxels: dict[int, IntArray] = {}
+        self._factors: dict[int, LocalFactor | BarePlane] = {}
 
-    @classmethod
-    def of(cls, points: FloatArray, exponents: IntArray) -> "BarePlane":
-        """Return it for (d, n) points in unit coordinates."""
-        low = exponents.sum(axis=1) <= 1
-        matrix = np.prod(points.T[:, np.newaxis, :] ** exponents[low], axis=2)
-        solution = np.zeros((len(exponents), points.shape[1]))
-        solution[low] = np.linalg.pinv(matrix)
-        return cls(solution, int(np.linalg.matrix_rank(matrix)))
+    def __repr__(self) -> str:
+        return f"ClassSolver({len(self.cover.keys)} classes)"
 
-    def solve(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return no λ, (m, 0), and the (m, q) tails of (m, n) values."""
-        # Not by BLAS, whose bits depend on how many balls there are.
-        tails: FloatArray = np.einsum("mn,qn->mq", values, self.solution)
-        # The first monomial is 1.
-        rise = np.linalg.norm(tails[:, 1:], axis=1)
-        most = STEEPEST * np.abs(tails[:, 0])
-        tails[:, 1:] *= np.where(rise > most, most / np.maximum(rise, np.finfo(np.float64).tiny), 1.0)[:, np.newaxis]
-        return np.empty((len(values), 0)), tails
+    def voxels(self, number: int) -> IntArray:
+        """Return the (n, d) voxels of a class, counted from the first of a ball's tile."""
+        if number not in self._voxels:
+            self._voxels[number] = self.cover.voxels(number)
+        return self._voxels[number]
+
+    def points(self, number: int) -> FloatArray:
+        """Return the (d, n) unit coordinates of a class's voxels."""
+        return self.cover.points(number, self.voxels(number))
+
+    def factor(self, number: int) -> LocalFactor | BarePlane:
+        """Return what takes the values of a ball of a class to its coefficients."""
+        if number not in self._factors:
+            self._factors[number] = self._made(number)
+        return self._factors[number]
+
+    def _made(self, number: int) -> LocalFactor | BarePlane:
+        points, exponents, power = self.points(number), self.model.exponents, self.model.kernel.power
+        if self.cover.keys[number, -1]:
+            return BarePlane.of(points, exponents)
+        count = points.shape[1]
+        diagonal = self.model.smoothing.diagonal(count) / self.cover.radius_of(number) ** power
+        return LocalFactor.of(points, exponents, power, np.full(count, diagonal))
+
+    def solve(self, values: VoxelValues, number: int, starts: IntArray) -> Solved:
+        """Return λ (m, n) and tails (m, q) of the balls of a class whose tiles start at (m, d)."""
+        many, voxels = len(starts), self.voxels(number)
+        # In whole groups of columns a product has the same bits for each, whatever its company.
+        data = np.zeros((-(-many // COMPANY) * COMPANY, len(voxels)))
+        data[:many] = values.of(starts, voxels)
+        coefficients, coarse = self.factor(number).solve(data)
+        return coefficients[:many], coarse[:many]
+
+
+@dataclass(frozen=True)
+class SolverThere:
+    """A `ClassSolver` on a worker, which reads the voxels that it needs.
+
+    Attributes
+    ----------
+    cover, model
+        As of `ClassSolver`.
+    read : callable
+        ``read(slices)`` returns a part of the lattice.
+    isovalue : float
+    name : str
+        Of the fit: its factors are kept for its next batch.
+    """
+
+    cover: VoxelCover
+    model: SplineModel
+    read: Callable[[tuple[slice, ...]], npt.NDArray[Any]]
+    isovalue: float
+    name: str
+
+    def __call__(self, batch: tuple[int, IntArray]) -> Solved:
+        """Return λ (m, n) and tails (m, q) of a batch: the number of its class, and where its tiles start."""
+        number, starts = batch
+        with single_threaded_blas():
+            solver = _latest.setdefault(self.name, ClassSolver(self.cover, self.model))
+            for other in _latest.keys() - {self.name}:
+                _latest.pop(other, None)
+            voxels = solver.voxels(number)
+            low, high = starts.min(axis=0) + voxels.min(axis=0), starts.max(axis=0) + voxels.max(axis=0) + 1
+            part = self.read(tuple(slice(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)))
+            values = VoxelValues.of_array(part, self.isovalue)
+            coefficients, tails = solver.solve(values, number, starts - low)
+        return np.ascontiguousarray(coefficients), np.ascontiguousarray(tails)
+
+
+_latest: dict[str, ClassSolver] = {}
+"""The solver of the fit that this worker is at."""
 
 
 def chosen_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> SplineModel:

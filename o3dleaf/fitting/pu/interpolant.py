@@ -31,12 +31,12 @@ from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
+from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, Fitter, LocalFits, RefittableFits, ScatteredData
 from o3dleaf.fitting.local.fitter_selection import as_fitter
 from o3dleaf.fitting.local.lattice_fit import (
-    VoxelValues,
     averaged_voxels,
     chosen_smoothing,
     fit_voxels,

@@ -3,6 +3,7 @@
 `volume`     `Volume`: voxels with spacing, origin and unit
 `on_disk`    `VolumeOnDisk`: read where it is asked for
 `formats`    files in, `Volume` out; TIFF out
+`voxel_file` voxels as another process reads them
 `mixture`    air, leaf and the voxels between them, fitted to a histogram
 `threshold`  the intensity between air and leaf
 `voids`      what a range of levels makes of a volume

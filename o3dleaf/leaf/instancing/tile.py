@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,9 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import BLOCK
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
+from o3dleaf.core.processes.spread import each_block
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
-from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -168,8 +168,10 @@ def extract_tile(
     nx, ny, nz = lattice.shape
     slab = max(1, min(nx, slab_size // (ny * nz)))
     slabs, flooded = [], np.zeros(2, dtype=np.int64)
-    for start, stop in blocks(nx, slab):
-        *found, solid = kept_block(partial(_find_slab, field, lattice, (start, stop), alike))
+    places = list(blocks(nx, slab))
+    for (_, stop), (*found, solid) in zip(
+        places, each_block(partial(_find_slab, field, lattice, alike), places), strict=True
+    ):
         flooded += solid
         slabs.append(found)
         progress.report(stop, nx)
@@ -185,9 +187,9 @@ def extract_tile(
     named: list[Any] = []
     triangles: list[Any] = []
     cells: list[Any] = []
-    for start, stop in blocks(nx, slab):
-        march_slab = partial(_march_slab, field, lattice, runs, method, (start, stop), alike)
-        *own_parts, names, shifts, nodes, count = kept_block(march_slab)
+    march_slab = partial(_march_slab, field, lattice, method, alike)
+    labelled = (_Slab(*place, _labels(runs, *place)) for place in places)
+    for *own_parts, names, shifts, nodes, count in each_block(march_slab, labelled):
         vertices.append(own_parts)
         named.append((names, shifts))
         triangles.append(nodes)
@@ -221,8 +223,23 @@ def require_columns(count: float, step: float) -> None:
     require_resources(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
 
 
+class _Slab(NamedTuple):
+    """Planes of a period, and the labels (n, m, nz) of their samples and of those on their far sides."""
+
+    start: int
+    stop: int
+    labels: npt.NDArray[np.uint8]
+
+
+def _labels(runs: Runs, start: int, stop: int) -> npt.NDArray[np.uint8]:
+    """Return the labels of the samples of some planes, and of the next one."""
+    nx, ny, nz = runs.shape
+    i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
+    return runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
+
+
 def _find_slab(
-    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, slab: tuple[int, int], alike: Alike | None
+    field: Callable[[FloatArray], FloatArray], lattice: TileLattice, alike: Alike | None, slab: tuple[int, int]
 ) -> tuple[npt.NDArray[Any], ...]:
     """Return the runs of a slab's columns, and how many of them are solid at the bottom and at the top."""
     inside = _sample(field, lattice, *slab, alike) > 0
@@ -251,19 +268,17 @@ def _first_points(columns: IntArray, k: IntArray, ny: int, alike: Alike | None) 
 def _march_slab(
     field: Callable[[FloatArray], FloatArray],
     lattice: TileLattice,
-    runs: Runs,
     method: int,
-    slab: tuple[int, int],
     alike: Alike | None,
+    slab: _Slab,
 ) -> tuple[npt.NDArray[np.generic], ...]:
     """Return the part of the tile that a slab adds.
 
     Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
     as rows of these; their number by cells.
     """
-    (nx, ny, nz), (start, stop) = lattice.shape, slab
+    (nx, ny, nz), (start, stop, labels) = lattice.shape, slab
     i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
-    labels = runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
     inside = labels == INSIDE
     needed = np.zeros(labels.shape, dtype=bool)
     mark_crossed(method, inside, needed)
@@ -307,35 +322,44 @@ def _sharpened(
 
     Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
     """
+    parts = (_Edges(edges[i:j], fractions[i:j], upward[i:j]) for i, j in blocks(len(edges), BLOCK))
+    return np.concatenate([np.empty(0), *(each for (each,) in each_block(partial(_sharpen, field, lattice), parts))])
 
-    def sharpen(first: int, last: int) -> tuple[FloatArray]:
-        part, sharpened, low = edges[first:last], fractions[first:last].copy(), upward[first:last]
 
-        def values_at(rows: IntArray, share: FloatArray) -> FloatArray:
-            return field(lattice.positions(lattice_positions(part[rows], share, lattice.shape)))
+class _Edges(NamedTuple):
+    """Edges (n,), where a vertex lies along each, and whether its lower end is the one inside."""
 
-        every = np.arange(len(part))
-        ends = [np.zeros(len(part)), np.ones(len(part))]
-        values = [values_at(every, share) for share in ends]
-        rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
-        a, b, fa, fb = (each[rows] for each in (*ends, *values))
-        for _ in range(MAX_STEPS):
-            share = (a * fb - b * fa) / (fb - fa)
-            sharpened[rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
-            f = values_at(rows, share)
-            crossed = (f > 0) != (fb > 0)
-            a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
-            b, fb = share, f
-            # The secant's next step, which says how far the zero still is.
-            going = np.abs(fb * (b - a)) > TOLERANCE * np.abs(fb - fa)
-            rows = rows[going]
-            a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
-            if not len(rows):
-                break
-        return (sharpened,)
+    edges: IntArray
+    fractions: FloatArray
+    upward: npt.NDArray[np.bool_]
 
-    parts = [kept_block(partial(sharpen, first, last))[0] for first, last in blocks(len(edges), BLOCK)]
-    return np.concatenate([np.empty(0), *parts])
+
+def _sharpen(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, part: _Edges) -> tuple[FloatArray]:
+    """Return where the field is zero along some edges."""
+    sharpened, low = part.fractions.copy(), part.upward
+
+    def values_at(rows: IntArray, share: FloatArray) -> FloatArray:
+        return field(lattice.positions(lattice_positions(part.edges[rows], share, lattice.shape)))
+
+    every = np.arange(len(sharpened))
+    ends = [np.zeros(len(sharpened)), np.ones(len(sharpened))]
+    values = [values_at(every, share) for share in ends]
+    rows = np.flatnonzero(((values[0] > 0) == low) & ((values[1] > 0) != low))
+    a, b, fa, fb = (each[rows] for each in (*ends, *values))
+    for _ in range(MAX_STEPS):
+        share = (a * fb - b * fa) / (fb - fa)
+        sharpened[rows] = np.clip(share, MIN_FRACTION, 1 - MIN_FRACTION)
+        f = values_at(rows, share)
+        crossed = (f > 0) != (fb > 0)
+        a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
+        b, fb = share, f
+        # The secant's next step, which says how far the zero still is.
+        going = np.abs(fb * (b - a)) > TOLERANCE * np.abs(fb - fa)
+        rows = rows[going]
+        a, b, fa, fb = (each[going] for each in (a, b, fa, fb))
+        if not len(rows):
+            break
+    return (sharpened,)
 
 
 def _nodes(

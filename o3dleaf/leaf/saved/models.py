@@ -1,8 +1,12 @@
 """Models that were saved, read again: interpolants, tiled fields and whole leaves."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
 from os import PathLike
+from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.errors import InputError
@@ -103,6 +107,36 @@ def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend | WangFie
     if not isinstance(texture, TiledField | PatchBlend | WangField):
         raise InputError(f"{path}: contains a {type(model).__name__}, no micro-structure; give one that `patch` wrote")
     return texture
+
+
+@dataclass(frozen=True)
+class SavedTexture:
+    """The texture of a model file, as another process reads it.
+
+    Attributes
+    ----------
+    path : str
+        From the root on.
+    name : str
+        Of this state of the file: another one is read again.
+    """
+
+    path: str
+    name: str
+
+    @classmethod
+    def of(cls, path: Path) -> "SavedTexture":
+        """Return the texture of the file as it is now."""
+        return cls(str(path.absolute()), uuid4().hex)
+
+    def __call__(self) -> TiledField | PatchBlend | WangField:
+        """Read it, once in a process."""
+        return _loaded(self)
+
+
+@lru_cache(maxsize=1)
+def _loaded(saved: SavedTexture) -> TiledField | PatchBlend | WangField:
+    return load_texture(saved.path)
 
 
 def load_leaf(path: str | PathLike[str]) -> Blade | MultiscaleLeaf:
