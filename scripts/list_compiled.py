@@ -11,6 +11,7 @@ seconds are those of a first run: processor time of the process's main thread wh
 import argparse
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -46,6 +47,15 @@ JOBS = {
     "qa of a leaf": "qa {folder}/leaf_surface.ply --cloud {folder}/coarse/leaf.ply --html {folder}/qa_leaf.html",
     "clean": "clean {folder}/surface.ply --triangles 2000 -o {folder}/clean.ply",
     "export": "export {folder}/demo/leaf.o3l --for openfoam --region 90 -2 96 2 --spacing 0.1 -o {folder}/leaf.stl",
+    "export particles": "export {folder}/closed.ply --what surface-particles --step 0.5 -o {folder}/particles.csv",
+    "export volume": "export {folder}/closed.ply --what volume-particles --step 0.5 -o {folder}/volume.csv",
+    "export distance": "export {folder}/closed.ply --what distance --step 2 -o {folder}/distance.vti",
+    "export sph": "export {folder}/demo/leaf.o3l --for sph --region 90 -2 94 2 --spacing 0.1 --step 0.1 "
+    "-o {folder}/sph.csv",
+    "leaf levels": "leaf {scan} --ct {ct} --spacing 0.4 --fine '90 -2 94 2 0.1' -o {folder}/levels.ply",
+    "leaf grid": "leaf {scan} --ct {ct} --spacing 0.6 --rim-radius 1 --closed --grid {folder}/leaf.vti "
+    "--grid-of distance --grid-step 1 -o {folder}/rim.ply",
+    "leaf wang": "leaf {scan} --ct {ct} --tiles wang --spacing 0.4 -o {folder}/wang.ply",
     "render": "render {folder}/surface.ply -o {folder}/render.png",
 }
 """Command lines, each of which may read what those before it wrote."""
@@ -110,7 +120,7 @@ def run_here(words, result):
     """Run a command line in this process and write what it compiled, and how long that took."""
     compiling = Compiling()
     event.register("numba:compile", compiling)
-    sys.argv = ["o3dleaf", *words.split()]
+    sys.argv = ["o3dleaf", *shlex.split(words)]
     try:
         command_line()
     except SystemExit as stop:

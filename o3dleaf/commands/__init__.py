@@ -3,7 +3,7 @@
 `line`         words of a command line, and what is shown while it runs
 `sample`       `o3dleaf sample`
 `patch`        `o3dleaf patch`
-`leaf`         `o3dleaf leaf`
+`leaf`         `o3dleaf leaf`, and the mesh that it writes
 `demo`         `o3dleaf demo`
 `figures`      `o3dleaf figures`
 `reconstruct`  `o3dleaf reconstruct`

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.clean import CleanJob
-from o3dleaf.commands.leaf import LeafJob
+from o3dleaf.commands.leaf.job import LeafJob
 from o3dleaf.commands.line.terminal import show_progress
 from o3dleaf.commands.line.words import job_from
 from o3dleaf.commands.patch import PatchJob

@@ -13,7 +13,7 @@ from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.commands.figures import FiguresJob
 from o3dleaf.commands.info import InfoJob
-from o3dleaf.commands.leaf import LeafJob
+from o3dleaf.commands.leaf.job import LeafJob
 from o3dleaf.commands.line.terminal import show_progress
 from o3dleaf.commands.line.words import command_of
 from o3dleaf.commands.patch import PatchJob

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.leaf import LeafJob, in_a_line
+from o3dleaf.commands.leaf.job import LeafJob, in_a_line
 from o3dleaf.commands.sample import SampleOption
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import make_folder

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from o3dleaf import remove_drift, remove_rings, samples, write_volume
 from o3dleaf.commands.cli import JOBS, add_command
-from o3dleaf.commands.leaf import LeafJob, in_a_line
+from o3dleaf.commands.leaf.job import LeafJob, in_a_line
 from o3dleaf.commands.line.words import job_of
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.core.arguments.kinds import Positive

@@ -16,7 +16,7 @@ from o3dleaf.samples import Torus
 from o3dleaf.samples.files import write_samples
 
 PROGRAM = "import sys; {}; from o3dleaf.__main__ import main; sys.argv[0] = 'o3dleaf'; main()"
-STREAMED = "import o3dleaf.commands.leaf as leaf; leaf.MAX_CHECKED = 0"
+STREAMED = "import o3dleaf.commands.leaf.mesh as mesh; mesh.MAX_CHECKED = 0"
 """As leaves of more triangles than are kept in memory are."""
 pytestmark = [
     pytest.mark.slow,

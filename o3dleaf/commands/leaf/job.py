@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from o3dleaf.commands.leaf.mesh import WINDOW_MM, MeshOptions
 from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions, resumed
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive
@@ -16,12 +17,9 @@ from o3dleaf.core.job import (
     LongJob,
     Names,
     ResumeOption,
-    ScanOptions,
     argument,
-    corners_of,
     option,
     output,
-    windows_of,
 )
 from o3dleaf.core.parallel import run_together
 from o3dleaf.core.units import measure_in_words, unit_scale
@@ -34,25 +32,14 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.fit_quality import FitQuality
-    from o3dleaf.leaf.mesh_step import MeshStep
-    from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
     from o3dleaf.leaf.texture.wang import WangField
 
-MAX_CHECKED = 3_000_000
-"""Triangles up to which a mesh is kept to be drawn and checked; of a larger one, a coarser mesh is drawn."""
-PICTURE_STEP_MM = 0.1
-"""The step of that one."""
-OF_MICRO_STRUCTURE: dict[str, Any] = {"needs": ("ct",), "unless": ("fine",)}
-"""Of options that a blade has no use for, nor a mesh with finer windows in it."""
-WINDOW_MM = 3.0
-"""Width of a window around a point: a droplet and some leaf around it."""
-
 
 @dataclass(frozen=True)
-class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, ResumeOption, LongJob):
+class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, ResumeOption, LongJob):
     """Build a leaf from a laser scan, with the micro-structure of a micro-CT volume if one is given.
 
     Writes the mesh, and beside it a picture (.png) and a summary (.json) of the same name.
@@ -62,38 +49,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     output: Path = output("o3dleaf.io.triangle_mesh:SUFFIXES")
     ct: Path | None = option(
         None, "Micro-CT volume of a patch, or a model that `patch` wrote; without it, the blade only.", reads=True
-    )
-    spacing: Positive | None = option(
-        None, "Mesh spacing (the scan's, or what shows the micro-structure, if not given)", unit="scan-unit"
-    )
-    region: Any = option(
-        None,
-        "Part to mesh, in leaf coordinates: ALONG0 ACROSS0 ALONG1 ACROSS1",
-        unit="scan-unit",
-        kind=tuple[float, float, float, float],
-        parse=corners_of,
-        unless=("around", "fine"),
-    )
-    around: tuple[float, float, float] | None = option(
-        None, "Mesh a window around this point of the world instead: X Y Z", unit="scan-unit", unless=("fine",)
-    )
-    window: Positive | None = option(
-        None, "Width of that window (3 mm if not given)", unit="scan-unit", needs=("around",)
-    )
-    closed: bool = option(False, "One solid with a rim, instead of two open sheets.", needs=("ct",))
-    fine: tuple[tuple[float, ...], ...] = option(
-        (),
-        "A finer window in the mesh, 'ALONG0 ACROSS0 ALONG1 ACROSS1 STEP'; repeat for more.",
-        kind=list[str],
-        parse=windows_of,
-        needs=("ct",),
-    )
-    simplify: float | None = option(None, "Simplify a tile to this share of its triangles.", **OF_MICRO_STRUCTURE)
-    remesh: Positive | None = option(
-        None, "Remesh to this edge length, for solvers", unit="scan-unit", **OF_MICRO_STRUCTURE
-    )
-    remesh_tile: Positive | None = option(
-        None, "Or remesh one tile, which the mesh repeats, to this edge length", unit="scan-unit", **OF_MICRO_STRUCTURE
     )
     grid: Path | None = option(
         None,
@@ -116,12 +71,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         choices="o3dleaf.output.view.maps:MEASURES",
     )
     fit_map: bool = option(False, "Draw a map of the residuals: where the leaf does not hold the scan.")
-    method: str = option(
-        "cubes",
-        "Marching 'cubes' or 'tetrahedra'.",
-        choices="o3dleaf.surface.isosurface.polygonize:METHODS",
-        **OF_MICRO_STRUCTURE,
-    )
     picture: bool = option(True, "Draw the picture.")
     model: Path | None = option(None, "Also write the leaf as a model file (.o3l).", writes=MODEL)
 
@@ -211,10 +160,10 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
                 blade = leaf.blade
         step = self.step_for(scan, None if leaf is None else leaf.thickness)
         if leaf is None:
-            mesh = self.write_sheet(blade, step.length)
+            mesh = self.write_sheet(blade, step.length, self.output)
         else:
             write = self.write_windows if self.fine else self.write_leaf
-            mesh, surface = write(leaf, step.length)
+            mesh, surface = write(leaf, step.length, self.output)
             self.write_more(leaf, step.length)
         if self.model is not None:
             with journal.stage("write model"):
@@ -277,66 +226,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         """Return what was built."""
         return in_a_line(summary)
 
-    def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None) -> "MeshStep":
-        """Return the mesh spacing that was given, or one that fits the data, and say so."""
-        from o3dleaf.leaf.mesh_step import MeshStep, choose_step
-
-        if self.spacing is not None:
-            return MeshStep(self.spacing, "as given")
-        with journal.stage("choose mesh spacing"):
-            step = choose_step(scan, thickness)
-        length = measure_in_words(step.length, self.scan_unit)
-        journal.note(f"mesh spacing {length}: {step.reason}; give --spacing for another")
-        return step
-
-    def write_sheet(self, blade: "Blade", spacing: float) -> "o3d.geometry.TriangleMesh":
-        """Write the blade alone, an open sheet, and return it."""
-        from o3dleaf.io.triangle_mesh import write_mesh
-
-        with journal.stage("extract mesh"):
-            mesh = blade.extract_mesh(spacing, self.region_of(blade))
-        with journal.stage("write mesh"):
-            write_mesh(mesh, self.output)
-        return mesh
-
-    def write_leaf(self, leaf: "MultiscaleLeaf", spacing: float) -> "tuple[o3d.geometry.TriangleMesh, MeshPlan]":
-        """Write the surface of the multi-scale leaf, and return a mesh to look at and what was written."""
-        from o3dleaf.io.triangle_mesh import write_mesh
-
-        parts: dict[str, Any] = {"region": self.region_of(leaf.blade), "closed": self.closed, "method": self.method}
-        with journal.stage("polygonize one tile"):
-            surface = leaf.plan_mesh(spacing, **parts, simplify=self.simplify, remesh_tile=self.remesh_tile)
-        steps = " × ".join(f"{step:.4g}" for step in surface.spacing)
-        journal.note(
-            f"{surface.triangles:,} triangles at {steps} {self.scan_unit}, {surface.bytes(self.output) / 1e6:,.0f} MB, "
-            f"about {surface.seconds:.1f} s plus the time for writing"
-        )
-        if self.remesh is not None:
-            with journal.stage("remesh"):
-                remeshed = surface.extract(remesh=self.remesh)
-            with journal.stage("write mesh"):
-                write_mesh(remeshed, self.output)
-            return remeshed.mesh, surface
-        if surface.triangles <= MAX_CHECKED:
-            with journal.stage("extract mesh"):
-                return surface.write_and_extract(self.output).mesh, surface
-        with journal.stage("write mesh"):
-            surface.write(self.output)
-        with journal.stage("extract mesh"):
-            coarse = max(spacing, PICTURE_STEP_MM * unit_scale("mm", leaf.unit))
-            return leaf.plan_mesh(coarse, **parts).extract().mesh, surface
-
-    def write_windows(self, leaf: "MultiscaleLeaf", spacing: float) -> "tuple[o3d.geometry.TriangleMesh, None]":
-        """Write the surface of the leaf with finer windows in it, and return it."""
-        from o3dleaf.io.triangle_mesh import write_mesh
-
-        levels = [((row[:2], row[2:4]), row[4]) for row in self.fine]
-        with journal.stage("extract mesh"):
-            made = leaf.extract_levels(spacing, levels, closed=self.closed)
-        with journal.stage("write mesh"):
-            write_mesh(made, self.output)
-        return made.mesh, None
-
     def write_more(self, leaf: "MultiscaleLeaf", spacing: float) -> None:
         """Write a flat tile and a grid, where they are requested."""
         from o3dleaf.io.triangle_mesh import write_mesh
@@ -347,12 +236,6 @@ class LeafJob(ScanOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.grid is not None:
             with journal.stage("write grid"):
                 leaf.write_grid(self.grid, self.grid_step or spacing, what=self.grid_of, closed=self.closed)
-
-    def region_of(self, blade: "Blade") -> Any:
-        """Return the part to mesh, in leaf coordinates; None is all."""
-        if self.around is None:
-            return self.region
-        return blade.window(self.around, self.window or WINDOW_MM * unit_scale("mm", self.scan_unit))
 
 
 def in_a_line(summary: dict[str, Any]) -> str:
