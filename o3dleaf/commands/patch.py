@@ -177,6 +177,11 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
         self.check_texture()
         if self.tile_solid is not None and self.spacing is None:
             raise InputError("spacing: is missing, and the block of tile-solid is meshed at it; give it")
+        if self.is_spread and (self.remove_drift or self.remove_rings):
+            raise InputError(
+                "workers, scheduler: read the voxels of the file as they are; leave out remove-drift and remove-rings, or "
+                "write the corrected volume first (write_volume)"
+            )
 
     def estimate(self) -> "list[Need]":
         """Return what the volume takes, to be read and to be fitted."""

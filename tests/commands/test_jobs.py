@@ -168,3 +168,11 @@ def test_a_volume_is_corrected_around_the_middle_of_its_file_whatever_is_cropped
     axis = asked.get("ring_axis", volume.bounds.mean(axis=0)[:2])
     expected = remove_rings(remove_drift(volume.crop(crop)), axis)
     np.testing.assert_allclose(job.read_volume(file).data, expected.data, atol=1e-6)
+
+
+@pytest.mark.parametrize("correction", ["remove_drift", "remove_rings"])
+def test_workers_read_no_corrected_volume(correction, tmp_path):
+    """They would fit the voxels of the file."""
+    write_volume(samples.wheat_ct(spacing=48)[0], tmp_path / "ct.tif")
+    with pytest.raises(InputError, match="as they are"):
+        PatchJob(tmp_path / "ct.tif", tmp_path / "a.o3l", workers=2, **{correction: True}).run()
