@@ -179,8 +179,8 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
             raise InputError("spacing: is missing, and the block of tile-solid is meshed at it; give it")
         if self.is_spread and (self.remove_drift or self.remove_rings):
             raise InputError(
-                "workers, scheduler: read the voxels of the file as they are; leave out remove-drift and remove-rings, or "
-                "write the corrected volume first (write_volume)"
+                "workers, scheduler: read the voxels of the file as they are; leave out remove-drift and remove-rings, "
+                "or write the corrected volume first (write_volume)"
             )
 
     def estimate(self) -> "list[Need]":
