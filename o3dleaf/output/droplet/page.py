@@ -19,7 +19,7 @@ CURVES = (
     (("width_along", "width_across"), "width, mm", 1e3),
     (("height",), "top of the droplet, mm", 1e3),
     (("contact_area",), "contact area, mm²", 1e6),
-    (("velocity_z",), "mean velocity along the normal, m/s", 1.0),
+    (("velocity_z",), "mean normal speed, m/s", 1.0),
     (("fastest",), "largest speed in the box, m/s", 1.0),
 )
 """Columns of each plot, its axis, and the factor from SI."""

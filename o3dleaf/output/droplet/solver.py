@@ -45,8 +45,8 @@ class SolverRun:
 
     @property
     def reached(self) -> float:
-        """Simulated seconds so far."""
-        return last_time(self.folder / "log.solver") * TIME
+        """Simulated seconds so far: a run that went on has the log of those before beside its own."""
+        return max(last_time(self.folder / name) for name in ("log.solver", "log.solver.before")) * TIME
 
     @property
     def finished(self) -> bool:
