@@ -103,7 +103,7 @@ def cluster_of(workers: int | None = None, scheduler: str | None = None) -> Iter
     local = distributed.LocalCluster(
         n_workers=workers or os.cpu_count() or 1,
         threads_per_worker=1,
-        dashboard_address=":0",
+        dashboard_address="127.0.0.1:0",
         silence_logs=logging.CRITICAL,
     )
     with local, distributed.Client(local, set_as_default=False) as client:
