@@ -925,6 +925,29 @@ ROUND_LEVEL = 0.02
 """Of the step: a ball so small that a model of even layers is 0.05 off with noise; the valley and Otsu's threshold are
 0.15 off where they are found at all."""
 
+# --- droplets ---
+
+SCALED_NUMBERS = 1e-12
+"""A dozen multiplications by powers of ten that are no powers of two."""
+TWIN_HEIGHT = 1e-6
+"""Millimeters: a blade of radius 15 moved along its normals by a height, three times what is left of it."""
+LEVEL_TWIN = 0.0015
+"""Millimeters: a spline through a strip of radius 15 errs by a tenth of that, x⁴ over r³ and chords by less."""
+CAP_VOLUME = 0.005
+"""A ball of 15 cells, each by 64 points: found 0.002."""
+CAP_AREA = 0.06
+"""Its edge lies somewhere in a cell, of which the radius of the contact of 150 degrees has seven."""
+CAP_SHAPE = 0.01
+"""Chords of a surface between cells of a fifteenth of its radius: their square over eight, and the rounding by 64."""
+CAP_ANGLE = 1.0
+"""Degrees: heights to a hundredth, which at 150 degrees is most of one."""
+SOLVED_VOLUME = 0.02
+"""Of twelve cells across a ball: setAlphaField cuts cells by planes; found 1.7 %."""
+RESTART = 1e-4
+"""A run that goes on begins with a step of its own choice: found 1e-6."""
+HAIR_LEFT = 0.02
+"""Of the height of a hair: heights between two steps of a thirtieth of one, by a straight line."""
+
 # --- files ---
 
 POLYGON_AREA = 1e-12

@@ -9,7 +9,7 @@ import typer
 from o3dleaf.commands.batch import BatchJob
 from o3dleaf.commands.clean import CleanJob
 from o3dleaf.commands.demo import DemoJob
-from o3dleaf.commands.droplet import DropletJob
+from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.commands.figures import FiguresJob
 from o3dleaf.commands.info import InfoJob

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from o3dleaf.commands.droplet import DropletOptions
+from o3dleaf.commands.droplet.case_options import DropletOptions
 from o3dleaf.commands.patch import MODEL
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit
 from o3dleaf.core.errors import InputError

@@ -19,6 +19,7 @@ GOOD = {
     "qa": {"mesh": "good.ply"},
     "clean": {"mesh": "good.ply", "output": "mesh.ply"},
     "export": {"source": "good.ply", "output": "mesh.stl"},
+    "droplet": {"case": "case"},
     "render": {"files": ["good.ply"], "output": "picture.png"},
     "figures": {"output": "new"},
     "batch": {"files": ["good.ply"], "output": "new", "command": "clean"},
@@ -170,7 +171,7 @@ def good_value(command: str, name: str, known: Option) -> Any:
     words |= {"grid_of": "mask", "ct_unit": "um", "scan_unit": "cm", "unit": "mm", "scalar": ("curvature",)}
     words |= {"bounds": (0.0, 0.0, 0.0, 1.0, 1.0, 1.0), "consumer": "gmsh", "what": "distance", "samples": "new"}
     words |= dict.fromkeys(("crop", "ct_crop"), "0 0 0 1 1 1")
-    words |= {"tiles": "wang", "seed": 5}
+    words |= {"tiles": "wang", "seed": 5, "at": (10.0, 0.0), "down": (1.0, 0.0, 0.0), "landings": 3, "speed": 0.8}
     if name in words:
         return words[name]
     if get_type_hints(JOBS[command])[name] is bool:

@@ -31,6 +31,10 @@ def folder(tmp_path_factory):
         world.file(name)
     for suffix in (".obj", ".off", ".pcd", ".pts", ".csv", ".json", ".html", ".vti", ".png", ""):
         world.spoiled(suffix)
+    (place / "case").mkdir()
+    (place / "case" / "droplet.json").write_text("{}")
+    constants = dict.fromkeys(("xCells", "yCells", "zCells", "endTime", "maxDeltaT"), 5)
+    (place / "case" / "constants").write_text("".join(f"{name} {value};\n" for name, value in constants.items()))
     return place
 
 

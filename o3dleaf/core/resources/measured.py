@@ -82,6 +82,10 @@ MADE_VOXEL = Each(16)
 """Of a synthetic volume."""
 SAMPLES = Cost(60_000_000)
 """Of all of the samples together."""
+SOLVER = Cost(130_000_000)
+"""Of a run of OpenFOAM, whatever its mesh."""
+SOLVED_CELL, SOLVED_STEP = Each(2500), Each(0, 6.0)
+"""Of the cells of a run, and of each in each of its steps; as the logs of `interFoam` had it."""
 PIXEL = Each(150)
 """Of a picture, beside what is drawn."""
 MEASURED_POINT = Each(155)

@@ -230,9 +230,22 @@ class WrittenCase:
         """Seconds that are simulated: as the file of numbers says, which may have been changed since."""
         return self.constant("endTime") * TIME
 
+    @property
+    def cells(self) -> float:
+        """Cells of the box, those in the leaf too."""
+        return self.constant("xCells") * self.constant("yCells") * self.constant("zCells")
+
+    @property
+    def steps(self) -> float:
+        """Steps of a run, at least: on a leaf they are shorter."""
+        return self.constant("endTime") / self.constant("maxDeltaT")
+
     def constant(self, name: str) -> float:
         """Return a number of the file `constants`, in the solver's units."""
-        text = (self.folder / "constants").read_text(encoding="utf-8")
+        try:
+            text = (self.folder / "constants").read_text(encoding="utf-8")
+        except (OSError, ValueError) as cause:
+            raise InputError(f"{self.folder / 'constants'}: cannot be read; make the case anew") from cause
         found = re.search(rf"^{name}\s+(\S+);", text, re.MULTILINE)
         try:
             return float(found[1]) if found else float("nan")

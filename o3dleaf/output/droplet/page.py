@@ -19,7 +19,7 @@ CURVES = (
     (("width_along", "width_across"), "width, mm", 1e3),
     (("height",), "top of the droplet, mm", 1e3),
     (("contact_area",), "contact area, mm²", 1e6),
-    (("velocity_z",), "mean velocity along the normal, m/s", 1.0),
+    (("velocity_z",), "mean normal speed, m/s", 1.0),
     (("fastest",), "largest speed in the box, m/s", 1.0),
 )
 """Columns of each plot, its axis, and the factor from SI."""
@@ -28,7 +28,7 @@ FIGURES = {
     "largest_width_along": "largest width along the leaf, diameters",
     "largest_width_across": "largest width across, diameters",
     "ratio_at_largest_width": "along over across, at the largest spread",
-    "largest_ratio": "along over across, furthest from 1",
+    "largest_ratio": "along over across, furthest from 1 while it touches",
     "largest_ratio_at_ms": "the latter at, ms",
     "largest_contact_mm2": "largest contact area, mm²",
     "lift_off_ms": "lift-off, ms",

@@ -121,7 +121,7 @@ def draw_sheet(rows: Sequence[Sequence[tuple[DropletStage, float]]], text: float
 def write_stills(stages: Sequence[DropletStage], times: Sequence[float], path: Path) -> None:
     """Write one picture: a row for each stage, a column for each time."""
     with whole_file(path) as temporary:
-        Image.fromarray(draw_sheet([[(stage, time) for time in times] for stage in stages], 0.5)).save(temporary)
+        Image.fromarray(draw_sheet([[(stage, time) for time in times] for stage in stages], 1.1)).save(temporary)
 
 
 def write_animation(stages: Sequence[DropletStage], times: Sequence[float], path: Path) -> None:

@@ -89,7 +89,8 @@ class DropletReadings:
         gone = first + int((~touching[first:]).argmax())
         left = gone if gone > first else None
         ratio = along / across
-        most = int(np.abs(np.log(ratio[first:])).argmax()) + first
+        while_touching = slice(first, left)  # in the air, too, it swings
+        most = int(np.abs(np.log(ratio[while_touching])).argmax()) + first
         volume = self.column("volume")
         return {
             "touch_ms": time[first] * 1e3,
@@ -121,6 +122,12 @@ def measure_droplet(vertices: FloatArray, triangles: IntArray) -> tuple[float, f
     piece = vertices[label == np.bincount(label[triangles[:, 0]]).argmax()]
     along, across = np.ptp(piece[:, :2], axis=0).tolist()
     return along, across, float(piece[:, 2].max())
+
+
+def cap_of(volume: float, height: float) -> float:
+    """Return the contact angle, in degrees, of the spherical cap of a volume and a height."""
+    base = max(6 * volume / (np.pi * height) - height**2, 0.0) / 3
+    return float(np.degrees(2 * np.arctan2(height, np.sqrt(base))))
 
 
 def read_series(folder: Path) -> FloatArray:

@@ -4,13 +4,14 @@ import os
 import shutil
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import IO, Any
+from typing import IO
 
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.progress import report
@@ -44,8 +45,8 @@ class SolverRun:
 
     @property
     def reached(self) -> float:
-        """Simulated seconds so far."""
-        return last_time(self.folder / "log.solver") * TIME
+        """Simulated seconds so far: a run that went on has the log of those before beside its own."""
+        return max(last_time(self.folder / name) for name in ("log.solver", "log.solver.before")) * TIME
 
     @property
     def finished(self) -> bool:
@@ -137,21 +138,21 @@ def solve_all(runs: Sequence[SolverRun], cores: int) -> None:
 
 @contextmanager
 def interrupted_by_terminate() -> Iterator[None]:
-    """Make SIGTERM an interruption like Ctrl-C, where this is the main thread, so that solvers do not outlive us."""
+    """Make SIGTERM an interruption like Ctrl-C, where nobody handles it, so that solvers do not outlive us."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         del number, frame
         raise KeyboardInterrupt
 
-    try:
-        before: Any = signal.signal(signal.SIGTERM, interrupt)
-    except ValueError:  # not the main thread
-        yield
-        return
+    # The command line has a handler of its own; and only the main thread can set one.
+    ours = signal.getsignal(signal.SIGTERM) is signal.SIG_DFL and threading.current_thread() is threading.main_thread()
+    if ours:
+        signal.signal(signal.SIGTERM, interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if ours:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def last_time(log: Path) -> float:

@@ -1,4 +1,4 @@
-"""`o3dleaf export --for droplet` makes a case of a droplet on a leaf, and `o3dleaf droplet` runs it."""
+"""`o3dleaf export --for droplet`: the options of a case of a droplet on a leaf, and the case of them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Count, Positive, Whole
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, argument, option
+from o3dleaf.core.job import option
 from o3dleaf.core.journal import note, stage
 
 if TYPE_CHECKING:
@@ -138,53 +138,3 @@ class DropletOptions:
         if leaf.unit is None:
             raise InputError(f"{source}: states no unit, and a droplet has a size; make the leaf of a scan with a unit")
         return leaf
-
-
-@dataclass(frozen=True)
-class DropletJob(LongJob):
-    """Run a case of `export --for droplet` with OpenFOAM, leaf and twin side by side: table, pictures and a page.
-
-    A run that was stopped goes on where it was. Results are written into the case.
-    """
-
-    case: Path = argument("Folder that o3dleaf export --for droplet has written.")
-    bare: bool = option(False, "Run the leaf without hairs as well.")
-    only_read: bool = option(False, "Run nothing; read what is there, finished or not.", "--read")
-
-    def check(self) -> None:
-        """Refuse what is no case, and a run where OpenFOAM is not."""
-        from o3dleaf.output.droplet.case import find_cases
-        from o3dleaf.output.droplet.solver import require_openfoam
-
-        super().check()
-        find_cases(self.case)
-        if not self.only_read:
-            require_openfoam()
-
-    def work(self) -> str:
-        """Run, read, draw; return a line about it."""
-        from o3dleaf.core.parallel import get_num_threads
-        from o3dleaf.output.droplet.case import find_cases
-        from o3dleaf.output.droplet.results import DropletResults
-        from o3dleaf.output.droplet.solver import SolverRun, solve_all
-
-        cases = find_cases(self.case)
-        wanted = {case: self.variants(number) for number, case in enumerate(cases)}
-        if not self.only_read:
-            with stage("run"):
-                runs = [SolverRun(case.folder / name, case.duration) for case in cases for name in wanted[case]]
-                solve_all(runs, get_num_threads())
-        with stage("read"):
-            results = DropletResults.read(self.case, wanted)
-            results.write_table()
-        with stage("draw"):
-            results.draw()
-        return results.line()
-
-    def variants(self, number: int) -> tuple[str, ...]:
-        """Return what is run of a case: of several landing places, one smooth twin is enough."""
-        return ("leaf", *("twin",) * (number == 0), *("bare",) * self.bare)
-
-    def line(self, summary: str) -> str:
-        """Return what was found."""
-        return summary
