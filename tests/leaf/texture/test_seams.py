@@ -6,6 +6,7 @@ import pytest
 
 import o3dleaf as o3l
 from o3dleaf import PUInterpolant, TiledField
+from o3dleaf.leaf.texture.seams import Crop, SampledPatch
 from tolerances import (
     ANALYTIC_VS_DIFFERENCE,
     FADE_TWIN,
@@ -264,6 +265,23 @@ def test_a_flipped_tiling_is_symmetric_about_its_seams_and_has_no_step_there(fit
         assert np.abs(tiled(mirrored) - tiled(points)).max() <= PERIODIC
     assert tiled.seam_energy().along == 0
     assert TiledField(fitted, (3.1, 2.3), (0.5, 0.3)).seam_energy().along > 0
+
+
+def test_a_flipped_seam_is_measured_against_its_own_image(patch):
+    """Over a band, on both faces of the tile: what lies beyond each is held against what lies before it."""
+    truth, sampled, width = Ridges(PITCH), SampledPatch.of(patch), 0.2
+    crop = Crop(np.array([0.5, 0.3]), np.array([2.1, 2.3]), np.array([width, 0.2]), np.array([True, False]), 0.0)
+    stations, beside, rest = sampled.stations(width, 0), np.linspace(0, 2.3, 400), sampled.rest.ravel()
+
+    def sections(along):
+        grid = np.meshgrid(along, 0.3 + beside, rest, indexing="ij")
+        values = truth(np.stack(grid, axis=-1).reshape(-1, 3))
+        return np.clip(values, -sampled.cut_off, sampled.cut_off)
+
+    faces = [np.mean((sections(face + stations) - sections(face - stations)) ** 2) for face in (0.5, 2.6)]
+    assert min(faces) > 0
+    expected = np.mean(faces) / (2 * sampled.variance)
+    assert sampled.energy(crop, width).along == pytest.approx(expected, rel=QUADRATURE)
 
 
 def test_a_staggered_tiling_is_the_same_in_the_next_row_moved_along(fitted):
