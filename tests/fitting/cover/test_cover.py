@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 import reference
+from o3dleaf.core import progress
 from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.cover.cover import Cover, as_ball_size
+from o3dleaf.fitting.cover.cover import Cover, _halve_until_small, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 
 
@@ -134,3 +136,18 @@ def test_the_index_finds_every_ball_that_holds_a_query(points, seed):
         listed = index.tree.images[index.tree.starts[leaf] : index.tree.stops[leaf]]
         assert np.all(np.diff(listed) > 0)
         assert set(np.flatnonzero(expected)) <= set(listed)
+
+
+def test_points_are_done_when_their_cell_is():
+    """Of two clusters the sparse one at once, the dense one when it has been halved to its end."""
+    rng = np.random.default_rng(0)
+    sparse, dense = rng.random((10, 3)) * 0.2, 0.8 + rng.random((4000, 3)) * 0.2
+    points, reports = np.vstack([sparse, dense]), []
+    with progress.listening(lambda done, total: reports.append((done, total))):
+        _halve_until_small(cKDTree(points), points, np.array([[0.0] * 3, [1.0] * 3]), 40, 1.1)
+    done, totals = np.array(reports).T
+    assert set(totals) == {len(points)}
+    assert done[0] in {0, 10}
+    assert 10 in done
+    assert (np.diff(done) >= 0).all()
+    assert done[-1] < len(points)
