@@ -145,8 +145,7 @@ def test_points_are_done_when_their_cell_is():
     points, reports = np.vstack([sparse, dense]), []
     with progress.listening(lambda done, total: reports.append((done, total))):
         _halve_until_small(cKDTree(points), points, np.array([[0.0] * 3, [1.0] * 3]), 40, 1.1)
-    done, totals = np.array(reports).T
-    assert set(totals) == {len(points)}
+    done = np.round(np.array([share / total for share, total in reports]) * len(points))
     assert done[0] in {0, 10}
     assert 10 in done
     assert (np.diff(done) >= 0).all()
