@@ -146,6 +146,6 @@ def test_points_are_done_when_their_cell_is():
     with progress.listening(lambda done, total: reports.append((done, total))):
         _halve_until_small(cKDTree(points), points, np.array([[0.0] * 3, [1.0] * 3]), 40, 1.1)
     done = np.round(np.array([share / total for share, total in reports]) * len(points))
-    assert done[0] in {0, 10}
+    assert done[0] == 0  # all are in one cell, which is too full
     assert 10 in done
     assert (np.diff(done) >= 0).all()
