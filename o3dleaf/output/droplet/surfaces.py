@@ -20,6 +20,8 @@ HAIR = 0.25
 it, and its ridges run on."""
 LAYERS = 8
 """Heights are looked for in steps of the window's step over this, then between two."""
+ROUNDS = 3
+"""Corrections of the twin's height: on a blade that bends little the second is right, up to rounding."""
 VARIANTS = ("leaf", "twin", "bare")
 """The leaf, its smooth twin, and the leaf without hairs."""
 
@@ -93,9 +95,7 @@ class LandingWindow:
         """The blade alone, bent as it is, its upper face at the same mean height as the leaf's."""
         shape = tuple(map(len, self.grid))
         height, below = 0.0, float(self.leaf.heights[0])
-        for _ in range(
-            3
-        ):  # heights are lengths along the normals: of a blade that bends little the first step is right
+        for _ in range(ROUNDS):
             top = np.full(shape, height)
             made = self.sheet(top, np.full(shape, min(below, height - self.step)))
             height -= adaxial_height(made, self.frame)

@@ -8,37 +8,18 @@ import subprocess
 import numpy as np
 import pytest
 
+from droplet_runs import CELL, write_plate
 from o3dleaf.core.atomic_files import require_replaceable, whole_folder
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
-from o3dleaf.io.labelled_mesh import LabelledMesh
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.io.triangle_mesh import read_mesh
-from o3dleaf.output.droplet.case import RESULTS, SETTINGS, DropletBox, DropletCase, find_cases
+from o3dleaf.output.droplet.case import RESULTS, SETTINGS, DropletBox, find_cases
 from o3dleaf.output.droplet.readings import DropletReadings
 from o3dleaf.output.droplet.solver import SolverRun, missing_tools, solve_all
-from o3dleaf.output.droplet.surfaces import grid_solid
 from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
 from tolerances import RESTART, ROUNDING, SOLVED_VOLUME
 
-CELL = 5e-5
 openfoam = pytest.mark.skipif(bool(missing_tools()), reason="OpenFOAM is not installed")
-
-
-def plate(size=1.2e-3):
-    """A flat solid, its upper face z = 0, in meters."""
-    x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, 13)] * 2, indexing="ij")
-    flat = [np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)]) for z in (0.0, -3e-4)]
-    triangles, labels = grid_solid(*x.shape)
-    return LabelledMesh(build_mesh(np.concatenate(flat), triangles), labels, unit="m")
-
-
-def write_plate(folder, impact=None, cell=CELL, duration=1e-4, variants=("leaf", "twin")):
-    impact = impact or Impact()
-    box = DropletBox.around(np.zeros((1, 3)), impact, 1.2e-3, cell)
-    folder.mkdir(parents=True, exist_ok=True)
-    case = DropletCase(impact, box, duration, 5e-5, {"title": "a plate"})
-    case.write(folder, dict.fromkeys(variants, plate()))
-    return case
 
 
 @pytest.fixture(scope="module")

@@ -4,51 +4,11 @@ import numpy as np
 import pytest
 from skimage.measure import marching_cubes
 
+from droplet_runs import cap, write_run
 from o3dleaf.core.errors import InputError
 from o3dleaf.output.droplet.readings import COLUMNS, DropletReadings, cap_of, measure_droplet, read_series, table_of
 from o3dleaf.output.droplet.units import LENGTH, TIME
 from tolerances import CAP_ANGLE, CAP_AREA, CAP_SHAPE, CAP_VOLUME, ROUNDING
-
-STEP = 2.0
-"""Cells, in the solver's unit of length; the ball's radius is 30."""
-
-
-def cap(angle, radius=30.0, shift=(0.0, 0.0)):
-    """Return a spherical cap on z = 0 as its share of each cell, and the coordinates of the cells' middles."""
-    ticks = [np.arange(-44, 44, STEP) + STEP / 2] * 2 + [np.arange(0, 64, STEP) + STEP / 2]
-    fine = (np.arange(4) - 1.5) * STEP / 4
-    share = np.zeros([len(each) for each in ticks])
-    middle = (*shift, -radius * np.cos(np.radians(angle)))
-    for dx in fine:
-        for dy in fine:
-            for dz in fine:
-                x, y, z = np.meshgrid(ticks[0] + dx, ticks[1] + dy, ticks[2] + dz, indexing="ij")
-                share += (x - middle[0]) ** 2 + (y - middle[1]) ** 2 + (z - middle[2]) ** 2 < radius**2
-    return share / 64, ticks
-
-
-def write_run(folder, shares, ticks, times, start="0"):
-    """Write what the case's function objects would of these fields, as OpenFOAM does."""
-    results = folder / "postProcessing"
-    rows = {"volume": [], "contact": [], "velocity": [], "bounds": []}
-    for time, share in zip(times, shares, strict=True):
-        # At the wall a field has what its boundary condition makes of the two layers above.
-        wall = np.clip(1.5 * share[:, :, 0] - 0.5 * share[:, :, 1], 0, 1)
-        rows["volume"].append(f"{time:g}\t{share.sum() * STEP**3:.12e}")
-        rows["contact"].append(f"{time:g}\t{wall.sum() * STEP**2:.12e}")
-        rows["velocity"].append(f"{time:g}\t(1e-3 -2e-3 {-0.5 + 0.01 * time:.12e})")
-        rows["bounds"].append(f"{time - 0.5:g}\t{-1e-9 * time:.12e}\t{1 + 1e-9:.12e}\t0\t{time:.12e}")
-        rows["bounds"].append(f"{time:g}\t{-2e-9 * time:.12e}\t1\t0\t{0.5 * time:.12e}")
-        place = results / "interface" / f"{time:g}"
-        place.mkdir(parents=True, exist_ok=True)
-        vertices, triangles, _, _ = marching_cubes(np.pad(share, ((0, 0), (0, 0), (1, 0)), mode="edge"), 0.5)
-        vertices = vertices * STEP + [ticks[0][0], ticks[1][0], ticks[2][0] - STEP]
-        lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in triangles + 1]
-        (place / "droplet.obj").write_text("\n".join([*lines, ""]))
-    for name, text in rows.items():
-        place = results / name / start
-        place.mkdir(parents=True, exist_ok=True)
-        (place / f"{name}.dat").write_text("\n".join(["# Time\tof this", *text, ""]))
 
 
 @pytest.mark.parametrize("angle", [90.0, 120.0, 150.0])
