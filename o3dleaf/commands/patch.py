@@ -199,6 +199,7 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
 
     def build(self, spread: "Spread | None" = None) -> "TiledField | WangField":
         """Write the model and the block, by workers that read them from their files, and return the texture."""
+        from o3dleaf.io.model_file import model_draft
         from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.leaf.ct.voxel_file import VoxelFile
         from o3dleaf.leaf.meshing import extract_flat_tile
@@ -209,9 +210,10 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
             volume = self.read_volume(self.volume)
         if spread is not None:
             spread.know(volume.data, VoxelFile.of(self.volume, volume.shape, self.ct_crop, **self.lattice))
-        texture = create_texture(volume, options=self)
-        with stage("write model"):
-            texture.save(self.output)
+        with model_draft(self.output):
+            texture = create_texture(volume, options=self)
+            with stage("write model"):
+                texture.save(self.output)
         if self.tile_solid is not None and self.spacing is not None:
             if spread is not None:
                 spread.know(texture, SavedTexture.of(self.output))

@@ -1,27 +1,34 @@
 """Models on disk: one file with a header and plain arrays, which is mapped into memory when read.
 
 Layout: 8 bytes of magic, 8 of the header's length, 4 of its CRC-32, a JSON header, and the arrays, each
-aligned to 64 bytes. The header is a tree of plain values; an array in it is a place in the file with its
-own CRC-32, an object is the name of its class and its state. Nothing is executed in reading: no pickle,
+aligned to 64 bytes, a large one first. The header is a tree of plain values; an array in it is a place in the file
+with its own CRC-32, an object is the name of its class and its state. Nothing is executed in reading: no pickle,
 and only classes that the reader names can come out.
 """
 
 import json
 import math
+import os
 import struct
+import sys
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from importlib.metadata import version
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from o3dleaf.core.atomic_files import require_writable, whole_file
+from o3dleaf.core.atomic_files import claim, require_writable, whole_file
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.resources.machine import release_pages
+from o3dleaf.core.resources.scratch import placing
 
 SUFFIX = ".o3l"
 MAGIC = b"o3dleaf\n"
@@ -33,6 +40,12 @@ UNSUMMED = 3
 """The last format without sums of its arrays."""
 PREFIX = struct.Struct("<8sQI")
 ALIGNMENT = 64
+PART = 1 << 26
+"""Bytes of an array that are summed at once."""
+LARGE = 1 << 24
+"""Bytes of an array from which on it comes first in its file."""
+HEAD = 1 << 16
+"""Bytes of the head of such a file, or a multiple of them."""
 KINDS = "biuf"
 """Kinds of numbers that arrays may hold: no objects."""
 MOST_AXES = 8
@@ -48,21 +61,116 @@ def write_model(model: object, path: str | PathLike[str]) -> None:
     target = require_writable(path)
     arrays: list[np.ndarray[Any, Any]] = []
     tree = _pack(model, arrays)
+    order = list(range(len(arrays)))
+    largest = max(order, key=lambda n: arrays[n].nbytes, default=0)
+    large = bool(arrays) and arrays[largest].nbytes >= LARGE
+    if large:
+        # Behind a head of a known size: it may lie there before the rest is known.
+        order.insert(0, order.pop(largest))
     header: dict[str, Any] = {"format": FORMAT, "o3dleaf": version("o3dleaf"), "model": tree}
-    blocks, offset = [], 0
-    for array in arrays:
-        checksum = zlib.crc32(array.data) if array.nbytes else 0
-        blocks.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset, "crc": checksum})
+    blocks, offset = [dict[str, Any]() for _ in arrays], 0
+    for n in order:
+        array = arrays[n]
+        blocks[n] = {"dtype": array.dtype.str, "shape": array.shape, "offset": offset, "crc": _checksum(array)}
         offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
     header |= {"arrays": blocks, "bytes": offset}
     text = json.dumps(header, ensure_ascii=False).encode()
-    text += b" " * (-(PREFIX.size + len(text)) % ALIGNMENT)
-    with whole_file(target, PREFIX.size + len(text) + offset) as temporary, temporary.open("wb") as stream:
-        stream.write(PREFIX.pack(MAGIC, len(text), zlib.crc32(text)))
-        stream.write(text)
-        for array in arrays:
+    text += b" " * (-(PREFIX.size + len(text)) % (HEAD if large else ALIGNMENT))
+    head = PREFIX.pack(MAGIC, len(text), zlib.crc32(text)) + text
+    draft = _draft.get()
+    if draft is not None and draft.holds(target, arrays[largest] if large else None, len(head)):
+        with draft.temporary.open("r+b") as stream:
+            _write(stream, head, [arrays[n] for n in order], already=1)
+        draft.is_whole = True
+        return
+    with whole_file(target, len(head) + offset) as temporary, temporary.open("wb") as stream:
+        _write(stream, head, [arrays[n] for n in order])
+
+
+def _checksum(array: np.ndarray[Any, Any]) -> int:
+    """Return the CRC-32 of an array; of a mapped one, a part is in memory at a time."""
+    if not array.nbytes:
+        return 0
+    checksum, content = 0, array.reshape(-1).view(np.uint8).data
+    for start in range(0, len(content), PART):
+        checksum = zlib.crc32(content[start : start + PART], checksum)
+        if len(content) > PART:
+            release_pages(array)
+    return checksum
+
+
+def _write(stream: IO[bytes], head: bytes, arrays: list[np.ndarray[Any, Any]], already: int = 0) -> None:
+    """Write the head and the arrays, of which the first ones may be there `already`."""
+    stream.write(head)
+    for number, array in enumerate(arrays):
+        if number < already:
+            stream.seek(array.nbytes, os.SEEK_CUR)
+        else:
             stream.write(array.data if array.nbytes else b"")
-            stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
+        stream.write(b"\0" * (-array.nbytes % ALIGNMENT))
+
+
+class ModelDraft:
+    """A model file under its temporary name, whose largest array lies in it before the rest is known.
+
+    Attributes
+    ----------
+    target, temporary : Path
+    array : ndarray or None
+        Mapped from the file.
+    is_whole : bool
+        Whether the model has been written.
+    """
+
+    def __init__(self, target: Path, temporary: Path) -> None:
+        self.target, self.temporary = target, temporary
+        self.array: np.ndarray[Any, Any] | None = None
+        self.is_whole = False
+
+    def place(self, shape: tuple[int, ...], dtype: npt.DTypeLike) -> np.ndarray[Any, Any] | None:
+        """Return an array to be filled, in the file; None if it is a small one, or not the first."""
+        size = math.prod(shape) * np.dtype(dtype).itemsize
+        # Windows does not rename a file that is mapped.
+        if self.array is not None or size < LARGE or sys.platform == "win32":
+            return None
+        with self.temporary.open("w+b") as stream:
+            claim(stream, HEAD + size)
+            stream.truncate(HEAD + size)
+            self.array = np.asarray(np.memmap(stream, dtype=dtype, mode="r+", offset=HEAD, shape=shape))
+        return self.array
+
+    def holds(self, target: Path, array: np.ndarray[Any, Any] | None, head: int) -> bool:
+        """Return whether it is the file to be written, and the array lies in it, behind a head of so many bytes."""
+        if self.array is None or array is None or self.is_whole or head != HEAD:
+            return False
+        same = self.array.ctypes.data == array.ctypes.data and self.array.nbytes == array.nbytes
+        return same and target == self.target
+
+
+_draft: ContextVar[ModelDraft | None] = ContextVar("o3dleaf.draft", default=None)
+
+
+class _UnusedError(Exception):
+    """Raised to leave nothing of a draft."""
+
+
+@contextmanager
+def model_draft(path: str | PathLike[str]) -> Iterator[None]:
+    """Let the large array of a model that is made inside, and written to `path`, lie in its file from the start.
+
+    The file appears at the end, as whole as by `write_model` and with the same bytes; without it nothing is left.
+    """
+    target = require_writable(path)
+    with suppress(_UnusedError), whole_file(target) as temporary:
+        draft = ModelDraft(target, temporary)
+        token = _draft.set(draft)
+        try:
+            with placing(draft.place):
+                yield
+        finally:
+            _draft.reset(token)
+        if not draft.is_whole:
+            raise _UnusedError
 
 
 def read_model(

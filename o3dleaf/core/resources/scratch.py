@@ -2,6 +2,9 @@
 
 import math
 import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -46,6 +49,28 @@ def scratch_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> 
             f"memory: {1e-9 * size:.3g} GB are to lie on the disk, and find no place in {tempfile.gettempdir()} "
             f"({cause.strerror}); set TMPDIR to a folder of a larger disk, or state more memory (--memory)"
         ) from cause
+
+
+Place = Callable[[tuple[int, ...], npt.DTypeLike], npt.NDArray[Any] | None]
+"""``place(shape, dtype)`` returns an array to be filled where it is to stay, or None."""
+_place: ContextVar[Place | None] = ContextVar("o3dleaf.place", default=None)
+
+
+@contextmanager
+def placing(place: Place) -> Iterator[None]:
+    """Let the large array of a result lie where it is to stay, such as in the file that the result is written to."""
+    token = _place.set(place)
+    try:
+        yield
+    finally:
+        _place.reset(token)
+
+
+def result_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+    """Return the large array of a result, to be filled: where it is to stay, if that is known, else a scratch array."""
+    place = _place.get()
+    array = None if place is None else place(shape, dtype)
+    return scratch_array(shape, dtype) if array is None else array
 
 
 def load_array(stored: Any) -> npt.NDArray[Any]:

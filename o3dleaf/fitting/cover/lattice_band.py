@@ -75,7 +75,6 @@ class LatticeBand:
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
                 far[layer] = layers(windows[0][layer])
-            release_pages(data)
 
         if spread is None or read is None:
             run_blocks(look, len(far), 1)
@@ -137,9 +136,11 @@ class _Layers:
         """Look at the layer of some rows along the slowest axis."""
         slices = [slice(None)] * len(self.order)
         slices[self.order[0]] = slice(rows.start, rows.stop + self.window - 1)
-        part = _averages(self.read(tuple(slices)).transpose(self.order), self.window, np.argsort(self.order))
+        voxels = self.read(tuple(slices))
+        part = _averages(voxels.transpose(self.order), self.window, np.argsort(self.order))
         low, high = (_extremes(extreme, part, self.windows) - self.level for extreme in (np.minimum, np.maximum))
         reserve = RESERVE * (high - low)
+        release_pages(voxels)
         return np.asarray((low > reserve) | (-high > reserve))
 
 
