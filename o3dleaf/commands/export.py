@@ -150,6 +150,11 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         return self.consumer == "droplet"
 
     @property
+    def static_drop(self) -> bool:
+        """Whether --for is evolver."""
+        return self.consumer == "evolver"
+
+    @property
     def distance_grid(self) -> bool:
         """Whether --what is distance."""
         return self.what == "distance"
@@ -165,6 +170,9 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
             return
         suffixes = OTHERS | {name: each.suffixes for name, each in CONSUMERS.items()}
         require_writable(self.output, suffixes[self.consumer] if self.consumer else table(WHAT[self.what]))
+        if self.static_drop:
+            self.check_place(self, "evolver")
+            return
         if (self.points or self.boundary) and self.step is None:
             made = "sph" if self.boundary else self.what
             raise InputError(f"step: is missing for {made}; give it in the unit of {self.source.name}")
@@ -193,6 +201,8 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
 
         if self.droplet:
             return self.write_cases(self.source, self.output, self.spacing)
+        if self.static_drop:
+            return self.write_static_drop(self.source, self.output)
         with stage("mesh" if self.saved_model else "read"):
             mesh, model = self.mesh()
             mesh = mesh if self.part is None else part_of(mesh, self.part)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 OF_CASE: dict[str, Any] = {"needs": ("droplet",)}
 """Of options that only a case of a droplet has a use for."""
+OF_DROP: dict[str, Any] = {"needs": ("droplet", "static_drop")}
+"""Of options that a drop at rest (Surface Evolver) has a use for, too."""
 MESH_ONLY = ("what", "to_unit", "remesh", "no_remesh", "region", "part", "sheets", "tile", "origin", "scalar")
 """Options of an export that a case has no use for."""
 GRAVITY = 9.81
@@ -26,12 +28,12 @@ class DropletOptions:
     """A droplet, and where it lands: lengths in millimeters, the place in the leaf's coordinates."""
 
     at: tuple[float, float] | None = option(
-        None, "Place where the droplet lands, ALONG ACROSS in leaf coordinates.", **OF_CASE
+        None, "Place where the droplet lands, ALONG ACROSS in leaf coordinates.", **OF_DROP
     )
     size: Positive = option(1.2, "Width of the window around it", unit="mm", **OF_CASE)
-    diameter: Positive = option(0.6, "Diameter of the droplet", unit="mm", **OF_CASE)
+    diameter: Positive = option(0.6, "Diameter of the droplet", unit="mm", **OF_DROP)
     speed: Positive = option(0.5, "Speed of the droplet against the leaf's normal", unit="m/s", **OF_CASE)
-    angle: Positive = option(150.0, "Static contact angle", unit="degrees", **OF_CASE)
+    angle: Positive = option(150.0, "Static contact angle", unit="degrees", **OF_DROP)
     cell: Positive = option(0.035, "Edge of the solver's cells", unit="mm", **OF_CASE)
     duration: Positive = option(3.0, "Time to simulate", unit="ms", **OF_CASE)
     frame: Positive = option(0.05, "Time between two pictures", unit="ms", **OF_CASE)
@@ -51,18 +53,38 @@ class DropletOptions:
         from o3dleaf.core.atomic_files import require_replaceable
         from o3dleaf.output.droplet.case import RESULTS, SETTINGS
 
+        self.check_place(job, "droplet")
+        if self.down is not None and not any(self.down):
+            raise InputError("down: is 0 0 0; give a direction")
+        require_replaceable(job.output, SETTINGS, RESULTS)
+
+    def check_place(self, job: Any, program: str) -> None:
+        """Refuse what neither a case nor a drop at rest can be made of."""
         for name in MESH_ONLY:
             if job.has(name):
-                raise InputError(f"{name.replace('_', '-')}: cannot act with for droplet; leave one of them out")
+                raise InputError(f"{name.replace('_', '-')}: cannot act with for {program}; leave one of them out")
         if not job.saved_model:
-            raise InputError(f"for: droplet needs the model of a leaf, and {job.source} is none; give a .o3l file")
+            raise InputError(f"for: {program} needs the model of a leaf, and {job.source} is none; give a .o3l file")
         if self.at is None:
             raise InputError("at: is missing; give the place where the droplet lands, --at ALONG ACROSS")
         if not self.angle < 180:
             raise InputError(f"angle: is {self.angle:g}; give the contact angle, between 0 and 180 degrees")
-        if self.down is not None and not any(self.down):
-            raise InputError("down: is 0 0 0; give a direction")
-        require_replaceable(job.output, SETTINGS, RESULTS)
+
+    def write_static_drop(self, source: Path, output: Path) -> str:
+        """Write a drop at rest for Surface Evolver; return a line about it."""
+        from o3dleaf.output.static_drop.evolver import WHERE, has_evolver, write_drop
+        from o3dleaf.output.static_drop.site import drop_on_leaf
+
+        with stage("read"):
+            leaf = self.leaf_of(source)
+        along, across = self.at or (0.0, 0.0)
+        about = f"A drop on {source.name}, at along {along:.6g}, across {across:.6g}, on the mean adaxial surface."
+        with stage("surface"):
+            drop = drop_on_leaf(leaf, (along, across), angle=self.angle, diameter=self.diameter, about=about)
+        write_drop(drop, output)
+        if not has_evolver():
+            note(f"Surface Evolver is not here, and the file is complete without it; to run it, {WHERE}")
+        return "a drop at rest; in Surface Evolver, the commands settle and say"
 
     def write_cases(self, source: Path, output: Path, spacing: float | None) -> str:
         """Write the case, or one for each landing place, whole or not at all; return a line about it."""

@@ -81,8 +81,8 @@ class StaticDrop:
             *about,
             f"// Lengths are in {self.radius:.9g} m, the radius of a ball of its volume; energies in tension times its",
             f"// square. z = 0 is {height * self.radius:.9g} m above the plane that heights were measured from.",
-            f"// diameter {self.diameter:.9g} m, tension {self.tension:.9g} N/m, density {self.density:.9g} kg/m3,"
-            f" gravity {self.gravity:.9g} m/s2",
+            f"// diameter {self.diameter:.9g} m, tension {self.tension:.9g} N/m,",
+            f"// density {self.density:.9g} kg/m3, gravity {self.gravity:.9g} m/s2",
             "",
             f"parameter contact_angle = {self.angle:.9g}  // degrees",
             f"parameter bond_number = {self.bond_number:.12g}  // density * gravity * radius^2 / tension",

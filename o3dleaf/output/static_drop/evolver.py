@@ -14,6 +14,8 @@ from o3dleaf.output.static_drop.shape import DropShape
 SUFFIX = ".fe"
 PROGRAM = "evolver"
 WHERE = "install it with apt-get install evolver-nox"
+TOUCHES = 0.005
+"""Of the radius: deeper than this below the surface, more than curved triangles err by, a drop goes through it."""
 SECONDS = 120.0
 """After which a run is given up: usual are two to ten."""
 
@@ -37,7 +39,7 @@ def settle_drop(drop: StaticDrop, *, timeout: float = SECONDS) -> DropShape:
     InputError
         If Surface Evolver is not here.
     O3DLeafError
-        If the drop does not come to rest, or not in `timeout` seconds.
+        If the drop does not come to rest, or not in `timeout` seconds, or comes to touch the surface elsewhere.
     """
     if not has_evolver():
         raise InputError(f"evolver: Surface Evolver is not here; {WHERE}")
@@ -47,9 +49,17 @@ def settle_drop(drop: StaticDrop, *, timeout: float = SECONDS) -> DropShape:
         (folder / "commands").write_text("settle\nsay\nq\nq\n", encoding="ascii")
         call = [PROGRAM, "-f", "commands", "drop.fe"]
         try:
-            done = subprocess.run(
+            done = subprocess.run(  # noqa: S603  the program is named above, the files are ours
                 call, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, check=False
             )
         except subprocess.TimeoutExpired:
-            raise O3DLeafError(f"evolver: is not done after {timeout:g} s; give it more, or a simpler surface") from None
-    return DropShape.read(drop, done.stdout)
+            raise O3DLeafError(
+                f"evolver: is not done after {timeout:g} s; give it more, or a simpler surface"
+            ) from None
+    shape = DropShape.read(drop, done.stdout)
+    if shape.clearance < -TOUCHES * drop.radius:
+        raise O3DLeafError(
+            "evolver: the drop touches the surface a second time beside its line of contact; choose another place, a "
+            "smaller angle or a smaller drop"
+        )
+    return shape

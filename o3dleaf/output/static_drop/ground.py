@@ -111,9 +111,9 @@ class CosineSeries:
     def _sum(self, along: Callable[[float, str], str]) -> str:
         """Return the sum whose terms have, of each wave along x, what is given, and cosines along y."""
         least = NEGLIGIBLE * max(1.0, np.abs(self.coefficients).max())
-        (p, q), (a, b) = self.coefficients.shape, self.size
+        a, b = self.size
         parts = []
-        for m, k in enumerate(_waves(a, p)):
+        for m, k in enumerate(_waves(a, len(self.coefficients))):
             rows = [(n, weight) for n, weight in enumerate(self.coefficients[m]) if abs(weight) > least]
             if not rows:
                 continue

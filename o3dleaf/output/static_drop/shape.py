@@ -99,6 +99,13 @@ class DropShape:
         return x, y
 
     @property
+    def clearance(self) -> float:
+        """Least height of the drop's surface above the surface that it is on, in meters; negative if it enters it."""
+        points, ground = self._surface_points(), self.drop.ground
+        under = ground(points[:, 0], points[:, 1]) - ground.coefficients[0, 0]
+        return float((points[:, 2] - under).min())
+
+    @property
     def contact_angles(self) -> FloatArray:
         """(k,) angles in degrees between drop and surface, in the middles of the edges of the line."""
         middle = np.full(len(self.vertices), -1)
@@ -124,7 +131,9 @@ class DropShape:
     def triangles(self) -> IntArray:
         """(4 m, 3) flat triangles between the vertices, for pictures."""
         a, b, c, ab, bc, ca = self.faces.T
-        return np.concatenate([np.stack(rows, axis=1) for rows in ((a, ab, ca), (ab, b, bc), (bc, c, ca), (ab, bc, ca))])
+        return np.concatenate(
+            [np.stack(rows, axis=1) for rows in ((a, ab, ca), (ab, b, bc), (bc, c, ca), (ab, bc, ca))]
+        )
 
     def _surface_points(self) -> FloatArray:
         """Return points (n, 3) of the curved triangles."""

@@ -18,7 +18,7 @@ ROOM = 1.6
 """Width of the window, of the larger of the drop and of its base on a plate: it spreads along furrows."""
 REACH = 0.55
 """Of the same: what a drop may touch around its middle, half of it and a tenth more."""
-STEP = 0.012
+STEP = 0.02
 """Millimeters between the heights that are looked up."""
 STANDS_OUT = 0.03
 """Millimeters by which what is narrower than a hair stands out of the blade."""
@@ -89,8 +89,9 @@ def _require_no_hair(window: LandingWindow, reach: float, height: float) -> None
         nearest = np.flatnonzero(touched)[apart[touched].argmin()]
         along, across = plane[nearest]
         raise InputError(
-            f"at: a hair stands at along {along:.4g}, across {across:.4g}, {apart[nearest]:.2g} {window.leaf.unit} away, "
-            "and a surface with hairs is no height over a plane; choose a place without, or --for droplet"
+            f"at: a hair stands {apart[nearest]:.2g} {window.leaf.unit} away, at along {along:.4g}, "
+            f"across {across:.4g}, and a surface with hairs is no height over a plane; choose a place without, or "
+            "--for droplet"
         )
 
 
