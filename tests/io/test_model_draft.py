@@ -18,9 +18,9 @@ def small_is_large(monkeypatch):
     monkeypatch.setattr(model_file, "LARGE", 1 << 12)
 
 
-def fit():
+def fit(slope=1.0):
     x, y, z = np.meshgrid(*3 * [np.linspace(-1, 1, 36)], indexing="ij")
-    return o3l.PUInterpolant.fit_lattice(np.sin(3 * x) + y - z**2, spacing=0.5, smoothing=0.1)
+    return o3l.PUInterpolant.fit_lattice(np.sin(3 * x) + slope * y - z**2, spacing=0.5, smoothing=0.1)
 
 
 def is_mapped(array):
@@ -46,14 +46,15 @@ def test_a_draft_has_the_bytes_of_a_file_that_is_written_at_once(tmp_path, monke
 
 
 def test_what_a_model_goes_to_elsewhere_or_what_is_not_its_own_array_is_written_as_ever(tmp_path):
-    other = fit()
-    other.save(tmp_path / "plain.o3l")
+    one, other = fit(), fit(2.0)
+    one.save(tmp_path / "one.o3l")
+    other.save(tmp_path / "other.o3l")
     with model_draft(tmp_path / "draft.o3l"):
         fit().save(tmp_path / "elsewhere.o3l")
         other.save(tmp_path / "draft.o3l")
-    for name in ("draft", "elsewhere"):
-        assert (tmp_path / f"{name}.o3l").read_bytes() == (tmp_path / "plain.o3l").read_bytes()
-    assert len(list(tmp_path.iterdir())) == 3
+    for name, twin in (("draft", "other"), ("elsewhere", "one")):
+        assert (tmp_path / f"{name}.o3l").read_bytes() == (tmp_path / f"{twin}.o3l").read_bytes()
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_a_head_that_is_longer_than_the_room_for_it_is_written_as_ever(tmp_path, monkeypatch):
