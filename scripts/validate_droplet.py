@@ -26,7 +26,8 @@ from scipy.signal import find_peaks
 
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
-from o3dleaf.output.droplet.case import DropletBox, DropletCase
+from o3dleaf.output.droplet.box import DropletBox
+from o3dleaf.output.droplet.case import DropletCase
 from o3dleaf.output.droplet.readings import DropletReadings, cap_of
 from o3dleaf.output.droplet.solver import SolverRun, require_openfoam
 from o3dleaf.output.droplet.surfaces import grid_solid

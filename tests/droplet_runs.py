@@ -5,7 +5,8 @@ from skimage.measure import marching_cubes
 
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
-from o3dleaf.output.droplet.case import DropletBox, DropletCase
+from o3dleaf.output.droplet.box import DropletBox
+from o3dleaf.output.droplet.case import DropletCase
 from o3dleaf.output.droplet.surfaces import grid_solid
 from o3dleaf.output.droplet.units import Impact
 

@@ -10,8 +10,8 @@ from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.commands.export import ExportJob
 from o3dleaf.core.errors import InputError
 from o3dleaf.output.droplet import solver
-from o3dleaf.output.droplet.case import SETTINGS, find_cases
 from o3dleaf.output.droplet.solver import last_time
+from o3dleaf.output.droplet.written import SETTINGS, find_cases
 
 
 @pytest.fixture(scope="module")

@@ -51,7 +51,7 @@ class DropletOptions:
     def check_case(self, job: Any) -> None:
         """Refuse, of the export that these are options of, what a case cannot be made of."""
         from o3dleaf.core.atomic_files import require_replaceable
-        from o3dleaf.output.droplet.case import RESULTS, SETTINGS
+        from o3dleaf.output.droplet.written import RESULTS, SETTINGS
 
         self.check_place(job, "droplet")
         if self.down is not None and not any(self.down):
@@ -90,9 +90,9 @@ class DropletOptions:
         """Write the case, or one for each landing place, whole or not at all; return a line about it."""
         from o3dleaf.core.atomic_files import whole_folder, write_json
         from o3dleaf.core.units import unit_scale
-        from o3dleaf.output.droplet.case import RESULTS, SETTINGS
         from o3dleaf.output.droplet.solver import WHERE, missing_tools
         from o3dleaf.output.droplet.surfaces import LandingWindow
+        from o3dleaf.output.droplet.written import RESULTS, SETTINGS
 
         with stage("read"):
             leaf = self.leaf_of(source)

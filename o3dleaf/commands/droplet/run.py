@@ -27,7 +27,7 @@ class DropletJob(LongJob):
 
     def check(self) -> None:
         """Refuse what is no case."""
-        from o3dleaf.output.droplet.case import find_cases
+        from o3dleaf.output.droplet.written import find_cases
 
         super().check()
         find_cases(self.case)
@@ -37,7 +37,7 @@ class DropletJob(LongJob):
         from o3dleaf.core.parallel import get_num_threads
         from o3dleaf.core.resources.measured import SOLVED_CELL, SOLVED_STEP, SOLVER, Cost
         from o3dleaf.core.resources.needs import need_of
-        from o3dleaf.output.droplet.case import find_cases
+        from o3dleaf.output.droplet.written import find_cases
 
         runs = [(case, name) for n, case in enumerate(find_cases(self.case)) for name in self.variants(n)]
         if self.only_read:
@@ -52,9 +52,9 @@ class DropletJob(LongJob):
     def work(self) -> str:
         """Run, read, draw; return a line about it."""
         from o3dleaf.core.parallel import get_num_threads
-        from o3dleaf.output.droplet.case import find_cases
         from o3dleaf.output.droplet.results import DropletResults
         from o3dleaf.output.droplet.solver import SolverRun, require_openfoam, solve_all
+        from o3dleaf.output.droplet.written import find_cases
 
         cases = find_cases(self.case)
         wanted = {case: self.variants(number) for number, case in enumerate(cases)}

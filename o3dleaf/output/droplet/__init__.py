@@ -6,6 +6,8 @@
 `frame`     x along the leaf, y across, z its normal
 `surfaces`  the leaf around the landing place, its smooth twin, the leaf without hairs
 `landing`   places on a ridge, in a furrow, on a hair
+`box`       the box of cells around the droplet
+`written`   a case that was written
 `case`      the folder of a case
 `solver`    OpenFOAM at work on it
 `readings`  what it has written, as one table

@@ -1,6 +1,5 @@
 """The folder of a case: surfaces, one file of numbers, and OpenFOAM's dictionaries, which stand in `template`."""
 
-import json
 import re
 import shutil
 from collections.abc import Mapping
@@ -12,90 +11,19 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.atomic_files import write_json, write_text
-from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.units import METERS
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.io.mesh_data import MeshData
 from o3dleaf.io.obj import write_obj
+from o3dleaf.output.droplet.box import DropletBox
 from o3dleaf.output.droplet.surfaces import VARIANTS, LandingWindow
 from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
+from o3dleaf.output.droplet.written import SETTINGS
 
-SETTINGS = "droplet.json"
-"""What a case was made of; a folder without it is none of ours."""
-RESULTS = "**/postProcessing"
-"""What a run leaves."""
-RIM = 0.04e-3
-"""Meters of the surface that stay outside the box on each side: snapping needs some, and its rim is not straight."""
-GAP = 2.0
-"""Cells between the droplet and the highest point below it, at the start."""
-ROOM = 2.5
-"""Height of the box, in diameters, at least."""
-REBOUND = 0.75
-"""Diameters of air above the droplet at the start, at least."""
-BELOW = 2.0
-"""Cells between the lowest point of the face and the bottom of the box."""
 RIPPLE = 0.5
 """Share of the longest step that capillary waves allow."""
-MOST_CELLS = 4e6
-"""More is a typing error in a size, or takes weeks."""
-
-
-@dataclass(frozen=True)
-class DropletBox:
-    """The box around a droplet and its cells, in meters, in the frame of the impact.
-
-    Attributes
-    ----------
-    cell : float
-    half : float
-        Half its width.
-    bottom : float
-    cells : (int, int, int)
-    start : float
-        Height of the droplet's middle at the start.
-    """
-
-    cell: float
-    half: float
-    bottom: float
-    cells: tuple[int, int, int]
-    start: float
-
-    @classmethod
-    def around(cls, vertices: FloatArray, impact: Impact, size: float, cell: float) -> "DropletBox":
-        """Return the box over the (n, 3) points of a face, `size` wide, for a droplet in the middle above it.
-
-        Raises
-        ------
-        InputError
-            If the droplet does not fit into it, or there would be too many cells.
-        """
-        radius = impact.diameter / 2
-        across = int((size - 2 * RIM) / cell + 1e-9)
-        half = across * cell / 2
-        if half < 1.5 * radius:
-            raise InputError(
-                f"size: {size * 1e3:g} mm is too narrow for a droplet of {impact.diameter * 1e3:g} mm that spreads; "
-                f"give at least {3 * radius * 1e3 + 2 * RIM * 1e3 + cell * 1e3:.3g}"
-            )
-        inside = (np.abs(vertices[:, :2]) <= half).all(axis=1)
-        away = np.hypot(*vertices[:, :2].T)
-        under = away < radius
-        touching = vertices[under, 2] + np.sqrt(radius**2 - away[under] ** 2)
-        start = float(touching.max(initial=radius)) + GAP * cell
-        bottom = float(np.floor(vertices[inside, 2].min() / cell - BELOW)) * cell
-        high = max(ROOM * impact.diameter, start + radius + REBOUND * impact.diameter - bottom)
-        up = int(np.ceil(high / cell - 1e-9))
-        if across**2 * up > MOST_CELLS:
-            raise InputError(f"cell: {cell * 1e3:g} mm makes {across**2 * up:,} cells; give a larger one")
-        return cls(cell, half, bottom, (across, across, up), start)
-
-    @property
-    def top(self) -> float:
-        """Height of the box's top."""
-        return self.bottom + self.cells[2] * self.cell
 
 
 @dataclass(frozen=True)
@@ -198,66 +126,6 @@ def write_surface(surface: LabelledMesh, path: Path, name: str) -> None:
     path.parent.mkdir(parents=True)
     with path.open("wb") as out:
         write_obj(out, scaled, (f"o3dleaf droplet {name}, lengths in {LENGTH * 1e6:g} micrometers",))
-
-
-def read_settings(folder: Path) -> dict[str, Any]:
-    """Return the settings of a case, or raise `InputError` if the folder is none."""
-    try:
-        content = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as cause:
-        raise InputError(
-            f"{folder}: is no droplet case ({SETTINGS} is missing or broken); make one with "
-            "o3dleaf export MODEL --for droplet --at ALONG ACROSS -o CASE"
-        ) from cause
-    return dict(content)
-
-
-@dataclass(frozen=True, eq=False)
-class WrittenCase:
-    """A case that was written, or one of several in a folder.
-
-    Attributes
-    ----------
-    folder : Path
-    settings : mapping
-    """
-
-    folder: Path
-    settings: Mapping[str, Any]
-
-    @property
-    def duration(self) -> float:
-        """Seconds that are simulated: as the file of numbers says, which may have been changed since."""
-        return self.constant("endTime") * TIME
-
-    @property
-    def cells(self) -> float:
-        """Cells of the box, those in the leaf too."""
-        return self.constant("xCells") * self.constant("yCells") * self.constant("zCells")
-
-    @property
-    def steps(self) -> float:
-        """Steps of a run, at least: on a leaf they are shorter."""
-        return self.constant("endTime") / self.constant("maxDeltaT")
-
-    def constant(self, name: str) -> float:
-        """Return a number of the file `constants`, in the solver's units."""
-        try:
-            text = (self.folder / "constants").read_text(encoding="utf-8")
-        except (OSError, ValueError) as cause:
-            raise InputError(f"{self.folder / 'constants'}: cannot be read; make the case anew") from cause
-        found = re.search(rf"^{name}\s+(\S+);", text, re.MULTILINE)
-        try:
-            return float(found[1]) if found else float("nan")
-        except ValueError as cause:
-            raise InputError(f"{self.folder / 'constants'}: {name} is {found and found[1]!r}; give a number") from cause
-
-
-def find_cases(folder: Path) -> list[WrittenCase]:
-    """Return the cases in a folder: the one that it is, or those of several landing places."""
-    settings = read_settings(folder)
-    parts = [folder / str(name) for name in settings.get("cases", ())]
-    return [WrittenCase(part, read_settings(part)) for part in parts] or [WrittenCase(folder, settings)]
 
 
 def make_case(

@@ -9,11 +9,11 @@ import numpy as np
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import write_text
-from o3dleaf.output.droplet.case import WrittenCase
 from o3dleaf.output.droplet.page import write_page
 from o3dleaf.output.droplet.pictures import DropletStage, chosen_times, common_times, write_animation, write_stills
 from o3dleaf.output.droplet.readings import DropletReadings, table_of
 from o3dleaf.output.droplet.units import LENGTH
+from o3dleaf.output.droplet.written import WrittenCase
 
 TABLE, STILLS, ANIMATION, PAGE = "droplet.csv", "droplet.png", "droplet.gif", "droplet.html"
 """What is written into the folder of a case."""

@@ -13,10 +13,11 @@ from o3dleaf.core.atomic_files import require_replaceable, whole_folder
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.io.triangle_mesh import read_mesh
-from o3dleaf.output.droplet.case import RESULTS, SETTINGS, DropletBox, find_cases
+from o3dleaf.output.droplet.box import DropletBox
 from o3dleaf.output.droplet.readings import DropletReadings
 from o3dleaf.output.droplet.solver import SolverRun, missing_tools, solve_all
 from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
+from o3dleaf.output.droplet.written import RESULTS, SETTINGS, find_cases
 from tolerances import RESTART, ROUNDING, SOLVED_VOLUME
 
 openfoam = pytest.mark.skipif(bool(missing_tools()), reason="OpenFOAM is not installed")

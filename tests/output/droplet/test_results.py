@@ -10,8 +10,8 @@ from PIL import Image
 
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
-from o3dleaf.output.droplet.case import SETTINGS
 from o3dleaf.output.droplet.pictures import PANEL, chosen_times
+from o3dleaf.output.droplet.written import SETTINGS
 
 
 @pytest.fixture(scope="module")

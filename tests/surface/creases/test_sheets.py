@@ -92,3 +92,20 @@ def test_a_point_is_smooth_where_its_neighbours_agree_or_lie_on_the_other_side()
     neighbors, smooth = np.array([[1, 1], [0, 0], [0, 1]]), np.empty(3, dtype=bool)
     sheet_loops.find_smooth(0, 3, normals, neighbors, 0.9, smooth)
     assert smooth.tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(("slope", "sheets"), [(0.0, 1), (0.2, 1), (0.8, 2), (1.5, 2)])
+def test_sheets_that_do_not_turn_where_they_meet_are_one(slope, sheets):
+    """A plane goes on as a curved sheet that no quadric fits with it, doubtful points between: by the angle there."""
+    x, y = np.random.default_rng(6).uniform(-1, 1, (2, 900))
+    right = np.maximum(x, 0)
+    points = np.column_stack([x, y, slope * right + 0.3 * right**2])
+    slopes = np.where(x > 0, slope + 0.6 * right, 0.0)
+    normals = np.column_stack([-slopes, np.zeros(900), np.ones(900)]) / np.hypot(slopes, 1)[:, np.newaxis]
+    measured = MeasuredPoints.of(points, normals, 30.0)
+    measured = measured._replace(smooth=measured.smooth & (np.abs(x) > 0.15))
+    labels, lying, distances, _ = sheet_loops.find_sheets(np.arange(900), measured)
+    assert len(distances) == sheets
+    assert set(labels[lying].tolist()) == set(range(sheets))
+    if sheets == 2:
+        assert len(set(labels[x < -0.2].tolist())) == len(set(labels[x > 0.2].tolist())) == 1
