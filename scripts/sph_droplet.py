@@ -1,8 +1,8 @@
 """A droplet of SPH particles on the leaf, with pySPlisHSPlasH and without a screen; no particle goes through.
 
-    python scripts/sph_droplet.py prepare leaf.o3l case --at 89.35 0.14     # with o3dleaf: boundary, droplet, scene
-    python scripts/sph_droplet.py run case                                  # with pySPlisHSPlasH, in an environment of its own
-    python scripts/sph_droplet.py check leaf.o3l case                       # with o3dleaf: distances to the leaf's own field
+    python scripts/sph_droplet.py prepare leaf.o3l case --at 89.35 0.14     # boundary, droplet, scene
+    python scripts/sph_droplet.py run case                                  # with the Python that has pySPlisHSPlasH
+    python scripts/sph_droplet.py check leaf.o3l case                       # distances to the leaf's own field
 
 Lengths are millimeters and times milliseconds, so that single precision has numbers near 1. Where the wheel of
 pySPlisHSPlasH ends in libGLdispatch when it is loaded, run with LD_PRELOAD=libGLdispatch.so.0 (Debian: libglvnd0).
@@ -25,10 +25,10 @@ GRAVITY = 9.81e-3
 
 def prepare(model: Path, folder: Path, at: tuple[float, float]) -> None:
     """Write the leaf's boundary, the droplet, and the scene."""
-    import open3d as o3d
+    import open3d as o3d  # noqa: PLC0415  the two programs live in two environments
 
-    import o3dleaf as o3l
-    from o3dleaf.output.export.selection import moved
+    import o3dleaf as o3l  # noqa: PLC0415  the two programs live in two environments
+    from o3dleaf.output.export.selection import moved  # noqa: PLC0415  the two programs live in two environments
 
     folder.mkdir(exist_ok=True)
     leaf = o3l.load(model)
@@ -73,7 +73,7 @@ def prepare(model: Path, folder: Path, at: tuple[float, float]) -> None:
 
 def run(folder: Path, duration: float) -> None:
     """Let it fall, and keep the places of all particles at some times."""
-    import pysplishsplash as sph
+    import pysplishsplash as sph  # noqa: PLC0415  the two programs live in two environments
 
     base = sph.Exec.SimulatorBase()
     scene = str((folder / "scene.json").resolve())
@@ -98,7 +98,7 @@ def run(folder: Path, duration: float) -> None:
 
 def check(model: Path, folder: Path) -> None:
     """Print, at some times, the droplet's height and width, and its least distance to the leaf."""
-    import o3dleaf as o3l
+    import o3dleaf as o3l  # noqa: PLC0415  the two programs live in two environments
 
     leaf, kept = o3l.load(model), np.load(folder / "drop.npz")
     origin = np.array(json.loads((folder / "origin.json").read_text(encoding="utf-8")))
