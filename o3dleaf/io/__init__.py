@@ -14,7 +14,6 @@
 `stl_text`       STL as text, with named solids
 `obj`            OBJ, with groups
 `glb`            glTF 2.0 for the web
-`bgeo`           particles for programs that read by Partio
 `vtk`            VTP: surfaces and particles for ParaView
 `grid`           regular grids of numbers: VTI, NRRD and NPY
 `model_file`     saved models: one file, no pickle

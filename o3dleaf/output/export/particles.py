@@ -17,7 +17,7 @@ from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.core.units import check_unit, unit_scale
-from o3dleaf.io.bgeo import write_bgeo_points
+from o3dleaf.io.clouds.bgeo import write_bgeo_points
 from o3dleaf.io.labelled_mesh import AnyMesh, LabelArray
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
 from o3dleaf.io.ply import write_ply_points

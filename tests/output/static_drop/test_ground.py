@@ -8,7 +8,7 @@ import pytest
 from o3dleaf.output.static_drop.cap import cap_mesh, cap_radius
 from o3dleaf.output.static_drop.datafile import StaticDrop
 from o3dleaf.output.static_drop.ground import CosineSeries
-from tolerances import START_VOLUME, DIFFERENCES, SERIES
+from tolerances import DIFFERENCES, SERIES, START_VOLUME
 
 SIZE = np.array([2.0, 3.0])
 
