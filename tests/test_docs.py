@@ -12,6 +12,7 @@ import pytest
 import typer.main
 
 import o3dleaf as o3l
+from leaf_fields import leaf_of, texture
 from o3dleaf.commands.cli import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,7 +58,8 @@ def test_commands_have_the_options(page):
 def test_particles_are_read_as_the_page_says(tmp_path, monkeypatch):
     codes = (re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL) for page in PAGES)
     blocks = {name: "".join(code) for name, code in zip(NAMES, codes, strict=True) if code}
-    assert sorted(blocks) == ["README.md", "docs/consumers/particles.md"]  # the first has tests of its own
+    # The first and the last have tests of their own.
+    assert sorted(blocks) == ["README.md", "docs/consumers/particles.md", "docs/consumers/sph.md"]
     monkeypatch.chdir(tmp_path)
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]]), [[0, 1, 2], [0, 2, 3]]
     particles = o3l.sample_particles(square, 0.2, labels=[0, 1], unit="mm")
@@ -68,3 +70,15 @@ def test_particles_are_read_as_the_page_says(tmp_path, monkeypatch):
     assert np.array_equal(np.stack([names[each] for each in ("nx", "ny", "nz")], axis=1), particles.normals)
     assert np.array_equal(names["area"], particles.sizes)
     assert np.array_equal(names["label"], particles.labels)
+
+
+def test_the_loop_of_the_page_keeps_particles_out_of_a_leaf():
+    """Balls that fall on a flat leaf bounce, and none comes nearer than its radius."""
+    leaf = leaf_of(texture(lambda x, y, z: 0.3**2 - z**2 + 0.0 * x))[0]
+    page = (ROOT / "docs/consumers/sph.md").read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    places = np.column_stack([np.linspace(6, 14, 30), np.linspace(-2, 2, 30), np.full(30, 0.5)])
+    names = {"leaf": leaf, "places": places, "speeds": np.tile([0.0, 0.0, -0.5], (30, 1)), "radius": 0.05}
+    exec(code, names | {"dt": 0.02, "steps": 15})
+    assert names["speeds"][:, 2].min() > 0
+    assert leaf.signed_distance(places, closed=True).min() > 0.05 - 1e-3

@@ -978,7 +978,7 @@ SERIES = 1e-11
 DIFFERENCES = 1e-7
 """Differences over 2e-5 of waves of numbers up to 6."""
 
-CAP_VOLUME = 1.5e-2
+START_VOLUME = 1.5e-2
 """Of 40 rings: a mesh inside a sphere is short of it, by 3e-3, at 170 degrees by 1e-2."""
 
 DROP_HEIGHT = 2e-3

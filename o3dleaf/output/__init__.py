@@ -1,10 +1,11 @@
 """Output: files for other programs, pictures, reports, figures.
 
-`export`   meshes, particles and distances for other programs
-`droplet`  a droplet on the leaf, for OpenFOAM, and its run
-`view`     pictures and the interactive window
-`report`   what is known of a mesh, a file or a run
-`figures`  figures like the paper's
+`export`       meshes, particles and distances for other programs
+`droplet`      a droplet on the leaf, for OpenFOAM, and its run
+`static_drop`  a drop at rest, by Surface Evolver
+`view`         pictures and the interactive window
+`report`       what is known of a mesh, a file or a run
+`figures`      figures like the paper's
 """
 
 import lazy_loader

@@ -66,7 +66,7 @@ CONSUMERS = {
     "gmsh": Consumer((".stl",), solids=True, closed=True, solver=True),
 }
 """The programs that are known by name; docs/consumers has a page on each."""
-OTHERS = {"sph": (".csv", ".vtp", ".ply"), "retention": (".csv", ".vtp"), "evolver": (".fe",)}
+OTHERS = {"sph": (".csv", ".vtp", ".ply", ".bgeo"), "retention": (".csv", ".vtp"), "evolver": (".fe",)}
 """What takes something else than a mesh, and the suffixes of that: `boundary`, `facets`, a static drop."""
 FOLDERS = ("droplet",)
 """What is no file but a folder: a case of a droplet, `o3dleaf.output.droplet`."""

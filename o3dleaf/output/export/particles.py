@@ -17,6 +17,7 @@ from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.core.units import check_unit, unit_scale
+from o3dleaf.io.clouds.bgeo import write_bgeo_points
 from o3dleaf.io.labelled_mesh import AnyMesh, LabelArray
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_comment, unit_rows
 from o3dleaf.io.ply import write_ply_points
@@ -28,7 +29,7 @@ from o3dleaf.surface.mesh.topology import EdgeTable
 FINER = 2
 """Parts that triangles are sampled by are at most 1/FINER of the spacing long: particles are chosen among them."""
 BLOCK = 1 << 14
-SUFFIXES = (".ply", ".csv", ".vtp")
+SUFFIXES = (".ply", ".csv", ".vtp", ".bgeo")
 """Formats of particles."""
 
 
@@ -241,10 +242,11 @@ def columns_through(
 
 @checked
 def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit: Unit | None = None) -> None:
-    """Write particles: binary PLY or VTP with every digit, or CSV; the file appears whole or not at all.
+    """Write particles: PLY, VTP or CSV with every digit, or BGEO; the file appears whole or not at all.
 
     Columns: x, y, z; nx, ny, nz, where there are normals; area or volume; label and layer, where there are. Lengths,
-    areas and volumes are in the file's unit, which PLY and VTP state in a comment and CSV in its first line.
+    areas and volumes are in the file's unit, which PLY and VTP state in a comment and CSV in its first line. BGEO is
+    single precision and states no unit: move the origin to where the particles are.
 
     Parameters
     ----------
@@ -269,6 +271,10 @@ def export_particles(particles: Particles, path: str | PathLike[str], *, to_unit
     table = {size: particles.sizes * scale**power} | {name: each for name, each in numbers.items() if each is not None}
     note = f"o3dleaf particles, unit {unit or 'not stated'}"
     with whole_file(target) as temporary, temporary.open("r+b") as out:
+        if target.suffix.lower() == ".bgeo":
+            turned: Table = {} if particles.normals is None else {"N": particles.normals}
+            write_bgeo_points(out, particles.points * scale, {**turned, **table})
+            return
         if target.suffix.lower() == ".vtp":
             extra: Table = {} if particles.normals is None else {"Normals": particles.normals}
             write_vtp_points(out, particles.points * scale, {**extra, **table}, note)

@@ -157,6 +157,23 @@ def test_particles_written_are_read_back_in_the_unit_asked_for(ring, cover, tmp_
     assert np.array_equal(sizes, found.sizes * scale**power)
 
 
+def test_bgeo_has_every_particle_in_single_precision(cover, tmp_path):
+    """A head, attributes by their names, a row of big-endian numbers for each, and the end."""
+    export_particles(cover, tmp_path / "a.bgeo")
+    data, count = (tmp_path / "a.bgeo").read_bytes(), len(cover.points)
+    assert data[:5] == b"BgeoV"
+    head = np.frombuffer(data, ">i4", 9, 5)
+    assert head.tolist() == [5, count, 0, 0, 0, 3, 0, 0, 0]
+    rows = np.frombuffer(data[-2 - 36 * count : -2], ">f4").reshape(count, 9)
+    assert np.array_equal(rows[:, :3], cover.points.astype(np.float32))
+    assert set(rows[:, 3]) == {1.0}
+    assert np.array_equal(rows[:, 4:7], cover.normals.astype(np.float32))
+    assert np.array_equal(rows[:, 7], cover.sizes.astype(np.float32))
+    assert np.array_equal(rows[:, 8].view(">i4"), cover.labels)
+    assert data.endswith(b"\x00\xff")
+    assert len(data) == 5 + 36 + (2 + 1 + 2 + 4 + 12) + (2 + 4 + 2 + 4 + 4) + (2 + 5 + 2 + 4 + 4) + 36 * count + 2
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
