@@ -109,3 +109,11 @@ def test_sheets_that_do_not_turn_where_they_meet_are_one(slope, sheets):
     assert set(labels[lying].tolist()) == set(range(sheets))
     if sheets == 2:
         assert len(set(labels[x < -0.2].tolist())) == len(set(labels[x > 0.2].tolist())) == 1
+
+
+@pytest.mark.parametrize(("gone", "into"), [(1, 0), (2, 0), (3, 1), (3, 2)])
+def test_a_sheet_that_is_given_to_another_leaves_its_number_to_the_last(gone, into):
+    labels = np.array([0, 1, 2, 3, -1, -2, 3, 2, 1, 0])
+    expected = [into if label == gone else gone if label == 3 else label for label in labels.tolist()]
+    sheet_loops.relabel(labels, gone, into, 3)
+    assert labels.tolist() == expected
