@@ -7,7 +7,7 @@ from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.winding.consistency import make_consistent
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, HALF_WINDING, TREE_GRADIENT, TREE_WINDING
+from tolerances import ALMOST_ALL, HALF_WINDING, ROUNDING, TREE_GRADIENT, TREE_WINDING
 
 
 def right(found, true):
@@ -98,6 +98,21 @@ def test_a_body_that_is_turned_is_found_by_the_winding_number_alone():
     found = make_consistent(both, given, spacing, 0.0, np.zeros(3800, bool))
     assert right(found.normals, np.vstack([normals, small[1]])) == 1
     assert not found.uncertain.any()
+
+
+@pytest.mark.parametrize("unit", [2.0**-20, 2.0**20])
+def test_what_is_consistent_is_so_in_any_unit(unit):
+    """Powers of two, so that not a bit differs but in the exponents."""
+    points, normals = sphere(1500)
+    given = np.where(points[:, :1] > 0.3, -normals, normals)
+    spacing = np.full(1500, np.sqrt(4 * np.pi / 1500))
+    found, other = (
+        make_consistent(points * scale, given, spacing * scale, 0.01 * scale, points[:, 0] > 0.3)
+        for scale in (1.0, unit)
+    )
+    assert right(found.normals, normals) == 1
+    assert other.normals == pytest.approx(found.normals, abs=ROUNDING)
+    assert (other.uncertain == found.uncertain).all()
 
 
 @pytest.mark.parametrize("gap", [0.5, 1.0, 2.0])
