@@ -52,7 +52,7 @@ JOBS = {
     "export distance": "export {folder}/closed.ply --what distance --step 2 -o {folder}/distance.vti",
     "export sph": "export {folder}/demo/leaf.o3l --for sph --region 90 -2 94 2 --spacing 0.1 --step 0.1 "
     "-o {folder}/sph.csv",
-    "leaf levels": "leaf {scan} --ct {ct} --spacing 0.4 --fine '90 -2 94 2 0.1' -o {folder}/levels.ply",
+    "leaf levels": "leaf {scan} --ct {ct} --spacing 0.4 --fine '70 -2 74 1 0.1' -o {folder}/levels.ply",
     "leaf grid": "leaf {scan} --ct {ct} --spacing 0.6 --rim-radius 1 --closed --grid {folder}/leaf.vti "
     "--grid-of distance --grid-step 1 -o {folder}/rim.ply",
     "leaf wang": "leaf {scan} --ct {ct} --tiles wang --spacing 0.4 -o {folder}/wang.ply",
