@@ -101,7 +101,8 @@ def write_clouds(folder):
     o3d.io.write_point_cloud(str(folder / "oriented.ply"), cloud)
     ball = rng.normal(size=(3000, 3))
     ball *= (1 + rng.normal(0, 0.02, (3000, 1))) / np.linalg.norm(ball, axis=1, keepdims=True)
-    o3d.io.write_point_cloud(str(folder / "ball.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(ball)))
+    rough = ball[:1500] + rng.normal(0, 0.1, (1500, 3))
+    o3d.io.write_point_cloud(str(folder / "ball.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(rough)))
     lens = ball * [1, 1, 0.1]
     o3d.io.write_point_cloud(str(folder / "lens.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(lens)))
 
