@@ -57,8 +57,10 @@ def test_drift_is_taken_out(noise):
     assert left < DRIFT_LEFT * off_but_for_scale(given, clean) + 0.1 * noise
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
-@pytest.mark.parametrize("place", [(0.5, 0.5), (0.4, 0.55), (-0.3, 0.2), (12.0, 30.0)])
+@pytest.mark.parametrize(
+    ("noise", "place"),
+    [(0.0, (0.5, 0.5)), (0.05, (0.5, 0.5)), (0.02, (0.4, 0.55)), (0.05, (-0.3, 0.2)), (0.02, (12.0, 30.0))],
+)
 def test_rings_are_taken_out_around_any_axis(noise, place):
     clean = patch(noise)
     axis = clean.bounds[0, :2] + np.array(place) * 1680
@@ -66,7 +68,7 @@ def test_rings_are_taken_out_around_any_axis(noise, place):
     assert off(remove_rings(given, axis), clean) < RINGS_LEFT * off(given, clean)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_what_has_none_stays_nearly_as_it_is(noise):
     for seed in range(2):
         volume = patch(noise, seed)
