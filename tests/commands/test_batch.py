@@ -4,6 +4,8 @@ import csv
 import os
 import signal
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +140,21 @@ def test_two_workers_write_the_bytes_of_none(tmp_path, scans):
     assert all(row.done for row in rows)
     for name in ("a.ply", "b.ply"):
         assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_an_interrupt_does_not_wait_for_what_workers_do():
+    """Dask alone takes four seconds, and what they do here takes a minute."""
+    with pytest.raises(KeyboardInterrupt), cluster_of(2) as cluster:  # noqa: PT012 - the clock starts inside
+        processes = cluster.processes()
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+        started = time.monotonic()
+        list(cluster.map(time.sleep, [60.0] * 4))
+    assert time.monotonic() - started < 3.0
+    for process in processes:
+        with pytest.raises(ProcessLookupError):
+            os.kill(process, 0)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ that did it is lost. Results come as they are ready.
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -108,4 +109,16 @@ def cluster_of(workers: int | None = None, scheduler: str | None = None) -> Iter
     )
     with local, distributed.Client(local, set_as_default=False) as client:
         journal.note(f"dashboard at {client.dashboard_link}")
-        yield Cluster(client)
+        try:
+            yield Cluster(client)
+        except KeyboardInterrupt:
+            _kill(local.workers.values())
+            raise
+
+
+def _kill(nannies: Iterable[Any]) -> None:
+    """End worker processes at once: Dask would wait some seconds for what they are doing, and then kill them."""
+    logging.getLogger("distributed.batched").setLevel(logging.CRITICAL)  # of connections that break off
+    for nanny in nannies:
+        nanny.auto_restart = False
+        os.kill(nanny.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
