@@ -79,6 +79,6 @@ def test_the_loop_of_the_page_keeps_particles_out_of_a_leaf():
     code = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
     places = np.column_stack([np.linspace(6, 14, 30), np.linspace(-2, 2, 30), np.full(30, 0.5)])
     names = {"leaf": leaf, "places": places, "speeds": np.tile([0.0, 0.0, -0.5], (30, 1)), "radius": 0.05}
-    exec(code, names | {"dt": 0.02, "steps": 15})
+    exec(code, names | {"dt": 0.02, "steps": 15, "low": (5, -3, -1), "high": (15, 3, 1), "step": 0.25})
     assert names["speeds"][:, 2].min() > 0
     assert leaf.signed_distance(places, closed=True).min() > 0.05 - 1e-3
