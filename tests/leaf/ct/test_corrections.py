@@ -45,7 +45,7 @@ def off(volume, other):
 
 def off_but_for_scale(volume, other):
     """Of two volumes, one of which may have another unit of intensity and another zero."""
-    x, y = volume.data.ravel(), other.data.ravel()
+    x, y = (each.data.ravel().astype(np.float64) for each in (volume, other))
     return float(np.std(np.polyval(np.polyfit(x, y, 1), x) - y))
 
 
