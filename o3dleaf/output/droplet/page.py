@@ -29,7 +29,7 @@ FIGURES = {
     "largest_width_across": "largest width across, diameters",
     "ratio_at_largest_width": "along over across, at the largest spread",
     "largest_ratio": "along over across, furthest from 1 while it touches",
-    "largest_ratio_at_ms": "the latter at, ms",
+    "largest_ratio_at_ms": "along over across, furthest from 1, at ms",
     "largest_contact_mm2": "largest contact area, mm²",
     "lift_off_ms": "lift-off, ms",
     "rebound_m_s": "speed at lift-off, m/s",
