@@ -66,6 +66,7 @@ class DropletJob(LongJob):
         with stage("read"):
             results = DropletResults.read(self.case, wanted)
             results.write_table()
+            results.warn()
         with stage("draw"):
             results.draw()
         return results.line()

@@ -9,6 +9,7 @@ import numpy as np
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import write_text
+from o3dleaf.core.journal import note
 from o3dleaf.output.droplet.page import write_page
 from o3dleaf.output.droplet.pictures import DropletStage, chosen_times, common_times, write_animation, write_stills
 from o3dleaf.output.droplet.readings import DropletReadings, table_of
@@ -17,6 +18,8 @@ from o3dleaf.output.droplet.written import WrittenCase
 
 TABLE, STILLS, ANIMATION, PAGE = "droplet.csv", "droplet.png", "droplet.gif", "droplet.html"
 """What is written into the folder of a case."""
+HELD = 1e-3
+"""Relative change of the volume beyond which a run has failed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +59,17 @@ class DropletResults:
         return {run: each.summary(self.cases[run].constant("diameter") * LENGTH) for run, each in self.courses.items()}
 
     @property
+    def failed(self) -> list[str]:
+        """The runs that have not kept their volume."""
+        return [run for run, figures in self.summaries.items() if figures["volume_drift"] > HELD]
+
+    @property
     def spread(self) -> dict[str, tuple[float, float]]:
-        """Mean and standard deviation of each figure over the landing places of the leaf; none of a single one."""
-        leaves = [figures for run, figures in self.summaries.items() if run.endswith("leaf")]
+        """Mean and standard deviation of each figure over the landing places of the leaf; none of a single one.
+
+        Without those whose run has failed.
+        """
+        leaves = [self.summaries[run] for run in self.summaries if run.endswith("leaf") and run not in self.failed]
         if len(leaves) < 2:
             return {}
         values = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
@@ -85,6 +96,15 @@ class DropletResults:
             write_animation(stages, times, self.folder / ANIMATION)
         about = str(first.settings.get("title", ""))
         write_page(self.folder / PAGE, about, self.courses, self.summaries, self.spread, (STILLS, ANIMATION))
+
+    def warn(self) -> None:
+        """Name the runs that have failed."""
+        for run in self.failed:
+            figures = self.summaries[run]
+            note(
+                f"warning: {run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is "
+                f"as fast as {figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
+            )
 
     def line(self) -> str:
         """Return the figures of the leaf and where the rest is."""

@@ -10,8 +10,10 @@ from PIL import Image
 
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
+from o3dleaf.core.journal import Journal
 from o3dleaf.output.droplet.pictures import PANEL, chosen_times
-from o3dleaf.output.droplet.written import SETTINGS
+from o3dleaf.output.droplet.results import DropletResults
+from o3dleaf.output.droplet.written import SETTINGS, find_cases
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +87,22 @@ def test_chosen_times_are_even_and_there():
     assert set(found) <= set(times)
     assert np.allclose(found, np.linspace(0.5, 1.5, 6), atol=0.051)
     assert chosen_times(times[:2], 0.1, 0.2) == times[:2]
+
+
+@pytest.mark.parametrize(("kept", "warned"), [(0.9995, False), (0.97, True)])
+def test_a_run_that_loses_its_droplet_is_named_and_left_out_of_the_mean(tmp_path, kept, warned):
+    for place, end in (("1_ridge", 1.0), ("2_furrow", 1.0), ("3_hair", kept)):
+        write_plate(tmp_path / place, duration=1e-4)
+        share, ticks = cap(140.0)
+        write_run(tmp_path / place / "leaf", [share, end * share], ticks, [5, 10])
+    (tmp_path / SETTINGS).write_text(json.dumps({"cases": ["1_ridge", "2_furrow", "3_hair"]}))
+    cases = find_cases(tmp_path)
+    results = DropletResults.read(tmp_path, dict.fromkeys(cases, ("leaf",)))
+    notes = []
+    journal = Journal()
+    journal.note = notes.append
+    with journal:
+        results.warn()
+    assert ["3_hair/leaf has failed" in text for text in notes] == [True] * warned
+    assert results.failed == ["3_hair/leaf"] * warned
+    assert (results.spread["volume_drift"][0] < 1e-9) == warned
