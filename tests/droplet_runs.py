@@ -16,20 +16,21 @@ STEP = 2.0
 """Cells of the cap, in the solver's unit of length; the ball's radius is 30."""
 
 
-def plate(size=1.2e-3):
-    """A flat solid, its upper face z = 0, in meters."""
-    x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, 13)] * 2, indexing="ij")
-    flat = [np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)]) for z in (0.0, -3e-4)]
+def plate(ridges=0.0, size=1.2e-3):
+    """A flat solid, its upper face z = 0, in meters, or with ridges of that height askew to its cells."""
+    x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, 121 if ridges else 13)] * 2, indexing="ij")
+    upper = ridges * np.cos(2 * np.pi * (0.95 * x + 0.3 * y) / 2e-4)
+    faces = [np.column_stack([x.ravel(), y.ravel(), z.ravel()]) for z in (upper, np.full(x.shape, -3e-4))]
     triangles, labels = grid_solid(*x.shape)
-    return LabelledMesh(build_mesh(np.concatenate(flat), triangles), labels, unit="m")
+    return LabelledMesh(build_mesh(np.concatenate(faces), triangles), labels, unit="m")
 
 
-def write_plate(folder, impact=None, cell=CELL, duration=1e-4, variants=("leaf", "twin")):
+def write_plate(folder, impact=None, cell=CELL, duration=1e-4, variants=("leaf", "twin"), ridges=0.0):
     impact = impact or Impact()
-    box = DropletBox.around(np.zeros((1, 3)), impact, 1.2e-3, cell)
+    box = DropletBox.around(np.array([[0.0, 0.0, ridges]]), impact, 1.2e-3, cell)
     folder.mkdir(parents=True, exist_ok=True)
     case = DropletCase(impact, box, duration, 5e-5, {"title": "a plate"})
-    case.write(folder, dict.fromkeys(variants, plate()))
+    case.write(folder, dict.fromkeys(variants, plate(ridges)))
     return case
 
 

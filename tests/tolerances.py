@@ -951,6 +951,8 @@ SOLVED_VOLUME = 0.02
 """Of twelve cells across a ball: setAlphaField cuts cells by planes; found 1.7 %."""
 RESTART = 1e-4
 """A run that goes on begins with a step of its own choice: found 1e-6."""
+FRACTION = 1e-5
+"""Of liquid below none at a wall: MULES leaves 1e-8 to 5e-7; with the gradient limited instead of the value, 8e-3."""
 HAIR_LEFT = 0.02
 """Of the height of a hair: heights between two steps of a thirtieth of one, by a straight line."""
 

@@ -50,19 +50,18 @@ NOTES = (
 def write_page(
     path: Path,
     title: str,
+    figures: str,
     courses: Mapping[str, DropletReadings],
-    summaries: Mapping[str, Mapping[str, float]],
-    spread: Mapping[str, tuple[float, float]],
     pictures: Sequence[str],
 ) -> None:
-    """Write the page; pictures lie beside it, and are taken into it."""
+    """Write the page around its table of figures; pictures lie beside it, and are taken into it."""
     style = (files("o3dleaf.output.report") / "assets" / "page.css").read_text(encoding="utf-8")
     drawn = "".join(f"<figure>{curve(courses, *each)}</figure>" for each in CURVES)
     images = "".join(image(path.parent / name) for name in pictures)
     body = [
         HEAD.format(title=escape("A droplet on a leaf"), word="droplet", style=style),
         f'<header><div><h1>A droplet on a leaf</h1><p class="lead">{escape(title)}</p></div></header>',
-        f"<section><h2>Figures</h2>{figures_table(summaries, spread)}<p class='note'>{NOTES}</p></section>",
+        f"<section><h2>Figures</h2>{figures}<p class='note'>{NOTES}</p></section>",
         f'<section><h2>Curves</h2><div class="row">{drawn}</div></section>',
         f"<section><h2>Pictures</h2>{images}</section>",
         "</body>",
@@ -72,8 +71,12 @@ def write_page(
     write_text("\n".join(body), path)
 
 
-def figures_table(summaries: Mapping[str, Mapping[str, float]], spread: Mapping[str, tuple[float, float]]) -> str:
-    """Return the figures of all runs, a column each, and their mean and spread over landing places."""
+def figures_table(
+    summaries: Mapping[str, Mapping[str, float]],
+    spread: Mapping[str, tuple[float, float]],
+    failures: Sequence[str] = (),
+) -> str:
+    """Return the figures of all runs, a column each, their mean and spread over landing places, and what has failed."""
     head = "".join(f"<th>{escape(run)}</th>" for run in summaries)
     rows = []
     for name, words in FIGURES.items():
@@ -82,7 +85,8 @@ def figures_table(summaries: Mapping[str, Mapping[str, float]], spread: Mapping[
             cells += f"<td>{in_words(spread[name][0])} ± {in_words(spread[name][1])}</td>"
         rows.append(f"<tr><td>{words}</td>{cells}</tr>")
     more = "<th>leaf, mean ± standard deviation</th>" if spread else ""
-    return f"<table><tr><th></th>{head}{more}</tr>{''.join(rows)}</table>"
+    warned = "".join(f"<p class='note'><b>{escape(failure)}</b></p>" for failure in failures)
+    return f"<table><tr><th></th>{head}{more}</tr>{''.join(rows)}</table>{warned}"
 
 
 def in_words(value: float) -> str:

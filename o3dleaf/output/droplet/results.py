@@ -10,7 +10,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import write_text
 from o3dleaf.core.journal import note
-from o3dleaf.output.droplet.page import write_page
+from o3dleaf.output.droplet.page import figures_table, write_page
 from o3dleaf.output.droplet.pictures import DropletStage, chosen_times, common_times, write_animation, write_stills
 from o3dleaf.output.droplet.readings import DropletReadings, table_of
 from o3dleaf.output.droplet.units import LENGTH
@@ -75,6 +75,16 @@ class DropletResults:
         values = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
         return {name: (float(each.mean()), float(each.std(ddof=1))) for name, each in values.items()}
 
+    @property
+    def failures(self) -> list[str]:
+        """A sentence for each run that has failed."""
+        return [
+            f"{run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is as fast as "
+            f"{figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
+            for run, figures in self.summaries.items()
+            if run in self.failed
+        ]
+
     def write_table(self) -> None:
         """Write all rows of all runs as one table."""
         write_text(table_of(dict(self.courses)), self.folder / TABLE)
@@ -95,16 +105,13 @@ class DropletResults:
         with moving:
             write_animation(stages, times, self.folder / ANIMATION)
         about = str(first.settings.get("title", ""))
-        write_page(self.folder / PAGE, about, self.courses, self.summaries, self.spread, (STILLS, ANIMATION))
+        figures_of_all = figures_table(self.summaries, self.spread, self.failures)
+        write_page(self.folder / PAGE, about, figures_of_all, self.courses, (STILLS, ANIMATION))
 
     def warn(self) -> None:
         """Name the runs that have failed."""
-        for run in self.failed:
-            figures = self.summaries[run]
-            note(
-                f"warning: {run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is "
-                f"as fast as {figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
-            )
+        for failure in self.failures:
+            note(f"warning: {failure}")
 
     def line(self) -> str:
         """Return the figures of the leaf and where the rest is."""

@@ -18,7 +18,7 @@ from o3dleaf.output.droplet.readings import DropletReadings
 from o3dleaf.output.droplet.solver import SolverRun, missing_tools, solve_all
 from o3dleaf.output.droplet.units import LENGTH, TIME, Impact
 from o3dleaf.output.droplet.written import RESULTS, SETTINGS, find_cases
-from tolerances import RESTART, ROUNDING, SOLVED_VOLUME
+from tolerances import FRACTION, RESTART, ROUNDING, SOLVED_VOLUME
 
 openfoam = pytest.mark.skipif(bool(missing_tools()), reason="OpenFOAM is not installed")
 
@@ -172,6 +172,18 @@ def test_openfoam_keeps_the_volume_and_goes_on_where_it_was_stopped(tmp_path):
     assert np.allclose(np.diff(whole.column("height")), -0.5 * 5e-5, atol=0.1 * CELL)
     for name in ("volume", "width_along", "height", "velocity_z"):
         assert np.allclose(halves.column(name), whole.column(name), rtol=RESTART), name
+
+
+@openfoam
+@pytest.mark.slow
+def test_the_fraction_stays_bounded_on_ridged_walls(tmp_path):
+    """Below 0 there the density and the friction change their signs, and air in a thin cell goes off without bound."""
+    write_plate(tmp_path, Impact(angle=160.0), duration=3e-4, variants=("leaf",), ridges=3e-5)
+    solve_all([SolverRun(tmp_path / "leaf", 3e-4)], 1)
+    log = (tmp_path / "leaf" / "log.solver").read_text()
+    lowest = min(float(value) for value in re.findall(r"Min\(alpha\.water\) = (\S+)", log))
+    assert lowest > -FRACTION
+    assert DropletReadings.read(tmp_path / "leaf").column("contact_area").max() > 0
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="the script of a case is for bash")

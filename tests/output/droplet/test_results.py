@@ -11,6 +11,7 @@ from PIL import Image
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.core.journal import Journal
+from o3dleaf.output.droplet.page import figures_table
 from o3dleaf.output.droplet.pictures import PANEL, chosen_times
 from o3dleaf.output.droplet.results import DropletResults
 from o3dleaf.output.droplet.written import SETTINGS, find_cases
@@ -104,5 +105,7 @@ def test_a_run_that_loses_its_droplet_is_named_and_left_out_of_the_mean(tmp_path
     with journal:
         results.warn()
     assert ["3_hair/leaf has failed" in text for text in notes] == [True] * warned
+    page = figures_table(results.summaries, results.spread, results.failures)
+    assert ("3_hair/leaf has failed" in page) == warned
     assert results.failed == ["3_hair/leaf"] * warned
     assert (results.spread["volume_drift"][0] < 1e-9) == warned
