@@ -89,8 +89,8 @@ class DropletReadings:
         gone = first + int((~touching[first:]).argmax())
         left = gone if gone > first else None
         ratio = along / across
-        while_touching = slice(first, left)  # in the air, too, it swings
-        most = int(np.abs(np.log(ratio[while_touching])).argmax()) + first
+        while_touching = ratio[first:left]  # in the air, too, it swings
+        most, least = (first + int(at) for at in (while_touching.argmax(), while_touching.argmin()))
         volume = self.column("volume")
         return {
             "touch_ms": time[first] * 1e3,
@@ -99,6 +99,8 @@ class DropletReadings:
             "ratio_at_largest_width": float(ratio[int((along * across).argmax())]),
             "largest_ratio": float(ratio[most]),
             "largest_ratio_at_ms": time[most] * 1e3,
+            "least_ratio": float(ratio[least]),
+            "least_ratio_at_ms": time[least] * 1e3,
             "largest_contact_mm2": float(area.max()) * 1e6,
             "lift_off_ms": float("nan") if left is None else crossing(time, area, left, TOUCHING * area.max()) * 1e3,
             "rebound_m_s": float("nan") if left is None else float(speed[left]),

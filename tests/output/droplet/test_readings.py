@@ -62,7 +62,7 @@ def test_figures_are_those_of_a_known_course():
     """Touch at 2, lift-off between 5 and 6, in the air it swings on: that ratio does not count."""
     nan = np.zeros(8)
     area = np.array([0.0, 0.0, 0.5, 1.0, 0.8, 0.1, 0.0, 0.0])
-    along = np.array([1.0, 1.0, 1.1, 1.3, 1.2, 1.0, 0.6, 1.0])
+    along = np.array([0.8, 1.0, 1.1, 1.3, 1.2, 0.8, 0.6, 1.0])
     across = np.array([1.0, 1.0, 1.1, 1.2, 0.9, 0.9, 1.2, 1.0])
     volume = np.array([1.0, 1.0, 1.0, 1.0, 0.999, 1.0, 1.0, 1.0])
     speed = np.array([-0.5, -0.5, -0.4, 0.0, 0.2, 0.3, 0.31, 0.3])
@@ -77,6 +77,8 @@ def test_figures_are_those_of_a_known_course():
         "ratio_at_largest_width": 1.3 / 1.2,
         "largest_ratio": 1.2 / 0.9,
         "largest_ratio_at_ms": 4e3,
+        "least_ratio": 0.8 / 0.9,
+        "least_ratio_at_ms": 5e3,
         "lift_off_ms": 5.5e3,
         "rebound_m_s": 0.31,
         "volume_drift": 1e-3,
