@@ -74,13 +74,13 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
     sheets: bool = option(False, "Two open sheets instead of one closed solid.", "--open", **OF_MODEL, unless=("tile",))
     tile: bool = option(False, "One flat period as a closed block, instead of the leaf.", **OF_MODEL)
     step: Positive | None = option(
-        None, "Spacing of particles or grid points", unit="unit", needs=("points", "boundary")
+        None, "Spacing of particles or grid points", unit="unit", needs=("points", "consumer=sph")
     )
     layers: Count = option(
-        3, "Layers of particles, the first on the surface, the next ones a step deeper each.", needs=("boundary",)
+        3, "Layers of particles, the first on the surface, the next ones a step deeper each.", needs=("consumer=sph",)
     )
     vertical: tuple[float, float, float] = option(
-        (0.0, 0.0, 1.0), "Direction X Y Z that inclinations of facets are measured to.", needs=("retention",)
+        (0.0, 0.0, 1.0), "Direction X Y Z that inclinations of facets are measured to.", needs=("consumer=retention",)
     )
     bounds: Any = option(
         None,
@@ -88,7 +88,7 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         unit="unit",
         kind=tuple[float, float, float, float, float, float],
         parse=corners_of,
-        needs=("distance_grid",),
+        needs=("what=distance",),
     )
     origin: tuple[float, float, float] | None = option(None, "Point X Y Z that becomes the origin", unit="unit")
     scalar: tuple[str, ...] = option(
@@ -134,54 +134,29 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         """Whether --what is particles or distances."""
         return self.what != "mesh"
 
-    @property
-    def boundary(self) -> bool:
-        """Whether --for is sph."""
-        return self.consumer == "sph"
-
-    @property
-    def retention(self) -> bool:
-        """Whether --for is retention."""
-        return self.consumer == "retention"
-
-    @property
-    def droplet(self) -> bool:
-        """Whether --for is droplet."""
-        return self.consumer == "droplet"
-
-    @property
-    def static_drop(self) -> bool:
-        """Whether --for is evolver."""
-        return self.consumer == "evolver"
-
-    @property
-    def distance_grid(self) -> bool:
-        """Whether --what is distance."""
-        return self.what == "distance"
-
     def check(self) -> None:
         """Refuse a file that is none for the next program, and what does not go together."""
         from o3dleaf.core.atomic_files import require_writable
         from o3dleaf.output.export.consumers import CONSUMERS, OTHERS
 
         super().check()
-        if self.droplet:
+        if self.consumer == "droplet":
             self.check_case(self)
             return
         suffixes = OTHERS | {name: each.suffixes for name, each in CONSUMERS.items()}
         require_writable(self.output, suffixes[self.consumer] if self.consumer else table(WHAT[self.what]))
-        if self.static_drop:
+        if self.consumer == "evolver":
             self.check_place(self, "evolver")
             return
-        if (self.points or self.boundary) and self.step is None:
-            made = "sph" if self.boundary else self.what
+        made = self.what if self.points else self.consumer
+        if (self.points or made == "sph") and self.step is None:
             raise InputError(f"step: is missing for {made}; give it in the unit of {self.source.name}")
         if self.saved_model and self.spacing is None:
             raise InputError(f"spacing: is missing, and {self.source} is a model; give the mesh spacing")
 
     def outputs(self) -> list[tuple[Path, Names]]:
         """Return the file that is written; a case is a folder, which is looked at by itself."""
-        return [] if self.droplet else super().outputs()
+        return [] if self.consumer == "droplet" else super().outputs()
 
     def estimate(self) -> "list[Need]":
         """Return what the triangles of a mesh take; what is made of a model is known when it is read."""
@@ -199,9 +174,9 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
         from o3dleaf.output.export.consumers import OTHERS
         from o3dleaf.output.export.selection import moved, part_of
 
-        if self.droplet:
+        if self.consumer == "droplet":
             return self.write_cases(self.source, self.output, self.spacing)
-        if self.static_drop:
+        if self.consumer == "evolver":
             return self.write_static_drop(self.source, self.output)
         with stage("mesh" if self.saved_model else "read"):
             mesh, model = self.mesh()

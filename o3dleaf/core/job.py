@@ -69,7 +69,8 @@ class Option:
     writes : tuple of str or "module:NAME", optional
         Whether it names a file to be written, and the suffixes that it may have; an empty tuple allows any.
     needs : tuple of str
-        Options, or properties of the job, without any of which it cannot act; those that the job has not do not count.
+        Options, options with a value ("consumer=sph"), or properties of the job, without any of which it cannot act;
+        those that the job has not do not count.
     unless : tuple of str
         Options, or properties of the job, beside which it cannot act.
     """
@@ -170,7 +171,7 @@ class Job(ABC):
     def check_acting(self) -> None:
         """Raise `InputError` for an option that was given and cannot act, as the others are."""
         for name, (_, one) in options_of(type(self)).items():
-            needed = [other for other in one.needs if hasattr(self, other)]
+            needed = [other for other in one.needs if hasattr(self, other.partition("=")[0])]
             if not self.has(name):
                 continue
             if needed and not any(map(self.has, needed)):
@@ -180,14 +181,19 @@ class Job(ABC):
 
     def when(self, name: str) -> str:
         """Return the words for an option that is given, or for a property that is true: its docstring has them."""
+        name, _, value = name.partition("=")
         known = options_of(type(self)).get(name)
         if known is not None:
-            return f"with {spelled(name, known[1])}"
+            written = spelled(name, known[1])
+            return f"where {written} is {value!r}" if value else f"with {written}"
         return f"where {(getdoc(getattr(type(self), name)) or name).removeprefix('Whether ').rstrip('.')}"
 
     def has(self, name: str) -> bool:
-        """Return whether an option was given, so that it is not at its default, or a property of the job is true."""
+        """Return whether an option is not at its default, or has a value ("name=value"), or a property is true."""
+        name, _, wanted = name.partition("=")
         value = getattr(self, name, None)
+        if wanted:
+            return bool(value == wanted)
         field, _ = options_of(type(self)).get(name, (None, None))
         return bool(value) if field is None else value != field.default
 

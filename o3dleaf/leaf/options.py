@@ -188,7 +188,7 @@ class TextureOptions:
         **OF_VOLUME,
         unless=("saved_leaf",),
     )
-    seed: Whole = option(0, "Of Wang tiles: which ones, and where they lie.", needs=("wang",))
+    seed: Whole = option(0, "Of Wang tiles: which ones, and where they lie.", needs=("tiles=wang",))
 
     @property
     def wang(self) -> bool:

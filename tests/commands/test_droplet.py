@@ -34,7 +34,7 @@ def model(leaf, tmp_path_factory):
         ({"down": (0.0, 0.0, 0.0)}, "down: is 0 0 0"),
         ({"tile": True}, "tile: cannot act"),
         ({"scalar": ("curvature",)}, "scalar: cannot act"),
-        ({"consumer": "openfoam"}, "at: acts only where --for is droplet"),
+        ({"consumer": "openfoam"}, "at: acts only where for is 'droplet'"),
         ({"size": 0.9}, "size: 0.9 mm is too narrow"),
         ({"at": (10.0, 2.9)}, "leaves the blade"),
     ],

@@ -119,8 +119,8 @@ def company_of(command: str, name: str) -> tuple[tuple[str, Any], ...]:
     needed = {"ct": ("ct", "good.tif"), "scalar": ("scalar", ("curvature",)), "points": ("what", "distance")}
     needed |= {"tile_solid": ("tile_solid", "tile.ply"), "saved_model": ("source", "good.o3l")}
     needed |= {"stored": ("source", "good.o3l"), "grid": ("grid", "grid.vti"), "around": ("around", (0.0, 0.0, 0.0))}
-    needed |= {"distance_grid": ("what", "distance"), "volume_file": ("file", "good.tif")}
-    needed |= {"wang": ("tiles", "wang")}
+    needed |= {"volume_file": ("file", "good.tif")}
+    needed |= {each: tuple(each.split("=")) for each in known.needs if "=" in each}
     needed |= {"volume": ("ct", "good.tif")} if command in {"leaf", "figures"} else {}
     found = [needed[each] for each in known.needs if each in needed and needed[each][0] in options_of(JOBS[command])]
     return tuple(found[:1]) + ((("ct", "good.tif"),) if ("grid", "grid.vti") in found else ())
@@ -150,7 +150,8 @@ def acting_rows(command: str, name: str, known: Option) -> Iterator[CommandRow]:
     """Return rows of options that cannot act: without what they need, beside what they exclude."""
     job = JOBS[command]
     value = good_value(command, name, known)
-    told = known.needs and any(hasattr(job, each) or each in options_of(job) for each in known.needs)
+    names = [each.partition("=")[0] for each in known.needs]
+    told = any(hasattr(job, each) or each in options_of(job) for each in names)
     if told and command != "figures" and not (command == "patch" and "volume" in known.needs):
         yield CommandRow(command, name, "cannot act alone", value)
     for other in known.unless:

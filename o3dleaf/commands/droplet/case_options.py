@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.output.droplet.surfaces import LandingWindow
 
-OF_CASE: dict[str, Any] = {"needs": ("droplet",)}
+OF_CASE: dict[str, Any] = {"needs": ("consumer=droplet",)}
 """Of options that only a case of a droplet has a use for."""
-OF_DROP: dict[str, Any] = {"needs": ("droplet", "static_drop")}
+OF_DROP: dict[str, Any] = {"needs": ("consumer=droplet", "consumer=evolver")}
 """Of options that a drop at rest (Surface Evolver) has a use for, too."""
 MESH_ONLY = ("what", "to_unit", "remesh", "no_remesh", "region", "part", "sheets", "tile", "origin", "scalar")
 """Options of an export that a case has no use for."""
