@@ -16,7 +16,7 @@ from o3dleaf.output.report.page import HEAD
 
 COLORS = (BLUE, ORANGE, TEAL, VERMILION, "#56b4e9", "#cc79a7", "#f0e442", "#000000")
 CURVES = (
-    (("width_along", "width_across"), "width, mm", 1e3),
+    (("width_along", "width_across"), "width along (dashed: across), mm", 1e3),
     (("height",), "top of the droplet, mm", 1e3),
     (("contact_area",), "contact area, mm²", 1e6),
     (("velocity_z",), "mean normal speed, m/s", 1.0),
@@ -84,7 +84,7 @@ def figures_table(
     for name, words in FIGURES.items():
         cells = "".join(f"<td>{in_words(figures[name])}</td>" for figures in summaries.values())
         if spread:
-            cells += f"<td>{in_words(spread[name][0])} ± {in_words(spread[name][1])}</td>"
+            cells += f"<td>{in_words(spread[name][0])} ± {spread[name][1]:.2g}</td>"
         rows.append(f"<tr><td>{words}</td>{cells}</tr>")
     more = "<th>leaf, mean ± standard deviation</th>" if spread else ""
     warned = "".join(f"<p class='note'><b>{escape(failure)}</b></p>" for failure in failures)
@@ -102,7 +102,7 @@ def curve(courses: Mapping[str, DropletReadings], columns: Sequence[str], label:
         figure, (axis,) = plot(2.1)
         for (run, course), color in zip(courses.items(), COLORS * len(courses), strict=False):
             for name, line in zip(columns, ("-", "--"), strict=False):
-                which = f"{run}, {name.removeprefix('width_')}" if len(columns) > 1 else run
+                which = run if line == "-" else None
                 axis.plot(course.column("t") * 1e3, course.column(name) * factor, line, color=color, lw=1, label=which)
         axis.set_xlabel("time, ms")
         axis.set_ylabel(label)
