@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from typing import Any
 
-from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
+from threadpoolctl import LibController, OpenBLASController, get_cached_controller
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count
@@ -227,7 +227,8 @@ class _BlasLimit:
             if self.users == 0:
                 # Numba's linear algebra is SciPy's: a library that is not loaded yet would escape the limit.
                 importlib.import_module("scipy.linalg")
-                libraries = ThreadpoolController().select(user_api="blas").lib_controllers
+                # A search takes a millisecond: it is done anew where a module was imported since the last one.
+                libraries = get_cached_controller().select(user_api="blas").lib_controllers
                 self.before = [(library, library.get_num_threads()) for library in libraries]
                 self._set([(library, 1) for library in libraries])
             self.users += 1

@@ -414,6 +414,37 @@ with single_threaded_blas():
 
 
 @limits_blas
+def test_a_library_that_comes_between_two_limits_does_not_escape_the_second(tmp_path):
+    """Libraries are looked for where a module was imported since the last search."""
+    code = """
+import ctypes, shutil, sys
+from threadpoolctl import threadpool_info
+from o3dleaf.core.parallel import single_threaded_blas
+
+def blas():
+    return {found["filepath"]: found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"}
+
+with single_threaded_blas():
+    before = blas()
+ctypes.CDLL(shutil.copy(next(iter(before)), sys.argv[1]))
+import tabnanny  # any module that was not there
+with single_threaded_blas():
+    after = blas()
+print(len(before), len(after), set(after.values()))
+"""
+    child = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    before, after, threads = child.stdout.split(maxsplit=2)
+    assert int(after) == int(before) + 1
+    assert threads.strip() == "{1}"
+
+
+@limits_blas
 def test_nested_limits_are_lifted_by_the_last(blas):
     with single_threaded_blas():
         with single_threaded_blas():
