@@ -47,7 +47,10 @@ def pytest_configure(config: pytest.Config) -> None:
     Windows has no such lock: each worker compiles what `o3dleaf warm-up` did not compile before.
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
+
+    Of what is imported and collected next nothing is garbage: to look for some would take a sixth of that time.
     """
+    gc.disable()
     config.addinivalue_line("markers", "slow: takes long, and runs with --slow only")
     config.addinivalue_line(
         "markers", "skip_xp_backends: of SciPy's tests, which tests/fitting/rbf/test_scipy_suite.py runs"
@@ -100,6 +103,7 @@ def pytest_collection_finish() -> None:
     """Leave what was imported and collected, a million objects, alone: to go through it takes a twentieth of all."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def is_slow(item: pytest.Item) -> bool:

@@ -274,8 +274,8 @@ def test_a_scan_in_text_is_the_same_scan(run, files, tmp_path):
     assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
 
 
-def test_a_blade_without_a_volume_or_a_midrib(files, tmp_path):
-    result = process("leaf", files / "scan.ply", "--no-picture", "-o", tmp_path / "blade.stl")
+def test_a_blade_without_a_volume_or_a_midrib(run, files, tmp_path):
+    result = run("leaf", files / "scan.ply", "--no-picture", "-o", tmp_path / "blade.stl")
     assert result.returncode == 0, result.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"blade.stl", "blade.json"}
     summary = json.loads((tmp_path / "blade.json").read_text())

@@ -10,6 +10,7 @@ mean curvature: one number more. At the surface itself t is one half, so that it
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -106,13 +107,16 @@ def _descend(counts: npt.NDArray[np.int64], start: FloatArray) -> tuple[FloatArr
     edges = np.arange(-MARGIN, bins + MARGIN + 1) / bins
     roots = np.sqrt(shares)
 
-    def misfit(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+    @lru_cache(maxsize=1)  # asked for the misfit first, then for its slopes in the same place
+    def misfit(place: bytes) -> tuple[FloatArray, FloatArray]:
+        parameters = np.frombuffer(place)
         chances, slopes = _chances(parameters, edges, SOFTNESS / bins)
         found = np.sqrt(chances)
         return np.append(roots - found, PRIOR @ parameters), np.vstack([-0.5 * (slopes / found).T, PRIOR])
 
+    inside = np.clip(start, LIMITS[0] + 1e-6, LIMITS[1] - 1e-6)
     fit = least_squares(
-        lambda x: misfit(x)[0], np.clip(start, LIMITS[0] + 1e-6, LIMITS[1] - 1e-6), lambda x: misfit(x)[1], LIMITS,
+        lambda x: misfit(x.tobytes())[0], inside, lambda x: misfit(x.tobytes())[1], LIMITS,
         x_scale="jac", xtol=1e-5, ftol=1e-7,
     )  # fmt: skip
     return fit.x, float(fit.cost)

@@ -6,11 +6,16 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import open3d as o3d
 import pytest
 from numba import typeof
 
-from cloud_shapes import sphere
+from cloud_shapes import block, sphere
 from o3dleaf.core.compiled import signatures
+from o3dleaf.leaf.ct.formats.tiff import write_volume
+from o3dleaf.samples.ct import wheat_ct
+from o3dleaf.samples.files import MIDRIB, PATCH, SCAN, write_points
+from o3dleaf.samples.scan import wheat_scan
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -23,8 +28,9 @@ from o3dleaf.output.view.picture import render
 render.__wrapped__.__kwdefaults__["size"], shots.FINER = (400, 250), 0.5  # pixels do not decide what is called
 folder = sys.argv[1]
 for words in (
-    "demo --spacing 1 -o {0}",
+    "demo --samples {0} --spacing 0.6 -o {0}",
     "reconstruct {0}/rough.xyz -o {0}/rough.ply",
+    "reconstruct {0}/block.ply -o {0}/creased.ply",
     "reconstruct {0}/leaf.ply -o {0}/surface.ply",
     "qa {0}/surface.ply --cloud {0}/leaf.ply --html {0}/qa.html",
 ):
@@ -37,9 +43,21 @@ print("CALLED", *called(), sep="\\n")
 """
 
 
+def write_small_samples(folder):
+    """Few points and voxels: what is called depends on kinds of data, and how often it is called on their number."""
+    scan = wheat_scan(count=800)
+    write_points(folder / SCAN, np.asarray(scan.cloud.points))
+    write_points(folder / MIDRIB, scan.midrib)
+    write_volume(wheat_ct(size=(720, 720, 480))[0], folder / PATCH)
+
+
 def test_it_has_all_that_the_main_jobs_call(tmp_path):
     """Otherwise `scripts/list_compiled.py --write` makes it anew."""
+    write_small_samples(tmp_path)
     np.savetxt(tmp_path / "rough.xyz", sphere(1500)[0] + 0.1 * np.random.default_rng(1).standard_normal((1500, 3)))
+    cloud = o3d.geometry.PointCloud()
+    cloud.points, cloud.normals = map(o3d.utility.Vector3dVector, block(1500))
+    o3d.io.write_point_cloud(tmp_path / "block.ply", cloud)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-c", JOBS, str(tmp_path)]
     done = subprocess.run(command, check=True, env=environment, capture_output=True, text=True)
