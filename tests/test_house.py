@@ -135,7 +135,7 @@ def test_import_loads_nothing_heavy(module):
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows counts no processor time of children")
 @pytest.mark.parametrize("command", [(sys.executable, "-c", "import o3dleaf"), (PROGRAM, "--help")])
 def test_starts_at_once(command):
-    """Processor time, and the best of five: the other tests keep the machine busy meanwhile."""
+    """Processor time, in one of up to five starts: the other tests keep the machine busy meanwhile."""
 
     def seconds() -> float:
         before = os.times()
@@ -143,7 +143,7 @@ def test_starts_at_once(command):
         after = os.times()
         return after.children_user - before.children_user + after.children_system - before.children_system
 
-    assert min(seconds() for _ in range(5)) < START_SECONDS
+    assert any(seconds() < START_SECONDS for _ in range(5))
 
 
 def test_pymeshlab_is_touched_by_one_file():

@@ -8,6 +8,8 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.tile import TileLattice
 
 PERIOD = 1.2
+WIDE = 5.1, 2.5
+"""Reach of an outline over some nine tiles by five, for what takes whole tiles, or many."""
 LATTICE = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (24, 20, 31))
 
 
@@ -35,10 +37,10 @@ def solid_layer(points):
     return 0.1037 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(2 * wave * x) - np.abs(z - 0.01 * np.cos(wave * x))
 
 
-def outline(points=90):
-    """An outline with notches, some nine tiles by five."""
+def outline(points=90, reach=(3.1, 1.7)):
+    """An outline with notches; unless it is said otherwise, some five tiles by three."""
     angle = np.linspace(0, 2 * np.pi, points, endpoint=False) + 0.01
-    x, y = 5.1 * np.cos(angle) + 2, 2.5 * np.sin(angle) * (1 + 0.2 * np.sin(5 * angle))
+    x, y = reach[0] * np.cos(angle) + 2, reach[1] * np.sin(angle) * (1 + 0.2 * np.sin(5 * angle))
     ring = np.column_stack([x, y])
     return np.hstack([ring, np.roll(ring, -1, axis=0)])
 

@@ -184,7 +184,7 @@ def test_a_disk_that_fills_up_is_one_clear_line_and_leaves_nothing(solid, tmp_pa
 
     def full(file, data):
         written.append(len(data))
-        if sum(written) > 1 << 20:
+        if sum(written) > 1 << 19:
             raise OSError(28, "No space left on device")
         return real(file, data)
 

@@ -185,7 +185,7 @@ def test_a_window_beside_the_margin_leaves_it_as_it_is(closed):
     tile = extract_tile(layer, LATTICE)
     finer = TileLattice(LATTICE.origin, tuple(np.array(LATTICE.spacing) / 2), (48, 40, 61))
     plane = plane_of(LATTICE, eaten())
-    window = Level(extract_tile(layer, finer), plane, 2 * np.array([[-40, -6], [-30, 6]]), ratio=2)
+    window = Level(extract_tile(layer, finer), plane, 2 * np.array([[-16, -6], [-6, 6]]), ratio=2)
     vertices, triangles, labels = extract_levels(Level(tile, plane, plane.box, closed, 1, [window], cut=True), layer)
     report = mesh_report((vertices, triangles))
     assert report.manifold

@@ -15,7 +15,9 @@ from o3dleaf.leaf.instancing.levels import Level, _curtain, extract_levels, refi
 from o3dleaf.leaf.instancing.stitch import _on_box
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.surface.isosurface.polygonize import polygonize
-from tile_fields import LATTICE, area, assemble, layer, outline
+from tile_fields import LATTICE, WIDE, area, assemble, layer, outline
+
+SIDES = outline(reach=WIDE)
 
 
 @cache
@@ -31,7 +33,7 @@ def nested(ratios=(4, 2), *, closed=False):
     """The layer with a window, and a window in the window."""
     root = Level(
         tile(),
-        footprint(outline(), np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None),
+        footprint(SIDES, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None),
         np.array([[-90, -50], [160, 60]]),
         closed,
     )
@@ -84,7 +86,7 @@ def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
     assert not crossing_pairs(vertices, triangles)
     assert set(np.unique(labels)) == ({0, 1, 2} if closed else {0, 1})
     if closed:
-        assert report.volume == pytest.approx(2 * 0.1037 * area(outline()), rel=0.01)
+        assert report.volume == pytest.approx(2 * 0.1037 * area(SIDES), rel=0.01)
 
 
 def test_a_curtain_hangs_from_every_column_around_a_window_and_keeps_the_samples_of_its_parent():
@@ -103,7 +105,7 @@ def test_each_level_is_the_surface_of_its_own_spacing():
     """A ring of cells from every curtain, the vertices are those of the whole surface at that spacing."""
     root = nested()
     vertices, _, _ = extract_levels(root, layer)
-    coarse = assemble(root.tile, outline())[1].vertices
+    coarse = assemble(root.tile, SIDES)[1].vertices
     window = root.children[0]
     low, high = (window.tile.lattice.positions([[*corner, 0]])[0, :2] for corner in window.box)
     step = np.array(LATTICE.spacing[:2])
@@ -112,7 +114,7 @@ def test_each_level_is_the_surface_of_its_own_spacing():
         return ((points[:, :2] < low - step) | (points[:, :2] > high + step)).any(axis=1)
 
     assert np.array_equal(as_rows(vertices[outside(vertices)]), as_rows(coarse[outside(coarse)]))
-    fine = assemble(window.tile, outline(), np.array([low, high]))[1].vertices
+    fine = assemble(window.tile, SIDES, np.array([low, high]))[1].vertices
     hole = np.array([window.tile.lattice.positions([[*c, 0]])[0, :2] for c in window.children[0].box // 2])
 
     def within(points):
@@ -172,7 +174,7 @@ def test_a_window_that_reaches_the_rim_is_refused():
 @pytest.mark.parametrize("closed", [False, True])
 def test_an_outline_of_two_parts_is_refused_though_one_has_a_fine_window(closed):
     root = nested((2, 2), closed=closed)
-    sides = np.concatenate([outline(), outline() + [20, 0, 20, 0]])
+    sides = np.concatenate([SIDES, SIDES + [20, 0, 20, 0]])
     plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
     two = Level(root.tile, plane, root.box, closed, children=root.children)
     with pytest.raises(ReconstructionError, match="2 pieces" if closed else "4 sheets"):

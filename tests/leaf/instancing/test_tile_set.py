@@ -17,7 +17,7 @@ from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import KINDS, SIDE, TORUS, kinds_of, seeded, torus_color
-from tile_fields import PERIOD, layer, outline, solid_layer
+from tile_fields import PERIOD, WIDE, layer, outline, solid_layer
 from tolerances import FADE_TWIN, ON_SURFACE
 
 SHAPE = (24, 20, 31)
@@ -67,7 +67,7 @@ def torus():
 
 def assemble(tile, *, closed, cut, **given):
     lattice = TileSet.of(tile).lattice
-    plane = footprint(outline(), np.array(lattice.origin[:2]), np.array(lattice.spacing[:2]), None)
+    plane = footprint(outline(reach=WIDE), np.array(lattice.origin[:2]), np.array(lattice.spacing[:2]), None)
     assembly = Assembly(tile, plane, closed=closed, cut=cut, **given)
     arrays = Arrays(assembly)
     assembly.emit(arrays, lambda flat: flat)
