@@ -1,6 +1,7 @@
 """Index of the balls that contain a point: a tree of boxes, each with the list of the balls that reach into it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,8 +41,6 @@ class BallIndex:
         The displacement of each image.
     centers, radii : (K, d), (K,) ndarrays
         Where the images lie.
-    tree : BoxTree
-        Boxes, each leaf with the list of the images that reach into it.
     """
 
     bounds: FloatArray
@@ -50,13 +49,12 @@ class BallIndex:
     shifts: FloatArray
     centers: FloatArray
     radii: FloatArray
-    tree: BoxTree
 
     def __repr__(self) -> str:
         return f"BallIndex({len(self.balls):,} images of balls in {self.bounds.shape[1]}-D)"
 
     def state(self) -> dict[str, Any]:
-        """Return what the index is made of, for `o3dleaf.io.model_file`: all but the tree, which follows from it."""
+        """Return what the index is made of, for `o3dleaf.io.model_file`: the tree follows from it."""
         return {
             "bounds": self.bounds,
             "period": self.period,
@@ -70,8 +68,7 @@ class BallIndex:
     def build(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":
         """Index the balls (M, d), (M,) over `bounds`, one image each."""
         shifts = np.zeros_like(centers)
-        tree = build_tree(centers, radii, bounds)
-        return cls(bounds, np.zeros(centers.shape[1]), np.arange(len(centers)), shifts, centers, radii, tree)
+        return cls(bounds, np.zeros(centers.shape[1]), np.arange(len(centers)), shifts, centers, radii)
 
     @classmethod
     def periodic(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray, period: FloatArray) -> "BallIndex":
@@ -91,7 +88,15 @@ class BallIndex:
             shifts.append(np.broadcast_to(shift, (len(images[-1]), len(shift))))
         balls, by = np.concatenate(images), np.concatenate(shifts)
         places = centers[balls] + by
-        return cls(bounds, period, balls, by, places, radii[balls], build_tree(places, radii[balls], bounds))
+        return cls(bounds, period, balls, by, places, radii[balls])
+
+    @cached_property
+    def tree(self) -> BoxTree:
+        """Boxes, each leaf with the list of the images that reach into it; made when it is first asked for.
+
+        The index of a patch that is tiled is never asked.
+        """
+        return build_tree(self.centers, self.radii, self.bounds)
 
     @property
     def images(self) -> Images:

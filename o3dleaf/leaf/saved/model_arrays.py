@@ -10,7 +10,6 @@ import numpy as np
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.cover.tree import build_tree
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.polynomials import LocalPolynomials
 from o3dleaf.fitting.local.potentials import LocalPotentials
@@ -198,7 +197,7 @@ def stored_index(
         array.check(parts[name], name, sizes)
     if np.any(radii <= 0) or np.any(period < 0) or np.any(bounds[0] > bounds[1]):
         raise InputError("radii, period, bounds: are below zero, or the wrong way round")
-    return BallIndex(**parts, tree=build_tree(centres, radii, bounds))
+    return BallIndex(**parts)
 
 
 def _check_cover(cover: Cover) -> None:

@@ -1,6 +1,7 @@
 """A field over the plane as high as its patch, with air above and below: it falls there, as steeply as its data do."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from os import PathLike
 from typing import Any
@@ -71,7 +72,9 @@ def _steepness(patch: PUInterpolant) -> float:
     """Return the range of a patch's values over the distance in which it is lost; of a constant one, its value's."""
     cover, (low, high) = patch.cover, patch.bounds
     ticks = [np.linspace(*ends, PROBES) for ends in zip(low, high, strict=True)]
-    values = patch(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
+    # Asked this once, of a copy: the tree of its index is as large as that of the tiles, and goes with the copy.
+    probed = replace(patch, index=replace(patch.index))
+    values = probed(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
     radius, count = cover.typical
     distance = radius * count ** (-1.0 / len(low))
     lost = float(np.ptp(values)) or abs(float(values[0]))
