@@ -4,6 +4,7 @@ import numpy as np
 
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, MAX_VERTICES, Assembly
+from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.tile import TileLattice
 
@@ -55,3 +56,11 @@ def assemble(tile, sides, region=None, *, closed=False, max_vertices=MAX_VERTICE
     arrays = Arrays(assembly)
     assembly.emit(arrays, lambda flat: flat, batch_size)
     return assembly, arrays
+
+
+def made_block(tile):
+    """Vertices, triangles and labels of a tile's block."""
+    block = FlatBlock(tile)
+    arrays = Arrays(block)
+    block.emit(arrays)
+    return arrays.vertices, arrays.triangles, arrays.labels

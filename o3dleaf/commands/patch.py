@@ -200,9 +200,8 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
     def build(self, spread: "Spread | None" = None) -> "TiledField | WangField":
         """Write the model and the block, by workers that read them from their files, and return the texture."""
         from o3dleaf.io.model_file import model_draft
-        from o3dleaf.io.triangle_mesh import write_mesh
         from o3dleaf.leaf.ct.voxel_file import VoxelFile
-        from o3dleaf.leaf.meshing import extract_flat_tile
+        from o3dleaf.leaf.meshing import write_flat_tile
         from o3dleaf.leaf.pipeline import create_texture
         from o3dleaf.leaf.saved.models import SavedTexture
 
@@ -218,7 +217,7 @@ class PatchJob(CtOptions, BlockOption, ResumeOption, ClusterOptions, LongJob):
             if spread is not None:
                 spread.know(texture, SavedTexture.of(self.output))
             with stage("write tile"):
-                write_mesh(extract_flat_tile(texture, 1.0, self.spacing), self.tile_solid)
+                write_flat_tile(texture, 1.0, self.spacing, self.tile_solid)
         return texture
 
     def line(self, summary: "TiledField | WangField") -> str:

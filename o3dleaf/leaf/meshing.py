@@ -25,7 +25,7 @@ from o3dleaf.io.mesh_stream import Arrays, Copies, file_bytes, mesh_file
 from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
-from o3dleaf.leaf.instancing.block import extract_block
+from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
@@ -281,12 +281,26 @@ def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str 
     Opposite walls are alike but for the shift by a period, as cyclic boundaries want them. The walls are labelled rim.
     Of Wang tiles it is the torus of 4 × 4 on which each of them lies once.
     """
+    block = _flat_block(texture, scale, spacing)
+    arrays = Arrays(block)
+    block.emit(arrays)
+    return LabelledMesh(build_mesh(arrays.vertices, arrays.triangles), arrays.labels, unit=unit)
+
+
+def write_flat_tile(
+    texture: Texture, scale: float, spacing: float, path: str | PathLike[str], unit: str | None = None
+) -> None:
+    """Write what `extract_flat_tile` returns to a PLY, STL or OBJ file, block by block."""
+    block = _flat_block(texture, scale, spacing)
+    with mesh_file(path, block, ("o3dleaf", *unit_comment(unit))) as sink:
+        block.emit(sink)
+
+
+def _flat_block(texture: Texture, scale: float, spacing: float) -> FlatBlock:
     spread, values = current_spread(), PeriodOf(texture, scale)
     elsewhere = None if spread is None else spread.stand_in(texture)
     lattice = tile_lattice(values.periodic, scale, spacing)
     # Workers read the texture from where it was written.
     field = values if elsewhere is None else PeriodOf(elsewhere, scale)
     with keeping_blocks("tile"):
-        tile = extract_tile(field, lattice, sharpen=lattice.shape[:2])
-    vertices, triangles, labels = extract_block(tile)
-    return LabelledMesh(build_mesh(vertices, triangles), labels, unit=unit)
+        return FlatBlock(extract_tile(field, lattice, sharpen=lattice.shape[:2]))

@@ -18,6 +18,8 @@ from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.labelled_mesh import ABAXIAL, ADAXIAL, RIM
 from o3dleaf.io.triangle_mesh import write_mesh
 from o3dleaf.leaf.blade.outline_area import sides_of
+from o3dleaf.leaf.instancing import block
+from o3dleaf.leaf.meshing import write_flat_tile
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.textured_blade import TexturedBlade
@@ -290,15 +292,25 @@ def test_the_lattice_divides_the_period_and_holds_the_patch(leaf, spacing):
 
 
 def test_one_flat_period_is_a_closed_block(leaf):
-    block = leaf.extract_tile(0.1)
-    report = mesh_report(block.mesh)
+    tile = leaf.extract_tile(0.1)
+    report = mesh_report(tile.mesh)
     assert report.watertight
     assert report.genus == 0
     assert report.volume == pytest.approx(2 * HALF * 4.0, rel=0.01)
-    vertices, triangles = arrays(block)
+    vertices, triangles = arrays(tile)
     assert np.allclose(np.ptp(vertices[:, :2], axis=0), leaf.texture.period, rtol=1e-12)
-    assert np.abs(leaf.texture(vertices[np.unique(triangles[block.labels != RIM])])).max() < 0.1**2
-    assert set(np.unique(block.labels)) == {ADAXIAL, ABAXIAL, RIM}
+    assert np.abs(leaf.texture(vertices[np.unique(triangles[tile.labels != RIM])])).max() < 0.1**2
+    assert set(np.unique(tile.labels)) == {ADAXIAL, ABAXIAL, RIM}
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".stl", ".obj"])
+def test_a_flat_period_is_streamed_to_the_bytes_that_it_is_written_with(leaf, tmp_path, suffix, monkeypatch):
+    """In blocks so small that there are many, on all threads."""
+    monkeypatch.setattr(block, "BATCH_SIZE", 100)
+    whole, streamed = tmp_path / f"whole{suffix}", tmp_path / f"streamed{suffix}"
+    write_mesh(leaf.extract_tile(0.1), whole)
+    write_flat_tile(leaf.texture, leaf.scale, 0.1, streamed, leaf.unit)
+    assert streamed.read_bytes() == whole.read_bytes()
 
 
 @pytest.mark.parametrize("closed", [False, True])

@@ -228,11 +228,11 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     def write_more(self, leaf: "MultiscaleLeaf", spacing: float) -> None:
         """Write a flat tile and a grid, where they are requested."""
-        from o3dleaf.io.triangle_mesh import write_mesh
+        from o3dleaf.leaf.meshing import write_flat_tile
 
         if self.tile_solid is not None:
             with journal.stage("write tile"):
-                write_mesh(leaf.extract_tile(spacing), self.tile_solid)
+                write_flat_tile(leaf.texture, leaf.scale, spacing, self.tile_solid, leaf.unit)
         if self.grid is not None:
             with journal.stage("write grid"):
                 leaf.write_grid(self.grid, self.grid_step or spacing, what=self.grid_of, closed=self.closed)

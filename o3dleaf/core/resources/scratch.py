@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,16 +39,10 @@ def scratch_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> 
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if is_held(size):
         return np.empty(shape, dtype)
-    try:
-        with tempfile.TemporaryFile(prefix="o3dleaf-") as file:
-            claim(file, size)
-            file.truncate(size)
-            return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
-    except OSError as cause:
-        raise O3DLeafError(
-            f"memory: {1e-9 * size:.3g} GB are to lie on the disk, and find no place in {tempfile.gettempdir()} "
-            f"({cause.strerror}); set TMPDIR to a folder of a larger disk, or state more memory (--memory)"
-        ) from cause
+    with placing_on_disk(size), tempfile.TemporaryFile(prefix="o3dleaf-") as file:
+        claim(file, size)
+        file.truncate(size)
+        return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
 
 
 Place = Callable[[tuple[int, ...], npt.DTypeLike], npt.NDArray[Any] | None]
@@ -71,6 +65,70 @@ def result_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> n
     place = _place.get()
     array = None if place is None else place(shape, dtype)
     return scratch_array(shape, dtype) if array is None else array
+
+
+class GrowingArray:
+    """An array that comes part by part: in memory, or in a temporary file once it would take too much of it.
+
+    Parameters
+    ----------
+    dtype : data type
+    row : tuple of int
+        Shape of what one row holds.
+    """
+
+    def __init__(self, dtype: npt.DTypeLike, row: tuple[int, ...] = ()) -> None:
+        self.dtype, self.row = np.dtype(dtype), row
+        self.rows = 0
+        self._held: list[npt.NDArray[Any]] = []
+        self._file: IO[bytes] | None = None
+        self._asked = 0
+
+    def __repr__(self) -> str:
+        return f"GrowingArray({self.rows:,} rows of {self.dtype}{self.row or ''}, {'file' if self._file else 'memory'})"
+
+    def append(self, part: npt.NDArray[Any]) -> None:
+        """Add rows (n, *row).
+
+        Raises
+        ------
+        O3DLeafError
+            If they are to lie in a file, and the disk has no room.
+        """
+        self.rows += len(part)
+        self._held.append(np.asarray(part, dtype=self.dtype))
+        size = self.rows * math.prod(self.row) * self.dtype.itemsize
+        # Asked whenever it has grown by a quarter: what is free is read from files of the system.
+        if self._file is None and 4 * size > 5 * self._asked:
+            self._asked = size
+            if not is_held(size):
+                self._file = tempfile.TemporaryFile(prefix="o3dleaf-")  # noqa: SIM115 - until all of it is there
+        if self._file is not None:
+            with placing_on_disk(size):
+                for each in self._held:
+                    self._file.write(np.ascontiguousarray(each).data)
+            self._held.clear()
+
+    def whole(self) -> npt.NDArray[Any]:
+        """Return all rows as one array, which may be written to; the parts are let go, and nothing can be added."""
+        held, self._held = self._held, []
+        if self._file is None:
+            return np.concatenate([np.empty((0, *self.row), self.dtype), *held])
+        with self._file as file, placing_on_disk(file.tell()):
+            file.flush()
+            return np.asarray(np.memmap(file, dtype=self.dtype, mode="r+", shape=(self.rows, *self.row)))
+
+
+@contextmanager
+def placing_on_disk(size: float) -> Iterator[None]:
+    """Raise `O3DLeafError` where what is written inside to the temporary folder, of so many bytes, finds no place."""
+    try:
+        yield
+    except OSError as cause:
+        raise O3DLeafError(
+            f"memory: {1e-9 * size:.3g} GB are to lie on the disk, and find no place in {tempfile.gettempdir()} "
+            f"({cause.strerror}); set TMPDIR to a folder of a larger disk, or state more memory (--memory)"
+        ) from cause
 
 
 def load_array(stored: Any) -> npt.NDArray[Any]:

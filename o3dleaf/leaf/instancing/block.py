@@ -1,15 +1,16 @@
 """One flat period as a closed block: two sheets and four walls, opposite walls alike but for the shift.
 
 For solvers with cyclic boundaries: every vertex and triangle of a wall has its like, one period on, in
-the wall across from it.
+the wall across from it. A file takes it block by block, as it takes a leaf (`assembly`).
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import run_blocks
+from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Sink
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
 from o3dleaf.leaf.instancing.tile import Tile
@@ -21,30 +22,68 @@ CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 """Corners of a square of a wall, counter-clockwise in (along the wall, through the blade)."""
 
 
-def extract_block(tile: Tile) -> tuple[FloatArray, IntArray, npt.NDArray[np.uint8]]:
-    """Return vertices (n, 3), flat, triangles (m, 3) and their labels (m,): upper, lower, or rim for the walls.
+class FlatBlock:
+    """The surface of a flat period and of its walls: its vertices numbered, its blocks made one by one.
 
-    Raises
-    ------
-    InputError
-        If the tile was not polygonized by marching cubes.
+    Attributes
+    ----------
+    tile : Tile
+    names : (n,) ndarray of int64
+        The edges and points of the window that vertices lie on, rising; the window has one column more to a row than
+        the tile, and one row more.
     """
-    if METHODS[tile.method] != "cubes":
-        raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
-    nx, ny, nz = tile.lattice.shape
-    nodes = np.concatenate([tile.edges, tile.beyond[:, 0]])
-    shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
-    nodes = _rename(nodes, tile.lattice.shape, shifts)
-    walls = [_wall(tile, axis, far) for axis in range(2) for far in (False, True)]
-    names, triangles = np.unique(np.concatenate([nodes[tile.nodes], *walls]), return_inverse=True)
-    fractions = np.zeros(len(names))
-    crossed = names & 7 > 0
-    fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], tile.lattice.shape)[0])]
-    places = lattice_positions(names, fractions, (nx + 1, ny + 1, nz))
-    sides = np.concatenate([tile.sides, tile.beyond_sides])[tile.nodes[:, 0]]
-    labels = np.where(sides == ABOVE, UPPER, LOWER)
-    labels = np.concatenate([labels, np.full(sum(map(len, walls)), RIM)]).astype(np.uint8)
-    return tile.lattice.positions(places), triangles.reshape(-1, 3), labels
+
+    def __init__(self, tile: Tile) -> None:
+        """Give every vertex its number.
+
+        Raises
+        ------
+        InputError
+            If the tile was not polygonized by marching cubes.
+        """
+        if METHODS[tile.method] != "cubes":
+            raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
+        shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
+        nodes = _rename(np.concatenate([tile.edges, tile.beyond[:, 0]]), tile.lattice.shape, shifts)
+        walls = np.concatenate([_wall(tile, axis, far) for axis in range(2) for far in (False, True)])
+        self.tile = tile
+        self.names: IntArray = np.unique(np.concatenate([nodes, walls.ravel()]))
+        self._nodes, self._walls = (np.searchsorted(self.names, each).astype(np.int32) for each in (nodes, walls))
+
+    def __repr__(self) -> str:
+        return f"FlatBlock({self.vertices:,} vertices, {self.triangles:,} triangles)"
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return len(self.names)
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles."""
+        return len(self.tile.nodes) + len(self._walls)
+
+    def emit(self, sink: Sink) -> None:
+        """Make every vertex, flat, and every triangle, labelled upper, lower, or rim for the walls; the walls last."""
+        run_blocks(lambda start, stop: sink.put_vertices(start, self._places(start, stop)), self.vertices, BATCH_SIZE)
+        count = len(self.tile.nodes)
+        sides = np.concatenate([self.tile.sides, self.tile.beyond_sides])
+
+        def put(start: int, stop: int) -> None:
+            nodes = self.tile.nodes[start:stop]
+            labels = np.where(sides[nodes[:, 0]] == ABOVE, UPPER, LOWER).astype(np.uint8)
+            sink.put_triangles(start, self._nodes[nodes], labels)
+
+        run_blocks(put, count, BATCH_SIZE)
+        sink.put_triangles(count, self._walls, np.full(len(self._walls), RIM, dtype=np.uint8))
+
+    def _places(self, start: int, stop: int) -> FloatArray:
+        """Return the positions of the vertices from start to stop."""
+        tile, names = self.tile, self.names[start:stop]
+        nx, ny, nz = tile.lattice.shape
+        fractions, crossed = np.zeros(len(names)), names & 7 > 0
+        fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], (nx, ny, nz))[0])]
+        return tile.lattice.positions(lattice_positions(names, fractions, (nx + 1, ny + 1, nz)))
 
 
 def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one wall or the one across from it

@@ -1,6 +1,6 @@
 """One period of a periodic surface, polygonized once to be set down everywhere."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Protocol
@@ -17,6 +17,7 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.processes.spread import each_block
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources
+from o3dleaf.core.resources.scratch import GrowingArray
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -166,40 +167,15 @@ def extract_tile(
     """
     require_columns(lattice.shape[0] * lattice.shape[1], max(lattice.spacing[:2]))
     nx, ny, nz = lattice.shape
-    slab = max(1, min(nx, slab_size // (ny * nz)))
-    slabs, flooded = [], np.zeros(2, dtype=np.int64)
-    places = list(blocks(nx, slab))
-    for (_, stop), (*found, solid) in zip(
-        places, each_block(partial(_find_slab, field, lattice, alike), places), strict=True
-    ):
-        flooded += solid
-        slabs.append(found)
-        progress.report(stop, nx)
-    # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
-    if flooded.max() > nx * ny / 2:
-        raise ReconstructionError(
-            "the surface is not two sheets (upper and lower side): the texture has no air above or below; "
-            "use another threshold or a taller patch"
-        )
-    counts, begin = (np.concatenate(part) for part in zip(*slabs, strict=True))
-    runs = solidify(lattice.shape, counts, begin, None if alike is None else alike.columns(np.arange(nx * ny)))
-    vertices: list[Any] = []
-    named: list[Any] = []
-    triangles: list[Any] = []
-    cells: list[Any] = []
+    places = list(blocks(nx, max(1, min(nx, slab_size // (ny * nz)))))
+    runs = _find_runs(field, lattice, places, alike)
     march_slab = partial(_march_slab, field, lattice, method, alike)
     labelled = (_Slab(*place, _labels(runs, *place)) for place in places)
-    for *own_parts, names, shifts, nodes, count in each_block(march_slab, labelled):
-        vertices.append(own_parts)
-        named.append((names, shifts))
-        triangles.append(nodes)
-        cells.append(count)
-    edges, fractions, sides, upward = (np.concatenate(part) for part in zip(*vertices, strict=True))
-    nodes, beyond = _nodes(edges, named, triangles)
+    found = _Found.of(each_block(march_slab, labelled))
+    edges, fractions, sides, upward = (part.whole() for part in found.vertices)
+    nodes, beyond = _nodes(edges, found)
     if sharpen is not None:
-        folded = _folded(edges, lattice.shape, sharpen) if alike is None else alike.edges(edges)
-        first, rows, copies = np.unique(folded, return_index=True, return_inverse=True)
-        fractions = _sharpened(field, lattice, first, fractions[rows], upward[rows])[copies]
+        fractions = _sharpened_alike(field, lattice, edges, fractions, upward, sharpen, alike)
     origins = np.searchsorted(edges, beyond[:, 0])
     return Tile(
         lattice,
@@ -210,11 +186,73 @@ def extract_tile(
         sides,
         upward,
         nodes,
-        np.concatenate([[0], np.cumsum(np.concatenate(cells))]),
+        np.concatenate([[0], np.cumsum(found.cells.whole())]),
         beyond,
         fractions[origins],
         sides[origins],
     )
+
+
+def _find_runs(
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    places: list[tuple[int, int]],
+    alike: Alike | None,
+) -> Runs:
+    """Return what is inside, voids filled, from the samples of slabs."""
+    nx, ny, _ = lattice.shape
+    counts, begin, flooded = GrowingArray(np.int64), GrowingArray(np.int64), np.zeros(2, dtype=np.int64)
+    slabs = each_block(partial(_find_slab, field, lattice, alike), places)
+    for (_, stop), (*found, solid) in zip(places, slabs, strict=True):
+        flooded += solid
+        for whole, part in zip((counts, begin), found, strict=True):
+            whole.append(part)
+        progress.report(stop, nx)
+    # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
+    if flooded.max() > nx * ny / 2:
+        raise ReconstructionError(
+            "the surface is not two sheets (upper and lower side): the texture has no air above or below; "
+            "use another threshold or a taller patch"
+        )
+    same = None if alike is None else alike.columns(np.arange(nx * ny))
+    return solidify(lattice.shape, counts.whole(), begin.whole(), same)
+
+
+class _Found(NamedTuple):
+    """What the slabs of a tile add to it, one after the other.
+
+    Attributes
+    ----------
+    vertices : tuple of GrowingArray
+        Of the tile's own vertices edges, fractions, sides and ends.
+    names, shifts : GrowingArray
+        Of the vertices that the triangles of each slab use: the edge in its tile, and how many periods on it lies.
+    triangles : GrowingArray
+        Rows of the slab's names.
+    cells : GrowingArray
+        Number of triangles over each cell of the plane.
+    sizes : list of (int, int)
+        Names and triangles of each slab.
+    """
+
+    vertices: tuple[GrowingArray, ...]
+    names: GrowingArray
+    shifts: GrowingArray
+    triangles: GrowingArray
+    cells: GrowingArray
+    sizes: list[tuple[int, int]]
+
+    @classmethod
+    def of(cls, slabs: Iterator[tuple[npt.NDArray[Any], ...]]) -> "_Found":
+        """Gather what `_march_slab` returns of each slab."""
+        vertices = tuple(GrowingArray(kind) for kind in (np.int64, np.float64, np.uint8, np.bool_))
+        others = GrowingArray(np.int64), GrowingArray(np.uint8), GrowingArray(np.int32, (3,)), GrowingArray(np.int64)
+        found = cls(vertices, *others, [])
+        for parts in slabs:
+            for whole, part in zip((*vertices, *others), parts, strict=True):
+                whole.append(part)
+            found.sizes.append((len(parts[4]), len(parts[6])))
+        return found
 
 
 def require_columns(count: float, step: float) -> None:
@@ -304,6 +342,23 @@ def _march_slab(
     return *parts, names, shifts.astype(np.uint8), triangles, cells.ravel()
 
 
+def _sharpened_alike(  # noqa: PLR0917 - the vertices, the field, and which edges are alike
+    field: Callable[[FloatArray], FloatArray],
+    lattice: TileLattice,
+    edges: IntArray,
+    fractions: FloatArray,
+    upward: npt.NDArray[np.bool_],
+    period: tuple[int, int],
+    alike: Alike | None,
+) -> FloatArray:
+    """Return where the field is zero along each edge, asked once of edges that are alike."""
+    if alike is None and period == lattice.shape[:2]:
+        return _sharpened(field, lattice, edges, fractions, upward)
+    folded = _folded(edges, lattice.shape, period) if alike is None else alike.edges(edges)
+    first, rows, copies = np.unique(folded, return_index=True, return_inverse=True)
+    return _sharpened(field, lattice, first, fractions[rows], upward[rows])[copies]
+
+
 def _folded(edges: IntArray, shape: tuple[int, int, int], period: tuple[int, int]) -> IntArray:
     """Return the edges like these that start in the first `period` of steps."""
     _, ny, nz = shape
@@ -322,8 +377,11 @@ def _sharpened(
 
     Where its sign at an end is not what is inside there, a void having been filled, the fraction stays as it is.
     """
+    sharpened = GrowingArray(np.float64)
     parts = (_Edges(edges[i:j], fractions[i:j], upward[i:j]) for i, j in blocks(len(edges), BLOCK))
-    return np.concatenate([np.empty(0), *(each for (each,) in each_block(partial(_sharpen, field, lattice), parts))])
+    for (part,) in each_block(partial(_sharpen, field, lattice), parts):
+        sharpened.append(part)
+    return sharpened.whole()
 
 
 class _Edges(NamedTuple):
@@ -362,15 +420,16 @@ def _sharpen(field: Callable[[FloatArray], FloatArray], lattice: TileLattice, pa
     return (sharpened,)
 
 
-def _nodes(
-    edges: IntArray, named: list[tuple[IntArray, npt.NDArray[np.uint8]]], triangles: list[npt.NDArray[np.int32]]
-) -> tuple[npt.NDArray[np.int32], IntArray]:
-    """Return the corners as nodes of the tile, and the vertices of neighbors among them.
-
-    Triangles come by slabs, as rows of the names and shifts of the slab's vertices.
-    """
-    keys = [np.searchsorted(edges, names) * 4 + shifts for names, shifts in named]
-    beyond = np.unique(np.concatenate([key[key & 3 > 0] for key in keys]))
-    node_of = [np.where(key & 3, len(edges) + np.searchsorted(beyond, key), key >> 2) for key in keys]
-    nodes = np.concatenate([of.astype(np.int32)[rows] for of, rows in zip(node_of, triangles, strict=True)])
+def _nodes(edges: IntArray, found: _Found) -> tuple[npt.NDArray[np.int32], IntArray]:
+    """Return the corners as nodes of the tile, and the vertices of neighbors among them."""
+    names, shifts, nodes = (part.whole() for part in (found.names, found.shifts, found.triangles))
+    away = np.flatnonzero(shifts)
+    beyond = np.unique(np.searchsorted(edges, names[away]) * 4 + shifts[away])
+    name = row = 0
+    for count, many in found.sizes:
+        own, shift, rows = names[name : name + count], shifts[name : name + count], nodes[row : row + many]
+        number = np.searchsorted(edges, own)
+        node = np.where(shift, len(edges) + np.searchsorted(beyond, number * 4 + shift), number)
+        rows[:] = node.astype(np.int32)[rows]
+        name, row = name + count, row + many
     return nodes, np.stack([edges[beyond >> 2], beyond & 3], axis=1)

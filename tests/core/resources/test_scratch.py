@@ -61,3 +61,38 @@ def test_a_full_disk_is_named(monkeypatch):
     monkeypatch.setattr(scratch, "claim", full)
     with pytest.raises(O3DLeafError, match="TMPDIR"):
         scratch.scratch_array((10,))
+
+
+@pytest.mark.parametrize("held", [1 << 30, 9_000, 0])
+def test_an_array_that_grows_is_its_parts_one_after_the_other(monkeypatch, tmp_path, held):
+    """In memory, in a file from some part on, and from the first one: the same numbers, to be changed as one likes."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(scratch, "is_held", lambda size: size <= held)
+    rng = np.random.default_rng(0)
+    parts = [rng.integers(0, 1000, (count, 3)) for count in (40, 0, 300, 7, 1000)]
+    growing = scratch.GrowingArray(np.int32, (3,))
+    for part in parts:
+        growing.append(part)
+    assert growing.rows == 1347
+    whole = growing.whole()
+    np.testing.assert_array_equal(whole, np.concatenate(parts))
+    assert whole.dtype == np.int32
+    assert isinstance(whole.base, np.memmap) == (held < 12 * 1347)
+    whole += 1
+    np.testing.assert_array_equal(whole, np.concatenate(parts) + 1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_array_of_no_parts_is_empty():
+    assert scratch.GrowingArray(np.float64, (2,)).whole().shape == (0, 2)
+
+
+def test_a_disk_that_fills_up_under_a_growing_array_is_named(monkeypatch):
+    class Full:
+        def write(self, _):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: Full())
+    with pytest.raises(O3DLeafError, match="TMPDIR"):
+        scratch.GrowingArray(np.float64).append(np.ones(10))

@@ -7,13 +7,12 @@ from o3dleaf import mesh_report
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
-from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.footprint import Footprint, footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
-from tile_fields import LATTICE, PERIOD, area, assemble, layer, outline, solid_layer
+from tile_fields import LATTICE, PERIOD, area, assemble, layer, made_block, outline, solid_layer
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
 
@@ -48,7 +47,7 @@ def test_one_cell_to_a_period_is_enough(method, closed, shape):
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1)])
 def test_a_block_of_one_cell_is_closed(shape):
-    vertices, triangles, _ = extract_block(extract_tile(solid_layer, lattice_of(*shape)))
+    vertices, triangles, _ = made_block(extract_tile(solid_layer, lattice_of(*shape)))
     report = mesh_report((vertices, triangles))
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
     assert report.manifold

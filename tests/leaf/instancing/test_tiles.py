@@ -7,9 +7,9 @@ from scipy import ndimage
 from o3dleaf import get_num_threads, mesh_report, remesh, set_num_threads, simplify_mesh
 from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
+from o3dleaf.core.resources import scratch
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
-from o3dleaf.leaf.instancing.block import extract_block
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
@@ -17,7 +17,7 @@ from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions, march
-from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, outline, solid_layer
+from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, made_block, outline, solid_layer
 from tolerances import SHARPENED
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
@@ -180,9 +180,22 @@ def test_a_hair_that_the_outline_cuts_from_its_root_is_left_out():
         assert report.manifold
 
 
+def test_a_tile_whose_parts_lie_on_disk_is_the_one_in_memory(monkeypatch):
+    """Bit for bit, sharpened or not; what grows with the surface is mapped."""
+    tiles = []
+    for held in (True, False):
+        monkeypatch.setattr(scratch, "is_held", lambda _, held=held: held)
+        tiles.append(extract_tile(layer, LATTICE, sharpen=LATTICE.shape[:2], slab_size=2000))
+    for name in ("edges", "fractions", "sides", "upward", "nodes", "cells", "beyond"):
+        np.testing.assert_array_equal(*(getattr(tile, name) for tile in tiles))
+    for name in ("edges", "fractions", "sides", "upward", "nodes"):
+        bases = [getattr(tile, name).base for tile in tiles]
+        assert [isinstance(base, np.memmap) for base in bases] == [False, True]
+
+
 def test_a_flat_period_is_a_closed_block_whose_opposite_walls_match():
     tile = extract_tile(layer, LATTICE)
-    vertices, triangles, labels = extract_block(tile)
+    vertices, triangles, labels = made_block(tile)
     report = mesh_report((vertices, triangles))
     assert report.watertight
     assert (report.components, report.genus) == (1, 0)
