@@ -50,8 +50,12 @@ class Limit(NamedTuple):
 
 
 def resident() -> int:
-    """Return the bytes of memory that the process holds; 0 where the system does not say."""
-    return _fields(PROCESS).get("VmRSS", 0)
+    """Return the bytes of memory that the process holds; 0 where the system does not say.
+
+    Pages of mapped files do not count: the system drops them when it needs room.
+    """
+    held = _fields(PROCESS)
+    return held.get("RssAnon", held.get("VmRSS", 0)) + held.get("RssShmem", 0)
 
 
 def release_pages(array: Any) -> None:

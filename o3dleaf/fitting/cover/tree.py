@@ -1,11 +1,10 @@
 """The tree of boxes over the balls: its top in one thread, the branches side by side."""
 
-from typing import Any
-
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.resources.scratch import scratch_array
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import BoxTree
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -44,19 +43,28 @@ def _boxes(tree: BoxTree, bounds: FloatArray) -> FloatArray:
 
 
 def _grafted(top: BoxTree, leaves: IntArray, branches: list[BoxTree]) -> BoxTree:
-    """Return the top with its leaves replaced: a branch's root takes the leaf's place, its other nodes are added."""
-    whole: list[list[Any]] = [[part.copy()] for part in top[:5]]
-    images: list[IntArray] = []
+    """Return the top with its leaves replaced: a branch's root takes the leaf's place, its other nodes are added.
+
+    The list of branches is empty then: each of them is let go as soon as it is copied.
+    """
     nodes, listed = len(top.axes), 0
-    for leaf, branch in zip(leaves, branches, strict=True):
+    count = nodes + sum(len(branch.axes) - 1 for branch in branches)
+    images = sum(len(branch.images) for branch in branches)
+    whole = BoxTree(
+        *(scratch_array((size,), part.dtype) for size, part in zip([count] * 5 + [images], top, strict=True))
+    )
+    for parts, part in zip(whole[:5], top[:5], strict=True):
+        parts[:nodes] = part
+    for leaf in leaves:
+        branch = branches.pop(0)
         moved = branch._replace(
             children=np.where(branch.axes >= 0, branch.children + nodes - 1, -1),
             starts=branch.starts + listed,
             stops=branch.stops + listed,
         )
-        for parts, part in zip(whole, moved[:5], strict=True):
-            parts[0][leaf] = part[0]
-            parts.append(part[1:])
-        images.append(branch.images)
-        nodes, listed = nodes + len(branch.axes) - 1, listed + len(branch.images)
-    return BoxTree(*(np.concatenate(parts) for parts in (*whole, images)))
+        last, ending = nodes + len(branch.axes) - 1, listed + len(branch.images)
+        for parts, part in zip(whole[:5], moved[:5], strict=True):
+            parts[leaf], parts[nodes:last] = part[0], part[1:]
+        whole.images[listed:ending] = branch.images
+        nodes, listed = last, ending
+    return whole

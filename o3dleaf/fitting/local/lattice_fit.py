@@ -21,7 +21,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.core.resources.scratch import is_held, result_array
+from o3dleaf.core.resources.scratch import is_held, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
@@ -70,7 +70,7 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
     offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
-    weights, tails = result_array((int(offsets[-1]),)), np.empty((len(cover.starts), len(model.exponents)))
+    weights, tails = result_array((int(offsets[-1]),)), scratch_array((len(cover.starts), len(model.exponents)))
     # As their voxels lie, so that a file larger than memory is gone through once.
     along = cover.starts[:, values.slowest]
     batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])

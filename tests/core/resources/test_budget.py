@@ -29,6 +29,19 @@ def test_the_least_of_what_is_stated_and_what_the_shell_allows_holds(monkeypatch
 
 
 @LINUX
+def test_pages_of_a_mapped_file_are_not_held(tmp_path):
+    """The system drops them when it needs room; of an array in memory every page is held."""
+    size = 64_000_000
+    np.zeros(size, dtype=np.uint8).tofile(tmp_path / "file")
+    before = machine.resident()
+    mapped = np.memmap(tmp_path / "file", dtype=np.uint8, mode="r")
+    assert int(mapped.sum()) == 0
+    assert machine.resident() - before < size / 4
+    copied = mapped.copy()
+    assert machine.resident() - before > 0.9 * copied.nbytes
+
+
+@LINUX
 @pytest.mark.parametrize("version", ["", "memory"])
 def test_a_container_s_limit_holds_whichever_group_above_sets_it(version, tmp_path, monkeypatch):
     limit, use, droppable = machine.VERSIONS[version]
