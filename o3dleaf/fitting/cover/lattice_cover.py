@@ -124,14 +124,16 @@ class VoxelCover:
         most: int,
         overlap: float,
         mask: npt.NDArray[np.bool_] | None = None,
+        layers: slice = slice(None),
     ) -> "VoxelCover":
         """Tile a lattice so that a ball contains at most `most` voxels.
 
         Where a `mask` of the lattice's shape is given, tiles that contain none of its voxels are merged,
-        2 by 2 along each axis, as long as the lattice is large enough.
+        2 by 2 along each axis, as long as the lattice is large enough. Without one, some `layers` of tiles along the
+        first axis may be asked for alone.
         """
         tile = _tile(np.array(shape), np.linalg.norm(steps, axis=1), most, overlap)
-        starts, levels = _all_tiles(shape, tile) if mask is None else _merged_tiles(mask, tile)
+        starts, levels = _all_tiles(shape, tile, layers) if mask is None else _merged_tiles(mask, tile)
         return cls._sorted(shape, steps, tile, overlap, starts, levels, np.zeros(len(starts), dtype=bool))
 
     @classmethod
@@ -163,7 +165,10 @@ class VoxelCover:
         `averaged` is how many voxels the fit averages over, as `LatticeBand.of` takes it.
         """
         reach = _reach(self.tile, np.linalg.norm(self.steps, axis=1), self.overlap)
-        starts, levels, bare = LatticeBand.of(data, isovalue, self.tile, reach, averaged).balls()
+        return self.with_tiles(*LatticeBand.of(data, isovalue, self.tile, reach, averaged).balls())
+
+    def with_tiles(self, starts: IntArray, levels: IntArray, bare: npt.NDArray[np.bool_]) -> "VoxelCover":
+        """Return the cover by the balls of other tiles of these sides: their first voxels, levels, and whether bare."""
         return self._sorted(self.shape, self.steps, self.tile, self.overlap, starts, levels, bare)
 
     @property
@@ -273,10 +278,10 @@ def _count(tile: IntArray, shape: IntArray, spacing: FloatArray, overlap: float)
     return int(np.sum(total <= radius**2))
 
 
-def _all_tiles(shape: tuple[int, ...], tile: IntArray) -> tuple[IntArray, IntArray]:
+def _all_tiles(shape: tuple[int, ...], tile: IntArray, layers: slice = slice(None)) -> tuple[IntArray, IntArray]:
     """Return the starts of tiles that cover the lattice; the last along an axis is moved back to lie within."""
     axes = [np.minimum(np.arange(0, size, side), size - side) for size, side in zip(shape, tile, strict=True)]
-    starts = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(shape))
+    starts = np.stack(np.meshgrid(axes[0][layers], *axes[1:], indexing="ij"), axis=-1).reshape(-1, len(shape))
     return starts, np.zeros(len(starts), dtype=np.int64)
 
 

@@ -31,6 +31,7 @@ from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
+from o3dleaf.fitting.cover.lattice_sample import sample_balls
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall
@@ -42,6 +43,7 @@ from o3dleaf.fitting.local.lattice_fit import (
     fit_voxels,
     require_room_for_voxels,
 )
+from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS
 from o3dleaf.fitting.local.splines import LocalSplines, Splines
 from o3dleaf.fitting.pu.blend import Blended
 from o3dleaf.fitting.pu.diagnostics import BallDiagnostics, diagnose_balls
@@ -315,13 +317,17 @@ class PUInterpolant(Blended):
         lattice = VoxelLattice.of(data.shape, spacing, origin, transform)
         box, marked = lattice.box(bounds), None if mask is None else as_mask(mask, data.shape)
         _, most = as_ball_size(points_per_ball, overlap)
-        cover = VoxelCover.fit(data.shape, lattice.steps, most, overlap, marked)
-        cover = cover.reaching(box[0], box[1], lattice.origin)
-        model = chosen_smoothing(cover, voxels, Splines(kernel, degree, smoothing, rho).model(data.ndim))
+        sizes = data.shape, lattice.steps, most, overlap
+        model = Splines(kernel, degree, smoothing, rho).model(data.ndim)
         if band:
-            cover = cover.banded(data, voxels.isovalue, averaged_voxels(cover, model))
+            sample, usual = sample_balls(*sizes, box, lattice.origin, GCV_BALLS)
+            model = chosen_smoothing(sample, voxels, model)
+            cover = sample.banded(data, voxels.isovalue, averaged_voxels(usual, model))
             cover = cover.reaching(box[0], box[1], lattice.origin)
             require_room_for_voxels(count, cover)
+        else:
+            cover = VoxelCover.fit(*sizes, marked).reaching(box[0], box[1], lattice.origin)
+            model = chosen_smoothing(cover, voxels, model)
         splines = fit_voxels(cover, voxels, model)
         centers, radii = cover.centers(lattice.origin), cover.radii
         balls = Cover(centers, radii, box, splines.offsets, np.empty(0, dtype=np.int64))
