@@ -111,9 +111,15 @@ class GrowingArray:
 
     def whole(self) -> npt.NDArray[Any]:
         """Return all rows as one array, which may be written to; the parts are let go, and nothing can be added."""
-        held, self._held = self._held, []
         if self._file is None:
-            return np.concatenate([np.empty((0, *self.row), self.dtype), *held])
+            whole, start = np.empty((self.rows, *self.row), self.dtype), 0
+            self._held.reverse()
+            while self._held:
+                # One at a time: all of them beside the whole would be twice as much.
+                part = self._held.pop()
+                whole[start : start + len(part)] = part
+                start += len(part)
+            return whole
         with self._file as file, placing_on_disk(file.tell()):
             file.flush()
             return np.asarray(np.memmap(file, dtype=self.dtype, mode="r+", shape=(self.rows, *self.row)))

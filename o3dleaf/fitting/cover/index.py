@@ -98,6 +98,11 @@ class BallIndex:
         """
         return build_tree(self.centers, self.radii, self.bounds)
 
+    def only(self, images: npt.NDArray[Any]) -> "BallIndex":
+        """Return the index of some of the images, by their numbers or a mask, in the order that they have."""
+        places = self.centers[images], self.radii[images]
+        return BallIndex(self.bounds, self.period, self.balls[images], self.shifts[images], *places)
+
     @property
     def images(self) -> Images:
         """The images, as the compiled loops take them."""

@@ -31,6 +31,8 @@ GUARD = 2
 edge of a lattice as fine as the voxels ends one farther."""
 MOST = 3
 """Voxels along each axis that are averaged at most: what that moves stays within the guard."""
+PART = 1 << 19
+"""Voxels that are looked at together, at least a row of tiles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,9 @@ class LatticeBand:
             windows.append([slice(max(first - before, 0), first + side + more) for first in starts])
         far, spread = np.empty([len(each) for each in windows], dtype=bool), current_spread()
         read = None if spread is None else spread.stand_in(data)
-        layers = _Layers(data.__getitem__ if read is None else read, level, order, window, windows[1:])
+        rows = (sides[0] + 2 * around[0] + 2 * (window - 1)) * int(np.prod(np.array(data.shape)[order[2:]]))
+        together = max(1, PART // (rows * sides[1])) if data.ndim > 1 else 1
+        layers = _Layers(data.__getitem__ if read is None else read, level, order, window, windows[1:], together)
 
         def look(first: int, last: int) -> None:
             for layer in range(first, last):
@@ -124,6 +128,8 @@ class _Layers:
         Voxels along each axis that are averaged.
     windows : list of lists of slices
         What is looked at for each tile, along the other axes.
+    together : int
+        Tiles along the second axis that are looked at together: memory does not grow with the layer.
     """
 
     read: Callable[[tuple[slice, ...]], npt.NDArray[Any]]
@@ -131,16 +137,33 @@ class _Layers:
     order: IntArray
     window: int
     windows: list[list[slice]]
+    together: int
 
     def __call__(self, rows: slice) -> BoolArray:
         """Look at the layer of some rows along the slowest axis."""
         slices = [slice(None)] * len(self.order)
         slices[self.order[0]] = slice(rows.start, rows.stop + self.window - 1)
         voxels = self.read(tuple(slices))
-        part = _averages(voxels.transpose(self.order), self.window, np.argsort(self.order))
-        low, high = (_extremes(extreme, part, self.windows) - self.level for extreme in (np.minimum, np.maximum))
-        reserve = RESERVE * (high - low)
+        layer = voxels.transpose(self.order)
+        far = self._by_parts(layer) if self.windows else self._far(layer, [])
         release_pages(voxels)
+        return far
+
+    def _by_parts(self, layer: npt.NDArray[Any]) -> BoolArray:
+        """Look at some tiles along the second axis at a time."""
+        second, others, parts = self.windows[0], self.windows[1:], []
+        for first in range(0, len(second), self.together):
+            some = second[first : first + self.together]
+            begin = some[0].start
+            moved = [slice(each.start - begin, each.stop - begin) for each in some]
+            parts.append(self._far(layer[:, begin : some[-1].stop + self.window - 1], [moved, *others]))
+        return np.concatenate(parts)
+
+    def _far(self, voxels: npt.NDArray[Any], windows: list[list[slice]]) -> BoolArray:
+        """Return which tiles are far of those whose windows are looked at, in some voxels of a layer."""
+        part = _averages(voxels, self.window, np.argsort(self.order))
+        low, high = (_extremes(extreme, part, windows) - self.level for extreme in (np.minimum, np.maximum))
+        reserve = RESERVE * (high - low)
         return np.asarray((low > reserve) | (-high > reserve))
 
 

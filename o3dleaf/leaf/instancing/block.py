@@ -9,7 +9,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Sink
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
@@ -43,12 +43,17 @@ class FlatBlock:
         """
         if METHODS[tile.method] != "cubes":
             raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
-        shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
-        nodes = _rename(np.concatenate([tile.edges, tile.beyond[:, 0]]), tile.lattice.shape, shifts)
         walls = np.concatenate([_wall(tile, axis, far) for axis in range(2) for far in (False, True)])
+        nodes = np.empty(len(tile.edges) + len(tile.beyond), dtype=np.int64)
+        for start, stop in blocks(len(tile.edges), BATCH_SIZE):
+            nodes[start:stop] = _rename(tile.edges[start:stop], tile.lattice.shape)
+        nodes[len(tile.edges) :] = _rename(tile.beyond[:, 0], tile.lattice.shape, tile.beyond[:, 1])
         self.tile = tile
         self.names: IntArray = np.unique(np.concatenate([nodes, walls.ravel()]))
-        self._nodes, self._walls = (np.searchsorted(self.names, each).astype(np.int32) for each in (nodes, walls))
+        self._nodes = np.empty(len(nodes), dtype=np.int32)
+        for start, stop in blocks(len(nodes), BATCH_SIZE):
+            self._nodes[start:stop] = np.searchsorted(self.names, nodes[start:stop])
+        self._walls = np.searchsorted(self.names, walls).astype(np.int32)
 
     def __repr__(self) -> str:
         return f"FlatBlock({self.vertices:,} vertices, {self.triangles:,} triangles)"
@@ -118,7 +123,7 @@ def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one w
     return triangles if outward else triangles[:, ::-1]
 
 
-def _rename(names: IntArray, shape: tuple[int, int, int], shifts: IntArray) -> IntArray:
+def _rename(names: IntArray, shape: tuple[int, int, int], shifts: IntArray | int = 0) -> IntArray:
     """Return names in the window, with one column more to a row, of edges named in the tile, some periods on."""
     nx, ny, nz = shape
     column, rest = names // (8 * nz), names % (8 * nz)

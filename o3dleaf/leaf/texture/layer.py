@@ -23,6 +23,8 @@ of 1.6: a hair that the patch's top cuts ends a third of a voxel above it."""
 
 PROBES = 12
 """Samples along each axis that the range of a patch's values is taken from."""
+SLACK = 1e-6
+"""Of a radius: rounding may put a probe on either side of a ball's border, where its weight is none."""
 
 
 class LayerField(Blended):
@@ -72,8 +74,11 @@ def _steepness(patch: PUInterpolant) -> float:
     """Return the range of a patch's values over the distance in which it is lost; of a constant one, its value's."""
     cover, (low, high) = patch.cover, patch.bounds
     ticks = [np.linspace(*ends, PROBES) for ends in zip(low, high, strict=True)]
-    # Asked this once, of a copy: the tree of its index is as large as that of the tiles, and goes with the copy.
-    probed = replace(patch, index=replace(patch.index))
+    # Of the balls that hold one of the probes: a tree of all is as large as that of the tiles, and takes longer.
+    index, step = patch.index, (high - low) / (PROBES - 1)
+    nearest = low + step * np.clip(np.rint((index.centers - low) / step), 0, PROBES - 1)
+    holding = np.linalg.norm(nearest - index.centers, axis=1) <= index.radii * (1 + SLACK)
+    probed = replace(patch, index=index.only(holding))
     values = probed(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
     radius, count = cover.typical
     distance = radius * count ** (-1.0 / len(low))

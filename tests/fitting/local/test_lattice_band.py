@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 from o3dleaf import PUInterpolant, extract_isosurface, get_num_threads, load, set_num_threads
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import scratch
+from o3dleaf.fitting.cover import lattice_band
+from o3dleaf.fitting.cover.lattice_band import LatticeBand
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.local import lattice_fit
 from o3dleaf.fitting.local.lattice_fit import averaged_voxels
@@ -225,3 +227,22 @@ def test_its_memory_goes_with_the_surface_and_not_with_the_volume():
     assert field([[70.0, 70, 70], [100, 100, 100]]).tolist() == pytest.approx([100, -100], rel=0.01)
     assert held < 2 * values.size
     assert peak < 8 * values.size
+
+
+@pytest.mark.parametrize("shape", [(48, 44, 40), (9, 70, 31), (31, 5, 60)])
+@pytest.mark.parametrize("averaged", [1.0, 30.0])
+def test_a_layer_is_looked_at_in_parts_as_in_one(shape, averaged, monkeypatch):
+    axis = int(np.argmax(shape))
+    along = np.moveaxis(
+        np.broadcast_to(np.arange(max(shape)), np.delete(shape, axis).tolist() + [max(shape)]), -1, axis
+    )
+    values = np.tanh(6 - np.abs(along - 22)) + 0.05 * np.random.default_rng(0).normal(size=shape)
+    tile, reach = np.array([4, 3, 5]), np.array([2, 3, 2])
+    found = []
+    for part in (1, 3000, 1 << 30):
+        monkeypatch.setattr(lattice_band, "PART", part)
+        orders = values, np.asfortranarray(values)
+        found += [LatticeBand.of(data, 0.0, tile, reach, averaged).far for data in orders]
+    for other in found[1:]:
+        np.testing.assert_array_equal(other, found[0])
+    assert 0.02 < found[0].mean() < 0.98
