@@ -58,10 +58,24 @@ class DropletResults:
         """The figures of each run."""
         return {run: each.summary(self.cases[run].constant("diameter") * LENGTH) for run, each in self.courses.items()}
 
-    @property
-    def failed(self) -> list[str]:
-        """The runs that have not kept their volume."""
-        return [run for run, figures in self.summaries.items() if figures["volume_drift"] > HELD]
+    @cached_property
+    def failures(self) -> dict[str, str]:
+        """Of each run that is not to be used, why: its droplet is lost, or meets the mirrors at the sides."""
+        found = dict[str, str]()
+        for run, figures in self.summaries.items():
+            box, cell, diameter = (self.cases[run].constant(name) for name in ("xMax", "cell", "diameter"))
+            widest = max(figures["largest_width_along"], figures["largest_width_across"])
+            if figures["volume_drift"] > HELD:
+                found[run] = (
+                    f"{run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is as "
+                    f"fast as {figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
+                )
+            elif widest * diameter > 2 * box - cell:
+                found[run] = (
+                    f"{run} has failed: its droplet meets the mirrors at the sides; do not use its figures, make the "
+                    "window wider (export --size)"
+                )
+        return found
 
     @property
     def spread(self) -> dict[str, tuple[float, float]]:
@@ -69,21 +83,11 @@ class DropletResults:
 
         Without those whose run has failed.
         """
-        leaves = [self.summaries[run] for run in self.summaries if run.endswith("leaf") and run not in self.failed]
+        leaves = [self.summaries[run] for run in self.summaries if run.endswith("leaf") and run not in self.failures]
         if len(leaves) < 2:
             return {}
         values = {name: np.array([each[name] for each in leaves]) for name in leaves[0]}
         return {name: (float(each.mean()), float(each.std(ddof=1))) for name, each in values.items()}
-
-    @property
-    def failures(self) -> list[str]:
-        """A sentence for each run that has failed."""
-        return [
-            f"{run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is as fast as "
-            f"{figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
-            for run, figures in self.summaries.items()
-            if run in self.failed
-        ]
 
     def write_table(self) -> None:
         """Write all rows of all runs as one table."""
@@ -105,12 +109,12 @@ class DropletResults:
         with moving:
             write_animation(stages, times, self.folder / ANIMATION)
         about = str(first.settings.get("title", ""))
-        figures_of_all = figures_table(self.summaries, self.spread, self.failures)
+        figures_of_all = figures_table(self.summaries, self.spread, [*self.failures.values()])
         write_page(self.folder / PAGE, about, figures_of_all, self.courses, (STILLS, ANIMATION))
 
     def warn(self) -> None:
         """Name the runs that have failed."""
-        for failure in self.failures:
+        for failure in self.failures.values():
             note(f"warning: {failure}")
 
     def line(self) -> str:

@@ -105,7 +105,20 @@ def test_a_run_that_loses_its_droplet_is_named_and_left_out_of_the_mean(tmp_path
     with journal:
         results.warn()
     assert ["3_hair/leaf has failed" in text for text in notes] == [True] * warned
-    page = figures_table(results.summaries, results.spread, results.failures)
+    page = figures_table(results.summaries, results.spread, [*results.failures.values()])
     assert ("3_hair/leaf has failed" in page) == warned
-    assert results.failed == ["3_hair/leaf"] * warned
+    assert list(results.failures) == ["3_hair/leaf"] * warned
     assert (results.spread["volume_drift"][0] < 1e-9) == warned
+
+
+def test_a_droplet_that_meets_the_sides_is_named(tmp_path):
+    write_plate(tmp_path, duration=1e-4)
+    for name, radius in (("leaf", 44.0), ("twin", 40.0)):
+        share, ticks = cap(90.0, radius)
+        write_run(tmp_path / name, [share, share], ticks, [5, 10])
+    # The box is 22 cells of 5 wide.
+    constants = tmp_path / "constants"
+    constants.write_text(re.sub(r"(xMax\s+)\S+;", r"\g<1>44;", constants.read_text()))
+    results = DropletResults.read(tmp_path, dict.fromkeys(find_cases(tmp_path), ("leaf", "twin")))
+    assert list(results.failures) == ["leaf"]
+    assert "make the window wider" in results.failures["leaf"]
