@@ -70,7 +70,7 @@ class DropletResults:
                     f"{run} has failed: its volume changes by {figures['volume_drift']:.2g} of itself, and air is as "
                     f"fast as {figures['fastest_m_s']:.3g} m/s; do not use its figures, try other cells (export --cell)"
                 )
-            elif widest * diameter > 2 * box - cell:
+            elif widest * diameter > 2 * box - cell:  # the interface is thicker than what is left
                 found[run] = (
                     f"{run} has failed: its droplet meets the mirrors at the sides; do not use its figures, make the "
                     "window wider (export --size)"

@@ -116,7 +116,7 @@ def test_a_droplet_that_meets_the_sides_is_named(tmp_path):
     for name, radius in (("leaf", 44.0), ("twin", 40.0)):
         share, ticks = cap(90.0, radius)
         write_run(tmp_path / name, [share, share], ticks, [5, 10])
-    # The box is 22 cells of 5 wide.
+    # The box ends where the grid of the cap does, at 44; a cell is 5.
     constants = tmp_path / "constants"
     constants.write_text(re.sub(r"(xMax\s+)\S+;", r"\g<1>44;", constants.read_text()))
     results = DropletResults.read(tmp_path, dict.fromkeys(find_cases(tmp_path), ("leaf", "twin")))
