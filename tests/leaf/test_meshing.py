@@ -27,8 +27,8 @@ from o3dleaf.leaf.tile_lattice import LAYERS, leaf_lattice, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import CUT_VERTEX, ON_SURFACE
 
-HALF = 0.2037
-"""Mean half thickness of the blade; its ridges run across, the tile is 2 by 2 and 1 high."""
+LENGTH, HALF = 16.0, 0.2037
+"""Length of the blade and its mean half thickness; its ridges run across, the tile is 2 by 2 and 1 high."""
 
 
 def ridged(phase=0.0, half=HALF):
@@ -37,13 +37,13 @@ def ridged(phase=0.0, half=HALF):
 
 @pytest.fixture(scope="module", params=MAIN_FRAME)
 def leaf(request):
-    """A strip of 20 by 6, bent about a circle of radius 15."""
-    return leaf_of(texture_of(ridged()), bend=15.0, frame=request.param)[0]
+    """A strip of 16 by 6, bent about a circle of radius 15."""
+    return leaf_of(texture_of(ridged()), bend=15.0, length=LENGTH, frame=request.param)[0]
 
 
 @pytest.fixture(scope="module")
 def paper_leaf():
-    return leaf_of(texture_of(ridged()), bend=15.0, frame="paper")[0]
+    return leaf_of(texture_of(ridged()), bend=15.0, length=LENGTH, frame="paper")[0]
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_a_closed_leaf_is_watertight_outward_and_has_the_volume_of_its_blade(lea
     assert (report.components, report.boundary_edges, report.genus) == (1, 0, 0)
     assert report.manifold
     assert report.oriented
-    # The bent strip's middle surface is 20 by 6; offsets up and down of it cancel.
+    # The bent strip's middle surface is 16 by 6; offsets up and down of it cancel.
     assert report.volume == pytest.approx(leaf.blade.outline.rounded.area * 2 * HALF, rel=0.02)
     vertices, triangles = arrays(solid)
     corners = vertices[triangles]
@@ -145,8 +145,8 @@ def test_labels_say_which_face_a_triangle_is_of(leaf):
         if closed:
             rim = np.unique(triangles[mesh.labels == RIM])
             plane = leaf.blade.flatten(vertices[rim])[:, :2]
-            assert (np.minimum(plane[:, 0], 20 - plane[:, 0]).clip(0) < 0.4).sum() > 50
-            edge = np.minimum(np.minimum(plane[:, 0], 20 - plane[:, 0]), 3 - np.abs(plane[:, 1]))
+            assert (np.minimum(plane[:, 0], LENGTH - plane[:, 0]).clip(0) < 0.4).sum() > 50
+            edge = np.minimum(np.minimum(plane[:, 0], LENGTH - plane[:, 0]), 3 - np.abs(plane[:, 1]))
             assert edge.max() < 0.45
 
 
@@ -179,12 +179,12 @@ def is_one_leaf(mesh, *, closed):
 
 
 def test_vertices_lie_on_the_surface_and_triangles_to_second_order(leaf, blend_leaf):
-    assert is_of_second_order(errors_between_vertices(leaf, (0.04, 0.02)))
-    assert is_of_second_order(errors_between_vertices(blend_leaf, (0.06, 0.03)))
+    assert is_of_second_order(errors_between_vertices(leaf, (0.06, 0.03)))
+    assert is_of_second_order(errors_between_vertices(blend_leaf, (0.08, 0.04)))
 
 
 def test_so_they_do_along_the_normal_of_the_paper_s_blade(normal_leaf):
-    assert is_of_second_order(errors_between_vertices(normal_leaf, (0.04, 0.02)))
+    assert is_of_second_order(errors_between_vertices(normal_leaf, (0.06, 0.03)))
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -352,7 +352,7 @@ def test_levels_are_one_mesh_fine_in_their_windows(leaf, closed):
 
 def inner_cells(plane):
     """Vertices of the strip beyond its middle, and farther than a coarse cell from its outline."""
-    return (plane[:, 0] > 10.1) & (plane[:, 0] < 19.7) & (np.abs(plane[:, 1]) < HALF_WIDTH - 0.3)
+    return (plane[:, 0] > 10.1) & (plane[:, 0] < LENGTH - 0.3) & (np.abs(plane[:, 1]) < HALF_WIDTH - 0.3)
 
 
 def test_a_window_of_one_coarse_cell_has_room_for_a_finer_one(leaf):

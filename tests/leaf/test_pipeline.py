@@ -45,12 +45,19 @@ PAPER = BladeOptions(frame="paper")
 
 @pytest.fixture(scope="module")
 def blade_in(wheat):
-    """The blade in a frame, with the midrib picked by hand."""
-    return cache(lambda frame: create_blade(*wheat, options=BladeOptions(frame=frame)))
+    """The blade in a frame, with the midrib picked by hand, of every so many-th point."""
+
+    @cache
+    def made(frame, every=2):
+        scan, midrib = wheat
+        return create_blade(scan.uniform_down_sample(every), midrib, options=BladeOptions(frame=frame))
+
+    return made
 
 
 @pytest.fixture(scope="module", params=MAIN_FRAME)
 def blade(request, blade_in):
+    """Of half the points a blade is fitted in less than half the time, and is the same leaf."""
     return blade_in(request.param)
 
 
@@ -98,6 +105,12 @@ def test_the_blade_of_the_real_leaf(wheat, blade):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("frame", ["surface", "paper"])
+def test_the_blade_of_all_points_of_the_real_leaf(wheat, blade_in, frame):
+    check_blade(blade_in(frame, 1), wheat[0])
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("frame", "every"), [("surface", 2), ("paper", 1)])
 def test_the_blade_of_the_real_leaf_without_a_midrib(wheat, frame, every):
     """Of half the points a surface is fitted in half the time; their outline, as the paper finds it, has holes."""
@@ -111,7 +124,7 @@ def test_the_height_map_of_the_real_leaf_is_not_steep(paper_blade):
 
 
 def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
-    surface = leaf.plan_mesh(0.2)
+    surface = leaf.plan_mesh(0.3)
     sheets = surface.extract()
     report = mesh_report(sheets.mesh)
     assert report.components == 2
@@ -122,14 +135,14 @@ def test_the_multiscale_leaf_is_two_clean_sheets(leaf):
     assert surface.voids > 0
     plane = leaf.blade.flatten(np.asarray(sheets.mesh.vertices))[:, :2]
     beside = shapely.distance(leaf.blade.outline.polygon, shapely.points(plane))
-    assert beside.max() <= (ON_MARGIN[1] * 0.2 if leaf.blade.open_edges == "cut" else 1e-9)
+    assert beside.max() <= (ON_MARGIN[1] * 0.3 if leaf.blade.open_edges == "cut" else 1e-9)
     # Both faces cover the outline: each is at least as large as the plane under it, less the rim's steps.
     assert report.area > 2 * 0.95 * leaf.blade.outline.area
 
 
 def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_between_them(leaf):
-    window = [[100, -0.35], [100.7, 0.35]]
-    spacings, errors = np.array([0.02, 0.014, 0.01]), []  # below the voxels', so that hairs are resolved
+    window = [[100, -0.2], [100.4, 0.2]]
+    spacings, errors = np.array([0.025, 0.018, 0.0125]), []  # below the voxels', so that hairs are resolved
     for spacing in spacings:
         mesh = leaf.extract_mesh(spacing, window)
         vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
@@ -139,7 +152,7 @@ def test_g_is_zero_at_the_vertices_and_falls_with_the_square_of_the_spacing_betw
         )
         # Where triangles are cut along the window, corners lie between two that are on the surface.
         plane = leaf.blade.flatten(vertices)[:, :2]
-        inner = np.abs(plane - np.mean(window, axis=0)).max(axis=1) < 0.35 - spacing / 2
+        inner = np.abs(plane - np.mean(window, axis=0)).max(axis=1) < 0.2 - spacing / 2
         assert off[inner if leaf.cuts_edges else ...].max() < ON_SURFACE * spacing
         errors.append(np.sqrt(np.mean(middles**2)))
     assert np.polyfit(np.log(spacings), np.log(errors), 1)[0] == pytest.approx(2, abs=SURFACE_ORDER)
@@ -168,7 +181,7 @@ def test_the_synthetic_leaf_is_recovered(frame):
 
 @pytest.mark.parametrize("frame", MAIN_FRAME)
 def test_the_result_does_not_depend_on_the_number_of_threads(texture, frame):
-    sample, before, found = wheat_scan(count=800), o3l.get_num_threads(), []
+    sample, before, found = wheat_scan(count=500), o3l.get_num_threads(), []
     try:
         for threads in (1, 3):
             o3l.set_num_threads(threads)
@@ -204,13 +217,13 @@ def test_options_reach_their_stage(wheat):
 
 def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
     """Midrib, frame and height map of fewer points lie within the noise of those of all; the outline has all points."""
-    scan = np.asarray(wheat_scan(count=3000).cloud.points)
+    scan = np.asarray(wheat_scan(count=2000).cloud.points)
     whole = create_blade(scan, options=PAPER)
     asked = []
-    monkeypatch.setattr(paper_pipeline, "MAX_POINTS", 1250)
+    monkeypatch.setattr(paper_pipeline, "MAX_POINTS", 800)
     monkeypatch.setattr(paper_pipeline, "find_midrib", lambda points: asked.append(len(points)) or find_midrib(points))
     thinned = create_blade(scan, options=PAPER)
-    assert asked[0] <= 1250
+    assert asked[0] <= 800
     assert len(thinned.outline.points) == len(whole.outline.points)
     flat = np.column_stack([whole.outline.points, np.zeros(len(whole.outline.points))])
     inner = whole.outline.polygon.buffer(-1.0)

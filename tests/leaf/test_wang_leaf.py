@@ -13,7 +13,7 @@ from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import ON_SURFACE
 
 WAVES = np.random.default_rng(5).normal(0, 6, (30, 2))
-STEP = 0.08
+STEP = 0.1
 
 
 def rough(x, y, z):
@@ -27,8 +27,8 @@ def tiles():
 
 @pytest.fixture(scope="module")
 def leaf(tiles):
-    """A strip of 12 by 6, bent about a circle of radius 15."""
-    return leaf_of(tiles, bend=15.0, length=12.0)[0]
+    """A strip of 8 by 6, bent about a circle of radius 15."""
+    return leaf_of(tiles, bend=15.0, length=8.0)[0]
 
 
 @pytest.fixture(scope="module")

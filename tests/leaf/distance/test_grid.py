@@ -65,7 +65,7 @@ def test_a_grid_read_back_holds_the_leaf(leaf, tmp_path, monkeypatch, suffix, re
 
 
 def test_the_whole_leaf_is_the_default(leaf, tmp_path):
-    leaf.write_grid(tmp_path / "g.vti", 0.1, what="mask")
+    leaf.write_grid(tmp_path / "g.vti", 0.15, what="mask")
     values, origin, spacing = read_vti(tmp_path / "g.vti")
     assert np.all(origin <= leaf.bounds[0])
     assert values.sum() * spacing.prod() == pytest.approx(20 * 6 * 0.6, rel=0.1)

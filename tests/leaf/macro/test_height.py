@@ -7,22 +7,24 @@ from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.macro.robust import huber_loss, plane_noise
 from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
 
+LENGTH = 36.0
+
 
 def truth(plane):
     return 1.2 * np.cos(plane[:, 0] / 8) + 0.06 * plane[:, 1] ** 2
 
 
-def scan(rng, count=2500, noise=0.1, second=0.0, shift=1.0):
-    """A strip 60 by 10, a share `second` of its points from a pass that lies `shift` higher."""
-    plane = np.column_stack([rng.uniform(0, 60, count), rng.uniform(-5, 5, count)])
+def scan(rng, count=1500, noise=0.1, second=0.0, shift=1.0):
+    """A strip 36 by 10, a share `second` of its points from a pass that lies `shift` higher."""
+    plane = np.column_stack([rng.uniform(0, LENGTH, count), rng.uniform(-5, 5, count)])
     heights = truth(plane) + noise * rng.normal(size=count)
-    in_second = (rng.uniform(size=count) < second) & (np.abs(plane[:, 0] - 30) < 15)
+    in_second = (rng.uniform(size=count) < second) & (np.abs(plane[:, 0] - LENGTH / 2) < LENGTH / 4)
     heights[in_second] += shift
     return np.column_stack([plane, heights])
 
 
 def rms_to_truth(height):
-    plane = np.random.default_rng(99).uniform([1, -4.5], [59, 4.5], (4000, 2))
+    plane = np.random.default_rng(99).uniform([1, -4.5], [LENGTH - 1, 4.5], (4000, 2))
     return np.sqrt(np.mean((height(plane) - truth(plane)) ** 2))
 
 
@@ -41,13 +43,13 @@ def test_a_minority_pass_is_not_followed():
 
 def test_the_kernel_hardly_matters():
     points = scan(np.random.default_rng(2))
-    plane = np.random.default_rng(3).uniform([2, -4], [58, 4], (2000, 2))
+    plane = np.random.default_rng(3).uniform([2, -4], [LENGTH - 2, 4], (2000, 2))
     cubic, spline = HeightMap.fit(points), HeightMap.fit(points, kernel="thin_plate_spline")
     assert np.sqrt(np.mean((cubic(plane) - spline(plane)) ** 2)) < 0.05
 
 
 def test_the_choice_scales_with_the_unit():
-    points = scan(np.random.default_rng(4), count=1200)
+    points = scan(np.random.default_rng(4), count=900)
     small, large = HeightMap.fit(points), HeightMap.fit(1000 * points)
     assert large.choice.bandwidth == pytest.approx(1000 * small.choice.bandwidth, rel=1e-6)
     assert large.choice.noise == pytest.approx(1000 * small.choice.noise, rel=1e-9)
@@ -67,7 +69,7 @@ def test_the_paper_rho_is_that_of_the_thin_plate_spline():
 
 def test_slopes_equal_central_differences_and_vanish_outside():
     height = HeightMap.fit(scan(np.random.default_rng(6), count=900), smoothing=1.0)
-    plane, step = np.random.default_rng(7).uniform([2, -4], [58, 4], (200, 2)), 1e-5
+    plane, step = np.random.default_rng(7).uniform([2, -4], [LENGTH - 2, 4], (200, 2)), 1e-5
     numeric = np.stack([(height(plane + step * e) - height(plane - step * e)) / (2 * step) for e in np.eye(2)], axis=1)
     assert np.abs(numeric - height.gradient(plane)).max() <= ANALYTIC_VS_DIFFERENCE
     beyond = np.array([[-10.0, 0.0]])
@@ -77,7 +79,7 @@ def test_slopes_equal_central_differences_and_vanish_outside():
 
 def test_the_jet_is_height_slopes_and_their_slopes():
     height = HeightMap.fit(scan(np.random.default_rng(9), count=900), smoothing=1.0)
-    plane, step = np.random.default_rng(10).uniform([-2, -6], [62, 6], (300, 2)), 1e-5
+    plane, step = np.random.default_rng(10).uniform([-2, -6], [LENGTH + 2, 6], (300, 2)), 1e-5
     jet = height.jet(plane)
     assert jet[:, 0] == pytest.approx(height(plane), abs=TWIN)
     assert np.abs(jet[:, 1:3] - height.gradient(plane)).max() <= TWIN

@@ -18,13 +18,13 @@ SHAPES = {
 }
 
 
-def elongated(*, bent=False, sideways=False, twist=0.0, taper=0.0, noise=0.0):
+def elongated(*, bent=False, sideways=False, twist=0.0, taper=0.0, noise=0.0, count=2500):
     """A leaf as it is bent to a radius of a quarter of its length, twisted and tapered: its scan, axis and half width.
 
     The noise is a share of the width, the taper the share of it that the tip lacks.
     """
     rng = np.random.default_rng(0)
-    radius, flat = LENGTH / 4, np.column_stack([rng.uniform(0, LENGTH, 8000), rng.uniform(-1, 1, 8000)])
+    radius, flat = LENGTH / 4, np.column_stack([rng.uniform(0, LENGTH, 2 * count), rng.uniform(-1, 1, 2 * count)])
 
     def half(t):
         return WIDTH / 2 * (1 - taper * t / LENGTH)
@@ -40,7 +40,7 @@ def elongated(*, bent=False, sideways=False, twist=0.0, taper=0.0, noise=0.0):
             axis, across, up = (t, zero, zero), (zero, one, zero), (zero, zero, one)
         return tuple(np.stack(column, axis=1) for column in (axis, across, up))
 
-    t, across = flat[np.abs(flat[:, 1]) < half(flat[:, 0]) / (WIDTH / 2)][:4000].T * [[1], [WIDTH / 2]]
+    t, across = flat[np.abs(flat[:, 1]) < half(flat[:, 0]) / (WIDTH / 2)][:count].T * [[1], [WIDTH / 2]]
     axis, side, up = section(t)
     angle = (twist * t / LENGTH)[:, None]
     points = axis + across[:, None] * (np.cos(angle) * side + np.sin(angle) * up)
@@ -153,7 +153,7 @@ def test_a_handful_of_points_is_refused():
 
 @pytest.mark.parametrize("count", [50, 100, 300])
 def test_a_sparse_scan_has_a_midrib_too(count):
-    points, axis, half = elongated(taper=0.8)
+    points, axis, half = elongated(taper=0.8, count=4000)
     points = points[:count]
     along, away = on_axis(points, find_midrib(points), axis)
     assert np.all(away <= 1.5 * half(along))

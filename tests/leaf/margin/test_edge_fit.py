@@ -54,20 +54,20 @@ def test_the_margin_of_a_disc_strays_less_than_its_outermost_points(noise, most)
 
 
 def test_corners_stay_where_a_stiffer_curve_would_cut_them():
-    leaf = shapely.box(0, 0, 60, 40)
+    leaf = shapely.box(0, 0, 30, 20)
     corners, off = shapely.get_coordinates(leaf)[:4], []
     for seed in range(4):
-        points = leaves.uniform(leaf, 2400, np.random.default_rng(seed))
+        points = leaves.uniform(leaf, 600, np.random.default_rng(seed))
         off += list(shapely.distance(shapely.points(corners), Margin.fit(points).polygon.exterior))
     assert np.mean(off) < CORNER_HELD
 
 
 def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does():
     """Tips of 20 degrees; the last points are 1.6 spacings short in the mean."""
-    leaf, short = leaves.strip(20), []
+    leaf, short = leaves.strip(20, length=60.0), []
     for seed in range(8):
-        points = leaves.uniform(leaf, 2000, np.random.default_rng(seed))
-        short.append((150 - Margin.fit(points).bounds[1, 0]) / leaves.true_spacing(leaf, points))
+        points = leaves.uniform(leaf, 700, np.random.default_rng(seed))
+        short.append((60 - Margin.fit(points).bounds[1, 0]) / leaves.true_spacing(leaf, points))
     assert abs(np.mean(short)) < TIP_LENGTH
 
 

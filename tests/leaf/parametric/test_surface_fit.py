@@ -16,7 +16,7 @@ from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
 from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
 from o3dleaf.leaf.parametric.tight_bends import tightest_bend
 
-RADIUS, LENGTH, HALF_WIDTH = 6.0, 40.0, 5.0
+RADIUS, LENGTH, HALF_WIDTH = 6.0, 24.0, 5.0
 NOISE = 0.02
 
 
@@ -33,7 +33,7 @@ def places(count, seed):
 
 def strip(bias=0.0):
     """Return a sheet of the strip; its chart is the plane, stretched along by `bias`."""
-    u, v = np.meshgrid(np.linspace(0, LENGTH, 41), np.linspace(-HALF_WIDTH, HALF_WIDTH, 11), indexing="ij")
+    u, v = np.meshgrid(np.linspace(0, LENGTH, 25), np.linspace(-HALF_WIDTH, HALF_WIDTH, 11), indexing="ij")
     plane = np.column_stack([u.ravel(), v.ravel()])
     triangles = Delaunay(plane).simplices.astype(np.int64)
     a, b, c = (plane[triangles[:, k]] for k in range(3))
@@ -44,7 +44,7 @@ def strip(bias=0.0):
 
 @pytest.fixture(scope="module")
 def scan():
-    plane = places(3000, 0)
+    plane = places(1800, 0)
     return plane, roll(plane, np.random.default_rng(1).normal(0, NOISE, len(plane)))
 
 
@@ -87,7 +87,7 @@ def test_the_surface_moves_with_its_scan(fit, scan):
 
 def test_a_minority_that_lies_off_is_not_followed(scan):
     plane, points = scan
-    beside = (plane[:, 0] > 10) & (plane[:, 0] < 25) & (np.arange(len(plane)) % 4 == 0)
+    beside = (plane[:, 0] > 6) & (plane[:, 0] < 15) & (np.arange(len(plane)) % 4 == 0)
     points = np.where(beside[:, np.newaxis], roll(plane, 0.5), points)
     fit = fit_chart_surface(points, strip())
     assert off_cylinder(fit).max() < tol.BESIDE_A_MAJORITY * NOISE
@@ -95,7 +95,7 @@ def test_a_minority_that_lies_off_is_not_followed(scan):
 
 
 def test_smoothing_is_less_where_the_leaf_is_wavy():
-    plane = places(4000, 2)
+    plane = places(2400, 2)
     waves = np.where(plane[:, 0] > 0.8 * LENGTH, 0.15 * np.sin(2.5 * plane[:, 0]) * np.cos(2.5 * plane[:, 1]), 0.0)
     heights = waves + np.random.default_rng(3).normal(0, 0.05, len(plane))
     bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
@@ -108,7 +108,7 @@ def test_smoothing_is_less_where_the_leaf_is_wavy():
 
 @pytest.mark.parametrize(("noise", "smoothing"), [(0.25, 0.05), (0.4, 0.1)])
 def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(monkeypatch, noise, smoothing):
-    points = roll(places(1000, 0)) + np.random.default_rng(1).normal(0, noise, (1000, 3))
+    points = roll(places(600, 0)) + np.random.default_rng(1).normal(0, noise, (600, 3))
 
     def too_little(*arguments):
         return replace(choose_by_place(*arguments), smoothing=smoothing)
@@ -125,6 +125,6 @@ def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(mon
 
 
 def test_a_fit_without_folds_is_not_smoothed_more_nor_one_by_a_number(fit):
-    points = roll(places(1000, 0)) + np.random.default_rng(1).normal(0, 0.25, (1000, 3))
+    points = roll(places(600, 0)) + np.random.default_rng(1).normal(0, 0.25, (600, 3))
     assert fit.notes == ()
     assert fit_chart_surface(points, strip(), smoothing=0.05).notes == ()

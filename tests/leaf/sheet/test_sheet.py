@@ -187,7 +187,7 @@ def test_a_sheet_does_not_depend_on_unit_place_or_threads():
 
 
 def test_more_points_than_a_chart_needs_are_thinned_and_all_of_them_told():
-    t, v = strip(11, 60.0, 20.0, 0.15)
+    t, v = strip(11, 40.0, 15.0, 0.15)
     sheet = find_sheet(flat(t, v)[0])
     assert len(sheet.vertices) <= 20_000 < len(sheet.rows) == len(t)
     assert sheet.spacing == pytest.approx(0.15, rel=0.1)

@@ -24,8 +24,8 @@ from tolerances import (
 )
 
 EXTENT = (6.0, 5.0)
-WAVES = np.random.default_rng(5).normal(0, 5, (40, 2))
-PHASES = np.random.default_rng(6).uniform(0, 2 * np.pi, 40)
+WAVES = np.random.default_rng(5).normal(0, 5, (20, 2))
+PHASES = np.random.default_rng(6).uniform(0, 2 * np.pi, 20)
 
 
 class Rough:
@@ -33,7 +33,7 @@ class Rough:
 
     bounds = None
 
-    def __init__(self, height=0.12, shift=0.0):
+    def __init__(self, height=0.17, shift=0.0):
         self.height, self.shift = height, shift
 
     def waves(self, p):

@@ -18,7 +18,7 @@ from tolerances import FACET_OF_SPHERE, OF_PARTICLES, ROUNDING
 
 SPACING = 0.1
 CENTER = np.array([0.013, -0.021, 0.007])
-REGION = ((8.0, -1.5), (11.0, 1.5))
+REGION = ((8.0, -1.2), (10.4, 1.2))
 
 
 def hairy(x, y, z):

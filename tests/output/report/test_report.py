@@ -13,7 +13,7 @@ from o3dleaf.output.report.summary import summarize, warnings_of
 
 @pytest.fixture(scope="module")
 def blade():
-    sample = o3l.samples.wheat_scan(count=1500)
+    sample = o3l.samples.wheat_scan(count=800)
     return o3l.create_blade(sample.cloud, sample.midrib, options=o3l.BladeOptions(frame="paper")), sample.cloud
 
 
@@ -36,7 +36,7 @@ def test_what_was_chosen_and_how_good_it_is_can_be_read(blade):
 
 def test_of_a_surface_the_chart_and_its_fit_can_be_read():
     """All that is measured of any blade is there too, and its warnings are those of the summary."""
-    sample = o3l.samples.wheat_scan(count=1500)
+    sample = o3l.samples.wheat_scan(count=600)
     blade = o3l.create_blade(sample.cloud)
     summary = summarize(blade, blade.extract_mesh(0.5), {}, scan=sample.cloud)
     read = json.loads(json.dumps(summary, allow_nan=False))
