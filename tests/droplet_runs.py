@@ -43,7 +43,7 @@ def cap(angle, radius=30.0, shift=(0.0, 0.0)):
     for dx in fine:
         for dy in fine:
             for dz in fine:
-                x, y, z = np.meshgrid(ticks[0] + dx, ticks[1] + dy, ticks[2] + dz, indexing="ij")
+                x, y, z = np.meshgrid(ticks[0] + dx, ticks[1] + dy, ticks[2] + dz, indexing="ij", sparse=True)
                 share += (x - middle[0]) ** 2 + (y - middle[1]) ** 2 + (z - middle[2]) ** 2 < radius**2
     return share / 64, ticks
 

@@ -16,9 +16,9 @@ LATTICE = TileLattice((0.1, -0.2, -0.4), (PERIOD / 24, PERIOD / 20, 0.8 / 30), (
 
 def ball(points, centre, radius):
     """Radius less the distance to the nearest copy of a ball."""
-    gap = points - centre
-    gap[:, :2] -= PERIOD * np.round(gap[:, :2] / PERIOD)
-    return radius - np.linalg.norm(gap, axis=1)
+    x, y, z = (points - centre).T
+    x, y = x - PERIOD * np.round(x / PERIOD), y - PERIOD * np.round(y / PERIOD)
+    return radius - np.sqrt(x * x + y * y + z * z)
 
 
 def layer(points):

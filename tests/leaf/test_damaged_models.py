@@ -34,7 +34,7 @@ def patch(local="splines"):
 
 @cache
 def leaf(frame):
-    sample = wheat_scan(count=400)
+    sample = wheat_scan(count=250)
     blade = o3l.create_blade(sample.cloud, sample.midrib, options=o3l.BladeOptions(frame=frame))
     return o3l.MultiscaleLeaf(o3l.TiledField(patch()), blade=blade)
 

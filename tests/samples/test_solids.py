@@ -7,6 +7,7 @@ from scipy.spatial import KDTree
 from o3dleaf import Field
 from o3dleaf.core.errors import InputError
 from o3dleaf.samples import Block, Figure, Sphere, Torus, WavySheet
+from o3dleaf.samples.figure import DEFAULT_PARTS
 from o3dleaf.samples.meshed import draw_on_triangles
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
 from tolerances import DIVERGENCE_SIGMAS, SAMPLE_DIFFERENCE, SHEET_AREA, SOLID_ASTRAY, SOLID_FOOT, SOLID_TIE
@@ -16,7 +17,8 @@ KINDS = [Sphere, Torus, Block, WavySheet, Figure]
 
 @pytest.fixture(scope="module")
 def solids():
-    return {kind: kind() for kind in KINDS}
+    """One of each; the figure has no tail, whose radius is the least and the step of all of its mesh."""
+    return {kind: kind(DEFAULT_PARTS[:-1]) if kind is Figure else kind() for kind in KINDS}
 
 
 @pytest.fixture(params=KINDS)

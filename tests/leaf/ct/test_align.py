@@ -18,7 +18,7 @@ SPACING = 24.0
 
 
 @cache
-def turned(angles, seed=0, shape=(70, 70, 34)):
+def turned(angles, seed=0, shape=(60, 60, 34)):
     """A scan of a blade in a turned holder: the volume and T_ct_patch's rotation."""
     _, truth = wheat_ct(seed=seed, size=(2400, 2400, 480))
     R = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()

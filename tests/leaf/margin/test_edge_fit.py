@@ -20,7 +20,8 @@ from tolerances import (
     TIP_LENGTH,
 )
 
-DISC = shapely.Point(0, 0).buffer(20, quad_segs=256)
+RADIUS = 14.0
+DISC = shapely.Point(0, 0).buffer(RADIUS, quad_segs=256)
 NO_TIPS = np.empty((0, 2))
 
 
@@ -45,11 +46,11 @@ def test_the_margin_of_a_disc_strays_less_than_its_outermost_points(noise, most)
     squares = []
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        points = leaves.uniform(DISC, 2500, rng)
+        points = leaves.uniform(DISC, 1225, rng)
         spacing = leaves.true_spacing(DISC, points)
         points += rng.normal(0, noise * spacing, points.shape)
         ring = Margin.fit(points, noise=noise * spacing).ring
-        squares.append(np.mean((np.hypot(*ring.T) - 20) ** 2) / spacing**2)
+        squares.append(np.mean((np.hypot(*ring.T) - RADIUS) ** 2) / spacing**2)
     assert np.sqrt(np.mean(squares)) < most
 
 
@@ -72,13 +73,13 @@ def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does():
 
 
 def test_the_curve_stays_for_a_lattice_and_over_what_was_filled():
-    points = leaves.uniform(DISC, 2500, np.random.default_rng(0))
+    points = leaves.uniform(DISC, 1225, np.random.default_rng(0))
     local = Spacing(cKDTree(points), np.full(len(points), leaves.true_spacing(DISC, points)))
-    curve = 19.0 * np.stack([np.cos(leaves.TURN), np.sin(leaves.TURN)], axis=1)
+    curve = (RADIUS - 1) * np.stack([np.cos(leaves.TURN), np.sin(leaves.TURN)], axis=1)
     left = shapely.box(-30, -30, 0, 30)
     lattice = fit_edge(curve, NO_TIPS, EdgeSample(local, 0.0, 0.0, shapely.MultiPolygon())).curve
     filled = fit_edge(curve, NO_TIPS, EdgeSample(local, 0.0, 1.0, left)).curve
     radius = np.hypot(*filled.T)
-    assert np.hypot(*lattice.T) == pytest.approx(19, abs=EDGE_TURNED)
-    assert radius[filled[:, 0] < -10].mean() == pytest.approx(19, abs=EDGE_STAYS)
-    assert radius[filled[:, 0] > 10].mean() == pytest.approx(20, abs=EDGE_STAYS)
+    assert np.hypot(*lattice.T) == pytest.approx(RADIUS - 1, abs=EDGE_TURNED)
+    assert radius[filled[:, 0] < -RADIUS / 2].mean() == pytest.approx(RADIUS - 1, abs=EDGE_STAYS)
+    assert radius[filled[:, 0] > RADIUS / 2].mean() == pytest.approx(RADIUS, abs=EDGE_STAYS)

@@ -36,7 +36,7 @@ def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape
 @pytest.mark.parametrize("seed", range(3))
 def test_sharp_tips_are_kept(angle, seed):
     leaf = leaves.strip(angle)
-    points = leaves.uniform(leaf, 2000, np.random.default_rng(seed))
+    points = leaves.uniform(leaf, 1200, np.random.default_rng(seed))
     reached = Margin.fit(points).bounds[1, 0]
     assert abs(reached - 150) <= TIP_LOST / angle * leaves.true_spacing(leaf, points)
 
@@ -91,7 +91,7 @@ def test_a_gap_that_a_random_sample_has_by_chance_is_no_hole():
 
 
 def test_the_margin_turns_and_grows_with_the_points():
-    points = leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(3))
+    points = leaves.uniform(leaves.eaten(6), 1200, np.random.default_rng(3))
     turn = np.array([[0.8, 0.6], [-0.6, 0.8]])
     margin, turned = Margin.fit(points), Margin.fit(3 * points @ turn + [100, -50])
     assert turned.area == pytest.approx(9 * margin.area, rel=MARGIN_TURNED)
@@ -101,13 +101,13 @@ def test_the_margin_turns_and_grows_with_the_points():
 
 
 def test_order_and_repeated_points_do_not_matter():
-    points = leaves.uniform(leaves.ellipse(), 1500, np.random.default_rng(4))
+    points = leaves.uniform(leaves.ellipse(), 800, np.random.default_rng(4))
     shuffled = np.random.default_rng(5).permutation(np.vstack([points, points[:200]]))
     assert np.array_equal(Margin.fit(points).ring, Margin.fit(shuffled).ring)
 
 
 def test_a_margin_comes_back_from_a_file_the_same(tmp_path):
-    margin = Margin.fit(leaves.uniform(leaves.eaten(6), 2000, np.random.default_rng(6)), unit="mm")
+    margin = Margin.fit(leaves.uniform(leaves.eaten(6), 1200, np.random.default_rng(6)), unit="mm")
     write_model(margin, tmp_path / "margin.o3l")
     again = read_model(tmp_path / "margin.o3l", {"Margin": Margin, "Hole": Hole}, check_model)
     assert again.polygon.equals_exact(margin.polygon)

@@ -11,7 +11,7 @@ from o3dleaf.leaf.margin.taper import Taper
 from tolerances import TAPER_ROUNDING, TAPER_SLOPE
 
 
-def places(shape, count=20_000, seed=0):
+def places(shape, count=5000, seed=0):
     """Points about a shape, as many of them near its margin."""
     rng = np.random.default_rng(seed)
     low, high = np.reshape(shape.bounds, (2, 2))

@@ -156,7 +156,7 @@ def test_distances_and_projections_are_those_of_its_surface(leaf):
 
 
 def test_it_is_written_read_and_remeshed(surface, leaf, tmp_path, flat):
-    outline = Margin.fit(inner_places(3000), unit="mm")
+    outline = Margin.fit(inner_places(1200), unit="mm")
     saved = o3l.MultiscaleLeaf(leaf.texture, blade=ParametricBlade(surface, outline, 1.0, ("a note",)))
     saved.save(tmp_path / "leaf.o3l")
     found = o3l.load(tmp_path / "leaf.o3l")

@@ -198,7 +198,7 @@ def literal_crop(tiled, points, reach=4):
 def fitted():
     """Splines, rather than the truth: what is blended is not periodic."""
     rng = np.random.default_rng(0)
-    points = rng.uniform([0, 0, -1], [4, 3, 1], (3000, 3))
+    points = rng.uniform([0, 0, -1], [4, 3, 1], (1500, 3))
     values = np.sin(2 * points[:, 0]) + np.cos(3 * points[:, 1]) - points[:, 2]
     return PUInterpolant.fit(points, values, points_per_ball=(40, 80), unit="mm", bounds=[[0, 0, -1], [4, 3, 1]])
 
