@@ -32,7 +32,7 @@ def interpolant(data):
 @cache
 def blade_in(frame):
     """A scan, and its blade in a frame."""
-    sample = wheat_scan(count=800)
+    sample = wheat_scan(count=400)
     return sample, o3l.create_blade(sample.cloud, sample.midrib, options=o3l.BladeOptions(frame=frame))
 
 

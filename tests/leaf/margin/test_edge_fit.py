@@ -65,10 +65,10 @@ def test_corners_stay_where_a_stiffer_curve_would_cut_them():
 
 def test_a_narrow_tip_ends_in_the_mean_where_the_leaf_does():
     """Tips of 20 degrees; the last points are 1.6 spacings short in the mean."""
-    leaf, short = leaves.strip(20, length=60.0), []
+    leaf, short = leaves.strip(20, length=45.0), []
     for seed in range(8):
-        points = leaves.uniform(leaf, 700, np.random.default_rng(seed))
-        short.append((60 - Margin.fit(points).bounds[1, 0]) / leaves.true_spacing(leaf, points))
+        points = leaves.uniform(leaf, 470, np.random.default_rng(seed))
+        short.append((45 - Margin.fit(points).bounds[1, 0]) / leaves.true_spacing(leaf, points))
     assert abs(np.mean(short)) < TIP_LENGTH
 
 
