@@ -23,7 +23,7 @@ FRAMES = ("surface", "paper")
 MAIN_FRAME = ("surface", pytest.param("paper", marks=pytest.mark.slow))
 """Where one code serves both."""
 HALF_WIDTH = 3.0
-COLLAR, STEP = 2.0, 0.4
+COLLAR, STEP = 2.0, 0.5
 """Width of the strip beside the leaf that the surface is fitted to as well, and the step of its data: all in
 one ball, since a spline errs at the edges of its data."""
 
@@ -36,7 +36,7 @@ def texture(function, half=0.5, tile=2.0, n=13):
     return TiledField(fit)
 
 
-def leaf_of(field, bend=None, length=20.0, height=0.0, frame="surface"):
+def leaf_of(field, bend=None, length=20.0, height=0.0, frame="surface", step=STEP):
     """A strip `length` by 6, flat or bent about a circle of radius `bend`; the axis of z is straight up."""
 
     def lift(s, c, h):
@@ -44,7 +44,7 @@ def leaf_of(field, bend=None, length=20.0, height=0.0, frame="surface"):
             return np.stack([s, c, h], axis=-1)
         return np.stack([(bend + h) * np.sin(s / bend), c, (bend + h) * np.cos(s / bend) - bend], axis=-1)
 
-    blade = {"surface": surface_blade, "paper": paper_blade}[frame](lift, length, height)
+    blade = paper_blade(lift, length, height) if frame == "paper" else surface_blade(lift, length, height, step)
     return MultiscaleLeaf(field, blade=blade), lift
 
 
@@ -58,10 +58,10 @@ def paper_blade(lift, length, height):
     return HeightMapBlade(frame, HeightMap.fit(y, smoothing=0.0, unit="mm"), AlphaShape(y[:, :2]))
 
 
-def surface_blade(lift, length, height):
+def surface_blade(lift, length, height, step=STEP):
     """The strip as a surface over its chart, inside a rectangle."""
     wide, long = HALF_WIDTH + COLLAR, length + 2 * COLLAR
-    s, c = grid((-COLLAR, length + COLLAR), (-wide, wide), round(long / STEP) + 1, round(2 * wide / STEP) + 1)
+    s, c = grid((-COLLAR, length + COLLAR), (-wide, wide), round(long / step) + 1, round(2 * wide / step) + 1)
     places, points = np.column_stack([s, c]), lift(s, c, height + 0 * s)
     surface = ChartSurface.fit(places, points, smoothing=0.0, unit="mm", points_per_ball=2 * len(s))
     ring = np.array([[0, -HALF_WIDTH], [length, -HALF_WIDTH], [length, HALF_WIDTH], [0, HALF_WIDTH]])

@@ -17,8 +17,10 @@ def ball():
 
 @pytest.fixture(scope="module", params=FRAMES)
 def slab(request):
-    """Bent on a circle of radius 10, faces at ± RADIUS: two cylinders of radius 10 ± RADIUS."""
-    return leaf_of(texture(lambda x, y, z: RADIUS**2 - z**2), bend=10.0, frame=request.param)
+    """Bent on a circle of radius 10, faces at ± RADIUS: two cylinders of radius 10 ± RADIUS; of finer data, which
+    second derivatives need.
+    """
+    return leaf_of(texture(lambda x, y, z: RADIUS**2 - z**2), bend=10.0, frame=request.param, step=0.4)
 
 
 def around(rng, count, low, high):
