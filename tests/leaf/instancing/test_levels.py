@@ -72,7 +72,9 @@ def are_apart(pair):
     return bool(np.any((low[0] > high[1]) | (low[1] > high[0])))
 
 
-@pytest.mark.parametrize("ratios", [(3, 2), (2, 3), *(pytest.param(each, marks=pytest.mark.slow) for each in ((4, 2), (2, 4)))])
+@pytest.mark.parametrize(
+    "ratios", [(3, 2), (2, 3), *(pytest.param(each, marks=pytest.mark.slow) for each in ((4, 2), (2, 4)))]
+)
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
     vertices, triangles, labels = extract_levels(nested(ratios, closed=closed), layer)
