@@ -29,7 +29,7 @@ def tensor(points, **attributes):
 
 @pytest.fixture(scope="module")
 def torus():
-    return samples.Torus().sample(3_000, seed=1)
+    return samples.Torus().sample(2_000, seed=1)
 
 
 def ramp(x):
