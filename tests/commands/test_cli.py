@@ -193,7 +193,7 @@ def test_a_leaf_from_files(run, files, tmp_path, frame, stage):
     output = tmp_path / "leaf.ply"
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
-        "--region", 90, -2, 96, 2, "--frame", frame, "-o", output,
+        "--region", 90, -1, 92, 1, "--frame", frame, "-o", output,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "extract mesh" in result.stderr
@@ -236,9 +236,9 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
 
 def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
     result = run(
-        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.25,
-        "--frame", "paper", "--fine", "95 -1 96 0.5 0.1", "--no-picture",
-        "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 1,
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.5,
+        "--frame", "paper", "--fine", "95 -1 95.5 -0.5 0.125", "--no-picture",
+        "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 2,
         "-o", tmp_path / "leaf.obj", "-q",
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
@@ -379,7 +379,7 @@ def test_demo_writes_mesh_picture_summary_and_model(run, files, tmp_path):
         "wheat_ct_24um.tif": "ct.tif",
     }.items():
         (samples / name).write_bytes((files / source).read_bytes())
-    result = run("demo", "--samples", samples, "-o", tmp_path / "demo", "--spacing", 0.3, "-q")
+    result = run("demo", "--samples", samples, "-o", tmp_path / "demo", "--spacing", 0.6, "-q")
     assert result.returncode == 0, result.stderr
     written = {path.name for path in (tmp_path / "demo").iterdir()}
     assert written == {"leaf.ply", "leaf.png", "leaf.json", "leaf.o3l"}
