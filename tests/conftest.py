@@ -10,6 +10,7 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -189,12 +190,23 @@ def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(inspect.unwrap(draw).__kwdefaults__, "size", (400, 250))
 
 
+@pytest.fixture(scope="session")
+def parsers() -> Callable[..., object]:
+    """Make the parser of a command line once: typer makes those of all commands anew for each call of one."""
+    from typer.main import get_command
+
+    return cache(get_command)
+
+
 @pytest.fixture
-def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., CompletedProcess[str]]:
+def run(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, parsers: Callable[..., object]
+) -> Callable[..., CompletedProcess[str]]:
     """Return a function that calls the command line, in this process: a process each would import all of it anew.
 
     What C++ prints is captured too. An exception that the program does not turn into a line leaves it as it is.
     """
+    monkeypatch.setattr("typer.main.get_command", parsers)
     from o3dleaf.commands.cli import main
 
     def call(*arguments: object) -> CompletedProcess[str]:

@@ -23,7 +23,7 @@ def script(monkeypatch):
 
 @pytest.fixture(scope="module")
 def scan():
-    return scan_leaf(leaf_shape("eaten", length=60.0, width=30.0), spacing=1.0)
+    return scan_leaf(leaf_shape("eaten", length=40.0, width=20.0), spacing=1.0)
 
 
 def marks(script, scan, leaf, shift=0.0):
@@ -44,10 +44,10 @@ def test_so_has_the_truth_with_a_hidden_margin(script, kind):
 
 
 def test_what_is_missing_costs_its_marks(script, scan):
-    small = leaf_shape("eaten", length=57.0, width=26.0)
+    small = leaf_shape("eaten", length=37.0, width=16.0)
     lost = {name for name, holds in marks(script, scan, small).items() if not holds}
     assert {"area", "truth to mesh", "margin to truth", "truth to margin"} <= lost
-    filled = leaf_shape("layers", length=60.0, width=30.0)
+    filled = leaf_shape("layers", length=40.0, width=20.0)
     lost = {name for name, holds in marks(script, scan, filled).items() if not holds}
     assert {"area", "mesh to truth", "truth to margin", "holes"} <= lost
 

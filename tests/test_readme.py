@@ -25,16 +25,17 @@ WRITTEN = [
 SHORTER = {
     '"qa.html"': '"qa.json"',
     "spacing=0.012, closed": "spacing=0.05, closed",
+    "(drop, 3), 0.05), (leaf.blade.window(drop, 1), 0.0125)": "(drop, 1), 0.05), (leaf.blade.window(drop, 0.3), 0.025)",
     "0.1, closed=True, remesh=0.1": "0.3, closed=True, remesh=0.3",
 }
 
 
 @pytest.fixture(scope="module")
 def given():
-    """What a reader has: a blade 14.5 mm long, one square millimetre of volume, and names of the README's own."""
+    """What a reader has: a blade 8 mm long, one square millimetre of volume, and names of the README's own."""
     rng = np.random.default_rng(0)
-    across = rng.uniform([0, -2.4], [14.5, 2.4], (2000, 2))
-    across[0] = 7, 0
+    across = rng.uniform([0, -1.3], [8, 1.3], (1000, 2))
+    across[0] = 4, 0
     blade = np.column_stack([across, 0.02 * across[:, 0] ** 2 + 0.03 * across[:, 1] ** 2])
     volume, _ = wheat_ct(size=(720, 720, 480))
     voxels, intensities = volume.to_samples(volume.threshold())
@@ -52,8 +53,8 @@ def given():
         "pcd": o3d.geometry.PointCloud(o3d.utility.Vector3dVector(ring)),
         "points": points,
         "values": points[:, 0],
-        "any_mesh": o3d.geometry.TriangleMesh.create_sphere(1.0),
-        "any_field": o3l.samples.Sphere(1.0),
+        "any_mesh": o3d.geometry.TriangleMesh.create_sphere(0.4),
+        "any_field": o3l.samples.Sphere(0.4),
     }
 
 

@@ -181,7 +181,8 @@ def _columns(numbers: dict[str, npt.NDArray[Any]], names: Sequence[str]) -> Floa
     """Return columns (n, 3) as float64, or None where one is missing."""
     if not all(name in numbers for name in names):
         return None
-    return np.stack([numbers[name].astype(np.float64) for name in names], axis=1)
+    with np.errstate(invalid="ignore"):  # a signaling NaN becomes a quiet one
+        return np.stack([numbers[name].astype(np.float64) for name in names], axis=1)
 
 
 def _colors(numbers: dict[str, npt.NDArray[Any]]) -> FloatArray | None:

@@ -157,7 +157,7 @@ def test_wrong_settings_are_refused_and_leave_nothing(model, tmp_path, name, how
 
 
 def test_the_command_line_takes_all_of_it(run, model, tmp_path):
-    done = run("export", model, "--spacing", 0.5, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
+    done = run("export", model, "--spacing", 1, "--no-remesh", "--for", "gmsh", "-o", tmp_path / "a.stl")
     assert done.returncode == 0, done.stderr
     assert "triangles" in done.stdout
     assert read_mesh(tmp_path / "a.stl").names == ("adaxial", "abaxial", "rim")

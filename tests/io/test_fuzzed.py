@@ -127,3 +127,16 @@ def test_an_ome_tiff_leads_to_no_other_file(tmp_path):
         tiff.pages.first.tags["ImageDescription"].overwrite(text.replace("</Pixels>", both + "</Pixels>"))
     with pytest.raises(InputError, match="one file"):
         read_volume(file, spacing=1.0, unit="um")
+
+
+def test_a_nan_that_signals_is_refused_like_any_other(tmp_path):
+    """Damage made one: such a number tells whoever casts it, which is no fault of a file that is read."""
+    import o3dleaf as o3l
+
+    points = np.arange(12, dtype=np.float32).reshape(4, 3)
+    points.view(np.uint32)[1, 2] = 0x7FA00000
+    header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\n"
+    header += "".join(f"property float {name}\n" for name in "xyz") + "end_header\n"
+    (tmp_path / "a.ply").write_bytes(header.encode() + points.tobytes())
+    with pytest.raises(InputError, match="1 values are NaN"):
+        o3l.read_point_cloud(tmp_path / "a.ply")

@@ -115,7 +115,7 @@ def test_the_points_beside_a_line_are_left_out_and_told():
 
 @pytest.mark.parametrize(("angles", "noise"), [(Y, 0.2), (T, 0.0), (SLANTED, 0.0)])
 def test_three_sheets_that_meet_have_surfaces_that_end_at_the_line(angles, noise):
-    points, spacing = half_planes(angles, noise, half=0.5)
+    points, spacing = half_planes(angles, noise, half=0.3)
     with pytest.warns(CloudWarning, match="3 sheets meet at"):
         mesh, _ = create_from_point_cloud_rbfpu(points, measure=None)
     report = mesh_report(mesh)
@@ -123,4 +123,4 @@ def test_three_sheets_that_meet_have_surfaces_that_end_at_the_line(angles, noise
     assert (report.components, report.genus, report.self_intersections) == (3, 0, 0)
     off = np.linalg.norm(np.asarray(mesh.vertices)[:, 1:], axis=1)
     assert spacing < off.min() < BRANCH_CUT * spacing
-    assert report.area == pytest.approx(3.0, rel=BRANCH_AREA)
+    assert report.area == pytest.approx(1.8, rel=BRANCH_AREA)

@@ -58,8 +58,8 @@ def test_a_cloud_without_points_is_refused(points, message):
 
 def test_steps_that_are_wrapped_do_what_the_bare_ones_do():
     """On a noisy cloud, whose sides are found on groups of points: the very normals, whoever calls the steps."""
-    points = torus(6000)[0]
-    points += 0.02 * np.random.default_rng(3).normal(size=points.shape)
+    points = torus(3000)[0]
+    points += 0.028 * np.random.default_rng(3).normal(size=points.shape)
     bare = preprocess_point_cloud(points)
     wrapped = preprocess_point_cloud(points, outliers=partial(detect_outliers), orient=partial(orient_normals))
     assert np.array_equal(bare.points, wrapped.points)
@@ -91,9 +91,9 @@ def test_a_cloud_says_what_it_is_in_a_line():
 @pytest.mark.parametrize("wrong", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_right_normals_that_contradict_one_another_are_kept_and_wrong_ones_are_not(wrong):
     """Planes through thirty points of a thin noisy plate stand anywhere, but on the right sides they enclose it."""
-    solid = samples.fins()
-    points, _ = solid.sample(10_000)
-    points = points + 0.005 * np.linalg.norm(np.ptp(points, axis=0)) * np.random.default_rng(3).normal(
+    solid = samples.fins(0.0566)
+    points, _ = solid.sample(5_000)
+    points = points + 0.007 * np.linalg.norm(np.ptp(points, axis=0)) * np.random.default_rng(3).normal(
         size=points.shape
     )
     truth = solid.closest(points).normals

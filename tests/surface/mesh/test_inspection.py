@@ -36,7 +36,7 @@ HEALTHY = ["sphere", "torus", "open sheets", "moebius", "leaf window"]
 
 @pytest.fixture(scope="module")
 def ball():
-    return mesh_arrays(extract_isosurface(sphere(), 0.13, method="tetrahedra"))
+    return mesh_arrays(extract_isosurface(sphere(), 0.19, method="tetrahedra"))
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +51,10 @@ def leaf():
 def meshes(ball, leaf):
     made = {
         "sphere": ball,
-        "torus": extract_isosurface(torus(), 0.1),
-        "open sheets": extract_isosurface(wavy_sheets(), 0.1, [[-1] * 3, [1] * 3]),
+        "torus": extract_isosurface(torus(), 0.15),
+        "open sheets": extract_isosurface(wavy_sheets(), 0.15, [[-1] * 3, [1] * 3]),
         "moebius": o3d.geometry.TriangleMesh.create_mobius(),
-        "leaf window": leaf.extract_mesh(0.1, [[60, -2], [64, 2]], closed=True),
+        "leaf window": leaf.extract_mesh(0.1, [[60, -1], [62, 1]], closed=True),
     }
     return {name: mesh_arrays(mesh) for name, mesh in made.items()} | {name: planted(name, ball)[0] for name in DEFECTS}
 

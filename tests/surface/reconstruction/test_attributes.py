@@ -29,7 +29,7 @@ def tensor(points, **attributes):
 
 @pytest.fixture(scope="module")
 def torus():
-    return samples.Torus().sample(3_000, seed=1)
+    return samples.Torus().sample(2_000, seed=1)
 
 
 def ramp(x):
@@ -97,7 +97,7 @@ def test_red_stays_red_and_bytes_labels_and_scalars_come_along(torus):
 
 def test_what_the_colors_show(torus):
     """The cloud's own unless a measure is named; without any, the distance; none where neither is wanted."""
-    points, normals = (each[:1500] for each in torus)
+    points, normals = (each[:900] for each in torus)
     red, bare = legacy(points, normals, np.tile(RED, (len(points), 1))), legacy(points, normals)
 
     def is_red(cloud, **options):

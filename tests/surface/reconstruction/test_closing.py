@@ -56,17 +56,17 @@ def opened(count, degrees, seed=1):
 
 def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
     thickness, noise = 2.0, 0.25
-    mesh, said = reconstructed(*lens(6_000, thickness, noise))
+    mesh, said = reconstructed(*lens(3_000, thickness, noise))
     found = mesh_report(mesh)
     assert (found.components, found.boundary_edges) == (1, 0)
     assert said[0].startswith("the surface is closed")
     assert "it had run on past data that close around them" in said[0]
-    assert mesh_report(reconstructed(*lens(6_000, thickness, noise), closed=False)[0]).boundary_edges > 0
+    assert mesh_report(reconstructed(*lens(3_000, thickness, noise), closed=False)[0]).boundary_edges > 0
 
 
 @pytest.mark.parametrize("local", ["hermite", "mls"])
 def test_so_it_is_of_whatever_is_fitted_in_the_balls(local):
-    points, normals = lens(2_000, 1.5, 0.15)
+    points, normals = lens(1_200, 1.5, 0.15)
     mesh, said = reconstructed(points, normals, local=local)
     found = mesh_report(mesh)
     assert (found.components, found.boundary_edges) == (1, 0)

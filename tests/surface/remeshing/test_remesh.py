@@ -85,11 +85,11 @@ def test_an_isovalue_is_another_surface():
 
 
 def test_a_coarse_or_a_fine_mesh_comes_to_the_same_edges():
-    for step in (0.04, 0.2):
+    for step in (0.08, 0.4):
         field, mesh = cubes_of("sphere", step)
-        vertices, triangles = mesh_arrays(remesh(mesh, 0.1, field))
+        vertices, triangles = mesh_arrays(remesh(mesh, 0.2, field))
         check_good(vertices, triangles)
-        check_lengths(vertices, triangles, 0.1)
+        check_lengths(vertices, triangles, 0.2)
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.35])
@@ -126,7 +126,7 @@ def test_without_a_field_the_mesh_stays_near_what_it_was(name, deviation):
 
 
 def test_a_small_deviation_keeps_small_triangles_where_the_surface_bends():
-    _, mesh = cubes_of("torus", 0.05)
+    _, mesh = cubes_of("torus", 0.08)
     many, few = (len(remesh(mesh, 0.2, deviation=deviation).triangles) for deviation in (0.002, 0.1))
     assert many > 1.5 * few
 
@@ -228,7 +228,7 @@ def test_labels_go_on_and_their_border_keeps_its_course():
 
 @pytest.mark.parametrize("with_field", [False, True])
 def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
-    field, (vertices, triangles) = cubes_of("torus", 0.1)
+    field, (vertices, triangles) = cubes_of("torus", 0.16)
     found = []
     for factor in (1.0, 2.0**20, 2.0**-20):
         ground = MeshTarget(factor * vertices, triangles)
@@ -237,7 +237,7 @@ def test_a_change_of_unit_by_a_power_of_two_changes_no_bit(with_field):
                 lambda x, factor=factor: (factor * field(x / factor), field.gradient(x / factor)), factor * 0.05
             )
         mesh = blocks.Charted.of(factor * vertices, factor * vertices, triangles, np.zeros(len(triangles), np.uint8))
-        part = remesh_charted(mesh, ground, factor * 0.1)
+        part = remesh_charted(mesh, ground, factor * 0.16)
         found.append((part.places / factor, part.triangles))
     for places, corners in found[1:]:
         assert np.array_equal(places, found[0][0])
@@ -266,12 +266,12 @@ def test_to_remesh_again_makes_nothing_worse():
 
 
 def test_the_result_does_not_depend_on_threads():
-    field, mesh = cubes_of("torus", 0.06)
+    field, mesh = cubes_of("torus", 0.1)
     threads, found = get_num_threads(), []
     try:
         for count in (1, 2, 4):
             set_num_threads(count)
-            found.append([*mesh_arrays(remesh(mesh, 0.12, field)), *mesh_arrays(remesh(mesh, 0.12))])
+            found.append([*mesh_arrays(remesh(mesh, 0.2, field)), *mesh_arrays(remesh(mesh, 0.2))])
     finally:
         set_num_threads(threads)
     for other in found[1:]:
@@ -292,10 +292,10 @@ def test_the_input_is_not_touched_and_may_come_in_any_form():
 
 
 def test_progress_runs_from_nothing_to_all():
-    field, mesh = cubes_of("sphere", 0.06)
+    field, mesh = cubes_of("sphere", 0.1)
     calls = []
     with progress.listening(lambda done, total: calls.append(done / total)):
-        remesh(mesh, 0.06, field)
+        remesh(mesh, 0.1, field)
         assert calls[-1] == 1
     assert calls == sorted(calls)
     assert 0 < calls[0] < 0.2
