@@ -53,7 +53,7 @@ class CodeCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: LevelContext) -> CompileResult | None:
         """Return the code for these arguments, or None if there is none."""
-        # Loading needs the allocator alone; Numba's compiler asks for all else itself, which takes a quarter of a second.
+        # The allocator is all that loading needs: Numba's compiler asks for the rest itself, a quarter of a second.
         rtsys.initialize(target_context)
         name, key = self._name_and_key(sig, target_context.codegen())
         payload = None if _only_folder else code_files.read_code(SHIPPED / name, key)
