@@ -47,12 +47,16 @@ class Ball:
 
 
 class Case(NamedTuple):
-    """What is made of a size, what is called with it and returns how many things it worked on, and what each holds."""
+    """What is made of a size, what is called with it and returns how many things it worked on, and what each holds.
+
+    `whole` is what it takes whatever the size.
+    """
 
     make: Any
     call: Any
     sizes: tuple[int, int, int]
     each: measured.Each
+    whole: measured.Cost = measured.Cost(0)
 
 
 def bumpy(count, noise):
@@ -109,11 +113,10 @@ def leaf():
     return o3l.create_multiscale_leaf(sample.cloud, wheat_ct()[0], sample.midrib)
 
 
-def columns(made, step):
-    """Polygonize a tile."""
+def tile(made, step, axes):
+    """Polygonize a tile, and return how many points its lattice has along some axes."""
     made.plan_mesh(step, [[50, -1], [51, 1]])
-    shape = tile_lattice(made.texture, made.scale, step).shape
-    return shape[0] * shape[1]
+    return int(np.prod(tile_lattice(made.texture, made.scale, step).shape[:axes]))
 
 
 def written(mesh):
@@ -182,6 +185,7 @@ CASES = {
         lambda v: (o3l.create_texture(v), v.data.size)[1],
         (500_000, 2_000_000, 8_000_000),
         measured.FITTED_VOXEL,
+        measured.VOLUME,
     ),
     "blade": Case(
         lambda n: wheat_scan(count=n).cloud,
@@ -191,9 +195,15 @@ CASES = {
     ),
     "tile": Case(
         lambda n: (leaf(), 2.0 / np.sqrt(n)),
-        lambda given: columns(*given),
+        lambda given: tile(*given, axes=2),
         (50_000, 200_000, 1_000_000),
         measured.TILE_COLUMN,
+    ),
+    "tile, samples": Case(
+        lambda n: (leaf(), 2.0 / np.sqrt(n)),
+        lambda given: tile(*given, axes=3),
+        (20_000, 50_000, 200_000),
+        measured.TILE_SAMPLE,
     ),
     "sheet": Case(
         lambda n: (leaf().blade, 0.1 * np.sqrt(300_000 / n)),
@@ -241,7 +251,7 @@ def status():
 
 def measure(name, count):
     """Print what one case takes at one size, as JSON."""
-    make, call, sizes, _ = CASES[name]
+    make, call, sizes, *_ = CASES[name]
     call(make(sizes[0] // 5))
     given = make(count)
     before = most = status()
@@ -285,7 +295,8 @@ def main():
                 table.add_row(name, f"{size:,}", ended.stderr.strip().splitlines()[-1])
                 continue
             row = json.loads(ended.stdout.splitlines()[-1])
-            foretold = CASES[name].each * (SAFETY * row["items"])
+            case = CASES[name]
+            foretold = case.each * (SAFETY * row["items"]) + measured.Cost(SAFETY * case.whole.bytes)
             megabytes = [f"{each / 1e6:,.0f}" for each in (row["held"], row["reserved"], foretold.bytes)]
             each = [f"{unit * row[kind] / row['items']:.3g}" for kind, unit in (("held", 1), ("seconds", 1e6))]
             seconds = f"{row['seconds']:.1f}", each[1], f"{foretold.seconds:.1f}"

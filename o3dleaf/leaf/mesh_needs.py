@@ -60,11 +60,15 @@ def need_for_tile(
     """Return what one tile of a volume, or all its Wang tiles, or those of a texture, take at least at a spacing."""
     if isinstance(patch, Volume):
         share = KINDS * SIZES[0] ** 2 if wang else SHARE
-        area = share * float(np.prod(np.sort(np.array(patch.shape) * patch.spacing)[1:]))
+        height, *face = np.sort(np.array(patch.shape) * patch.spacing)
+        area = share * float(np.prod(face))
     else:
+        height = np.ptp(patch.cell[:, 2])
         area = float(np.prod(patch.period)) * (KINDS if isinstance(patch, WangField) else 1)
     scale = unit_scale(patch.unit, unit) if patch.unit else 1.0
     with np.errstate(over="ignore"):
-        count = float(area * np.square(np.float64(scale) / require_positive(spacing, "spacing")))
+        per_length = np.float64(scale) / require_positive(spacing, "spacing")
+        count, layers = float(area * np.square(per_length)), float(height * per_length)
     what = f"spacing: over {in_words(count)} columns of the lattice in one tile"
-    return need_of(measured.TILE_COLUMN * count, what, "give a larger one", step=spacing)
+    cost = measured.TILE_COLUMN * count + measured.TILE_SAMPLE * (count * layers)
+    return need_of(cost, what, "give a larger one", step=spacing)

@@ -164,7 +164,7 @@ def need_for_texture(voxels: int, *, corrected: bool = False) -> Need:
     """
     band = min(voxels, BAND * voxels ** (2 / 3))
     on_disk = 0 if is_held(8 * COEFFICIENTS * band) else 8 * COEFFICIENTS * band
-    cost = measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+    cost = measured.VOLUME + measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
     if corrected:
         cost += measured.CORRECTED_VOXEL * voxels
     return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")

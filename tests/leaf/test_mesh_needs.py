@@ -47,3 +47,11 @@ def test_a_tile_of_a_volume_takes_no_less_whichever_way_the_volume_lies():
     for order in ((14, 9, 5), (5, 14, 9), (9, 5, 14)):
         volume = Volume(np.arange(630.0).reshape(order), 100.0, unit="um")
         assert need_for_tile(volume, 0.001, "mm").bytes == pytest.approx(SAFETY * TILE_COLUMN.bytes * columns, rel=1e-6)
+
+
+def test_the_time_of_a_tile_grows_with_the_points_of_its_lattice():
+    """Half the step makes four times the columns and eight times the points."""
+    volume = Volume(np.arange(630.0).reshape(14, 9, 5), 100.0, unit="um")
+    coarse, fine = (need_for_tile(volume, step, "mm") for step in (0.002, 0.001))
+    assert fine.bytes == pytest.approx(4 * coarse.bytes, rel=1e-6)
+    assert fine.seconds == pytest.approx(8 * coarse.seconds, rel=1e-6)

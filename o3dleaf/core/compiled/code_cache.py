@@ -13,6 +13,7 @@ import numba
 from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, _Cache
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from o3dleaf.core.compiled import code_files, sources
@@ -52,7 +53,8 @@ class CodeCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: LevelContext) -> CompileResult | None:
         """Return the code for these arguments, or None if there is none."""
-        target_context.refresh()
+        # The allocator is all that loading needs: Numba's compiler asks for the rest itself, a quarter of a second.
+        rtsys.initialize(target_context)
         name, key = self._name_and_key(sig, target_context.codegen())
         payload = None if _only_folder else code_files.read_code(SHIPPED / name, key)
         if payload is None and (folder := _writable_folder(self._function)) is not None:

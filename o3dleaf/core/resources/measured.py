@@ -42,9 +42,11 @@ LATTICE_POINT = Each(12, 0.12)
 """Of a lattice that is marched whole: a value, a sign, and what the surface takes."""
 FOLLOWED_TRIANGLE = Each(170, 1.0)
 """Of a surface that is followed from seeds: its band of cells."""
-FITTED_VOXEL = Each(60, 0.75)
-"""Of a volume that is fitted: all of it, or the narrow band around its surface."""
-LEFT_VOXEL = Each(4, 0.1)
+VOLUME = Cost(60_000_000)
+"""Of a volume that is fitted, whatever its size: the systems of the balls that are solved for at once."""
+FITTED_VOXEL = Each(36, 0.75)
+"""Of a volume that is fitted: all of it, or the narrow band around its surface. Four fifths are coefficients."""
+LEFT_VOXEL = Each(0.3, 0.1)
 """Of a volume that is fitted in a narrow band: of all of it, to find the band, and for what lies beside it."""
 CORRECTED_VOXEL = Each(12, 0.7)
 """Of a volume whose drift and rings are removed: one copy made of another, and what is held at once."""
@@ -52,8 +54,8 @@ BLADE = Cost(0, 20.0)
 """Of a blade, whatever its scan: beyond some 20,000 points more are thinned."""
 BLADE_POINT = Each(2000, 65)
 """Of a scan that a blade is built from."""
-TILE_COLUMN = Each(750, 85)
-"""Of the lattice over one tile, which is polygonized: two faces, and hairs."""
+TILE_COLUMN, TILE_SAMPLE = Each(750), Each(0, 1.3)
+"""Of the lattice over one tile, which is polygonized: of its columns two faces, and hairs; of its points values."""
 SHEET_TRIANGLE = Each(800, 6.5)
 """Of a blade without micro-structure."""
 TRIANGLE = Each(60, 1.4)

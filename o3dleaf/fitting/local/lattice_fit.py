@@ -48,12 +48,12 @@ def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
 
     Without a cover, all of it is fitted in full. Coefficients in a file (`scratch_array`) take no memory.
     """
-    cost, what = measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
+    cost, what = measured.VOLUME + measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
     if cover is not None:
         fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
         coefficients = int(_sizes(cover)[cover.classes].sum())
         on_disk = 0 if is_held(8 * coefficients) else 8 * coefficients
-        cost = measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+        cost = measured.VOLUME + measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
         what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
 

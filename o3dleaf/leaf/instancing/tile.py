@@ -165,8 +165,8 @@ def extract_tile(
     MemoryBudgetError
         If the lattice is so fine that the tile does not fit into memory.
     """
-    require_columns(lattice.shape[0] * lattice.shape[1], max(lattice.spacing[:2]))
     nx, ny, nz = lattice.shape
+    require_columns(nx * ny, max(lattice.spacing[:2]), layers=nz)
     places = list(blocks(nx, max(1, min(nx, slab_size // (ny * nz)))))
     runs = _find_runs(field, lattice, places, alike)
     march_slab = partial(_march_slab, field, lattice, method, alike)
@@ -255,10 +255,14 @@ class _Found(NamedTuple):
         return found
 
 
-def require_columns(count: float, step: float) -> None:
-    """Raise `MemoryBudgetError` if a tile of so many columns, a step apart, does not fit into memory."""
+def require_columns(count: float, step: float, layers: int = 0) -> None:
+    """Raise `MemoryBudgetError` if a tile of so many columns, a step apart, does not fit into memory.
+
+    Or `TimeBudgetError`, if its layers are known and take too long.
+    """
     what = f"spacing: {in_words(count)} columns of the lattice in one tile"
-    require_resources(measured.TILE_COLUMN * count, what, "give a larger one", step=step)
+    cost = measured.TILE_COLUMN * count + measured.TILE_SAMPLE * (count * layers)
+    require_resources(cost, what, "give a larger one", step=step)
 
 
 class _Slab(NamedTuple):

@@ -64,6 +64,7 @@ if "all" in sys.argv:
 print("|".join(np.asarray(each).tobytes().hex() for each in parts))
 missed = sum(sum(f.stats.cache_misses.values()) for f in (loops.total, loops.totals, loops.argsort))
 assert bool(recorder.buffer) == bool(missed)
+assert ("numba.cpython.setobj" in sys.modules) == bool(missed)  # what is loaded needs nothing of what compiles
 print(missed)
 """
 
