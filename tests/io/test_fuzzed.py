@@ -129,14 +129,31 @@ def test_an_ome_tiff_leads_to_no_other_file(tmp_path):
         read_volume(file, spacing=1.0, unit="um")
 
 
-def test_a_nan_that_signals_is_refused_like_any_other(tmp_path):
+PLY = "ply\nformat binary_little_endian 1.0\nelement vertex 4\n"
+PLY += "".join(f"property float {name}\n" for name in "xyz") + "end_header\n"
+PCD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 4\nHEIGHT 1\nPOINTS 4\nDATA binary\n"
+
+
+@pytest.mark.parametrize(("name", "header"), [("a.ply", PLY), ("a.pcd", PCD)], ids=["ply", "pcd"])
+def test_a_nan_that_signals_is_refused_like_any_other(tmp_path, name, header):
     """Damage made one: such a number tells whoever casts it, which is no fault of a file that is read."""
     import o3dleaf as o3l
 
     points = np.arange(12, dtype=np.float32).reshape(4, 3)
     points.view(np.uint32)[1, 2] = 0x7FA00000
-    header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\n"
-    header += "".join(f"property float {name}\n" for name in "xyz") + "end_header\n"
-    (tmp_path / "a.ply").write_bytes(header.encode() + points.tobytes())
+    (tmp_path / name).write_bytes(header.encode() + points.tobytes())
     with pytest.raises(InputError, match="1 values are NaN"):
-        o3l.read_point_cloud(tmp_path / "a.ply")
+        o3l.read_point_cloud(tmp_path / name)
+
+
+def test_a_png_of_more_pixels_than_pillow_is_used_to_is_read(monkeypatch, tmp_path):
+    """A slice of 90 million is nothing unusual, and no attack."""
+    from PIL import Image
+
+    from o3dleaf import read_volume
+
+    pages = np.arange(1200, dtype=np.uint8).reshape(2, 20, 30)
+    for page, name in zip(pages, ("s1.png", "s2.png"), strict=True):
+        Image.fromarray(page).save(tmp_path / name)
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    assert sorted(read_volume(tmp_path, spacing=1.0, unit="um").shape) == [2, 20, 30]

@@ -52,7 +52,8 @@ def read_pcd(file: Path) -> Columns:
 
 
 def _columns(fields: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> FloatArray:
-    return np.stack([fields[name].astype(np.float64) for name in names], axis=1)
+    with np.errstate(invalid="ignore"):  # a signaling NaN becomes a quiet one
+        return np.stack([fields[name].astype(np.float64) for name in names], axis=1)
 
 
 def _unpacked(packed: npt.NDArray[Any]) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, UnidentifiedImageError
+from PIL.PngImagePlugin import PngImageFile
 
 from o3dleaf.core.checks import require_file
 from o3dleaf.core.errors import InputError
@@ -102,14 +102,15 @@ def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:
         return pages[0] if len(pages) == 1 else pages, lattice
     try:
         _require_whole_chunks(file)
-        with Image.open(file, formats=["PNG"]) as image:
+        # Not `Image.open`: it warns of large images, whatever their files; here files are weighed against them.
+        with PngImageFile(file) as image:
             if image.mode not in BITS:
                 raise InputError(f"{file}: is in color; export gray values")
             bits, size = image.width * image.height * BITS[image.mode], file.stat().st_size
             if bits > 8 * MAX_RATIO * size:
                 raise InputError(f"{file}: is truncated, or its header lies: {image.size} pixels in {size} bytes")
             return np.asarray(image), Stated()
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError, SyntaxError, ValueError) as cause:
+    except (OSError, SyntaxError, ValueError) as cause:
         raise InputError(f"{file}: cannot be read as PNG ({cause}); export it again") from cause
 
 
