@@ -7,8 +7,8 @@ of the house.
 
 # --- the house ---
 
-START_SECONDS = 0.45
-"""Processor time: `import o3dleaf` takes 0.06 s, `o3dleaf --help` 0.3 to 0.4; Open3D alone would add 1.6."""
+START_TIMES = 4.0
+"""Processor time, in that of importing NumPy: `import o3dleaf` takes 0.1, `o3dleaf --help` 2.5; Open3D alone 5 to 7."""
 
 # --- rbf and pu ---
 
