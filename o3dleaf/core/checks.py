@@ -339,7 +339,7 @@ def as_step(spacing: float | npt.ArrayLike, dimension: int = 3) -> FloatArray:
         raise InputError(f"spacing: has shape {step.shape}; give one number, or one per axis")
     for each in step.ravel():
         require_positive(float(each), "spacing")
-    return np.broadcast_to(step, dimension)
+    return np.broadcast_to(step, dimension).copy()
 
 
 def as_voxels(data: npt.ArrayLike, name: str = "values") -> npt.NDArray[Any]:

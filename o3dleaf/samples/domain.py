@@ -48,7 +48,7 @@ def evaluate(
     def task(start: int, stop: int) -> None:
         block = where[start:stop]
         value, gradient = inside(np.clip(block, bounds[0], bounds[1]))
-        jets = np.vstack([value, gradient.T])
+        jets = np.array([value, *gradient.T])
         fall_outside(0, len(block), jets, block, bounds, NEVER, fall)
         values[start:stop], gradients[start:stop] = jets[0], jets[1:].T
 

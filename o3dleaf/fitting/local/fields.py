@@ -66,7 +66,7 @@ class LocalFields:
         folded, _ = index.fold(queries)
         # How far each lies outside the box, where nothing is along axes that repeat.
         with np.errstate(over="ignore"):
-            away = np.where(index.period > 0, 0.0, queries - folded).T
+            away = np.ascontiguousarray(np.where(index.period > 0, 0.0, queries - folded).T)
         outside = bool(away.any())
         count, dimension = folded.shape
         sums, totals = (np.zeros((jet_size(dimension, level), count)) for _ in range(2))
@@ -101,4 +101,4 @@ def _jets_of(field: Field, points: FloatArray, level: int) -> FloatArray:
             raise InputError(f"hessian: the local fits, of type {type(field).__name__}, have none; add the method")
         upper = np.triu_indices(points.shape[1])
         parts.append(field.hessian(points)[:, *upper].T)
-    return np.concatenate(parts)
+    return np.ascontiguousarray(np.concatenate(parts))

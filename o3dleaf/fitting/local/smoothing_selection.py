@@ -118,7 +118,7 @@ class SharedErrors:
         if blocks[0, np.searchsorted(trials, chosen), 0, 0] < NOISY:
             return np.full(count, chosen)
         near = np.flatnonzero((trials >= chosen / LESS) & (trials <= chosen * MORE))
-        inverses, candidates = np.linalg.inv(blocks[:, near]), trials[near]
+        inverses, candidates = np.ascontiguousarray(np.linalg.inv(blocks[:, near])), trials[near]
 
         def value_of(ball: int) -> float:
             squares, weight = fit_loops.ball_shared_squares(*self._system(ball, candidates, inverses))

@@ -210,7 +210,7 @@ class RBFInterpolant:
         with np.errstate(over="ignore"):
             local = require_reach((places - self.center) / self.radius, "points")
         queries = np.ascontiguousarray(local.T)
-        weights, tails = np.atleast_2d(self.weights), np.atleast_2d(self.tail)
+        weights, tails = (np.ascontiguousarray(np.atleast_2d(part)) for part in (self.weights, self.tail))
         jets = np.empty((len(weights), evaluation_loops.jet_size(dimension, level), queries.shape[1]))
 
         def task(start: int, stop: int) -> None:

@@ -93,7 +93,7 @@ def lattice_positions(
 ) -> FloatArray:
     """Return the (n, 3) lattice coordinates of vertices on edges of a lattice of `shape` that begins at `start`."""
     vertices = np.empty((len(edges), 3))
-    place_vertices(edges, fractions, shape, start, vertices)
+    place_vertices(np.ascontiguousarray(edges), fractions, shape, start, vertices)
     return vertices
 
 

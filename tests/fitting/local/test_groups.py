@@ -8,8 +8,8 @@ import reference
 from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
 from o3dleaf.core.checks import as_rows
 from o3dleaf.core.errors import InputError
-from o3dleaf.fitting.rbf.shared_error_loops import shared_squares
-from o3dleaf.fitting.rbf.spectrum_loops import held_out_squares
+from o3dleaf.fitting.cover.ball_loops import Balls
+from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares
 from o3dleaf.fitting.rbf.tail import tail_exponents
 from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE
 
@@ -26,15 +26,19 @@ def bundle(d, count=60, seed=2):
     return points, values, groups, rng.uniform(0.2, 2, len(groups))
 
 
+def one_ball(points, values, weights, kernel, degree):
+    """What compiled loops take of a ball, here of radius 1 about the origin, with all points: its units are theirs."""
+    count, d = points.shape
+    balls = Balls(np.zeros((1, d)), np.ones(1), np.array([0, count]), np.arange(count))
+    return 0, WeightedValues(points, values, weights), balls, tail_exponents(d, degree), kernel.power
+
+
 @pytest.mark.parametrize(("m", "d"), [(2, 2), (3, 3)])
 def test_points_left_out_with_all_their_constraints_are_missed_as_by_a_refit_without_them(m, d):
     points, values, groups, weights = bundle(d)
     kernel, degree = polyharmonic(m, d), m - 1
-    room = np.zeros((3, len(TRIALS), 3, 3)), np.zeros(3)
-    exponents = tail_exponents(d, degree)
-    squares, total = held_out_squares(
-        points.T.copy(), values, np.sqrt(weights), exponents, kernel.power, groups, TRIALS, *room
-    )
+    system = one_ball(points, values, weights, kernel, degree)
+    squares, total, _, _ = ball_held_out_squares(*system, groups, TRIALS, 3)
     expected = np.zeros(len(TRIALS))
     for name in range(60):
         out = groups == name
@@ -66,8 +70,8 @@ def test_one_krylov_space_gives_the_errors_of_dense_inverses_with_mean_blocks(m,
         sum(np.sum((inverses[len(r) - 1, at, : len(r), : len(r)] @ pulled[at][r]) ** 2) for r in members)
         for at in range(len(TRIALS))
     ]
-    system = points.T.copy(), values, roots, tail_exponents(d, m - 1), kernel.power, groups, TRIALS
-    squares, total = shared_squares(*system, inverses)
+    system = one_ball(points, values, weights, kernel, m - 1)
+    squares, total = ball_shared_squares(*system, groups, TRIALS, inverses)
     np.testing.assert_allclose(squares, expected, rtol=ONE_KRYLOV_SPACE)
     assert total == pytest.approx(weights[groups >= 0].sum(), rel=GROUPS_REFIT)
 

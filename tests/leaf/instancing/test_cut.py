@@ -204,7 +204,7 @@ def stars():
     rng = np.random.default_rng(0)
     for count in (3, 4, 7, 30):
         angle = 2 * np.pi * (np.arange(count) + rng.uniform(0, 0.5, count)) / count
-        yield (rng.uniform(0.5, 2, count) * [np.cos(angle), np.sin(angle)]).T
+        yield rng.uniform(0.5, 2, (count, 1)) * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def doubled(a, b, c):

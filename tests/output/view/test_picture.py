@@ -114,7 +114,7 @@ def test_a_bent_blade_shows_its_face_even_where_it_is_deeper_than_wide():
 
 def test_a_single_sheet_faces_the_camera_with_the_side_of_its_triangles(blade):
     vertices, triangles = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
-    for turned, sign in ((triangles, 1), (triangles[:, ::-1], -1)):
+    for turned, sign in ((triangles, 1), (triangles[:, ::-1].copy(), -1)):
         camera = Camera.framing(vertices, turned, View(tilt=0))
         assert camera.toward[2] == pytest.approx(sign)
         assert abs(camera.right[0]) == pytest.approx(1)

@@ -73,7 +73,7 @@ def test_what_is_known_by_side_is_known_anew_of_other_normals():
     turned = without.with_normals(both.normals)
     assert turned.noise < 0.8 * thick
     assert turned.spacing != close
-    shuffled = turned.reordered(np.arange(len(both))[::-1])
+    shuffled = turned.reordered(np.arange(len(both))[::-1].copy())
     assert (shuffled.noise, shuffled.spacing) == (turned.noise, turned.spacing)
 
 
