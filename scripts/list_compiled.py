@@ -2,7 +2,7 @@
 
     scripts/list_compiled.py                  # a table: functions, seconds of compiling, the slowest ones
     scripts/list_compiled.py --jobs demo qa   # of some jobs
-    scripts/list_compiled.py --write          # all jobs, into o3dleaf/core/compiled/signatures.txt
+    scripts/list_compiled.py --write          # all jobs, then the tests, into o3dleaf/core/compiled/signatures.txt
 
 Each job runs in a process of its own. Without --write nothing compiled is kept from one job to the next, so that the
 seconds are those of a first run: processor time of the process's main thread while Numba compiles, callees included.
@@ -23,7 +23,7 @@ import open3d as o3d
 from numba.core import event
 
 from o3dleaf.commands.cli import main as command_line
-from o3dleaf.core.compiled.signatures import LIST, OTHERS, called
+from o3dleaf.core.compiled.signatures import LIST, SECTIONS, called
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "data_samples"
@@ -81,10 +81,10 @@ def main():
             if job in given.jobs:
                 print_job(job, done)
         if given.write:
-            others = set().union(*lines.values()) - lines["demo"]
-            text = "\n".join((*sorted(lines["demo"]), OTHERS, *sorted(others), ""))
-            LIST.write_text(text, encoding="utf-8")
-            print(f"{len(text.splitlines()) - 1} functions in {LIST}")
+            sections = {"demo": lines["demo"], "all": set().union(*lines.values()), "tests": set()}
+            write_list(sections)  # a test of the jobs' part is among those that are run next
+            sections["tests"] = called_by_tests(folder / "called.txt")
+            write_list(sections)
 
 
 def write_clouds(folder):
@@ -115,6 +115,25 @@ def run_apart(words, folder, *, keep):
         command = [sys.executable, __file__, "--one", words, str(result)]
         subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return json.loads(result.read_text())
+
+
+def called_by_tests(result):
+    """Run the tests that are not slow, and return what those of the package's functions are that they call."""
+    print("the tests:", flush=True)
+    command = [sys.executable, "-m", "pytest", "--numprocesses", "auto", "--quiet", f"--called={result}"]
+    subprocess.run(command, check=False, cwd=ROOT)  # what a test calls that fails is called
+    return set(result.read_text(encoding="utf-8").splitlines())
+
+
+def write_list(sections):
+    """Write the list: what each section calls and those before it do not."""
+    known = set()
+    text = []
+    for name, head in SECTIONS.items():
+        text += [head, *sorted(sections[name] - known)]
+        known |= sections[name]
+    LIST.write_text("\n".join((*text, "")), encoding="utf-8")
+    print(f"{len(known)} functions in {LIST}", flush=True)
 
 
 def run_here(words, result):

@@ -24,6 +24,8 @@ from threadpoolctl import threadpool_limits
 if sys.platform != "win32":
     import fcntl
 
+pytest_plugins = ["called_functions"]
+
 REAL_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 # Examples follow from the test's source alone, so a failure here is a failure everywhere; and no

@@ -10,7 +10,11 @@ from o3dleaf.core.journal import stage
 class WarmUpJob(LongJob):
     """Compile what the main jobs need, on all cores, once; an installed wheel brings most of it."""
 
-    jobs: str = option("all", "Whose functions: those of all main jobs, or of the demo.", choices=("all", "demo"))
+    jobs: str = option(
+        "all",
+        "Whose functions: those of all main jobs, of the demo, or of the tests, too.",
+        choices=("all", "demo", "tests"),
+    )
 
     def work(self) -> int:
         """Compile it, and return how many functions there were to compile."""

@@ -1,10 +1,12 @@
-"""The functions that Python calls in the main jobs, and the types that it calls them with, as text.
+"""The functions that Python calls in the main jobs and in the tests, and the types that it calls them with, as text.
 
 Each line of `signatures.txt` is a function and the types of its arguments, as expressions of `numba.types`; those of
-the demo come first. `scripts/list_compiled.py` writes it from what the jobs compile; a test finds what is missing.
+the demo come first, and what the tests alone call last. `scripts/list_compiled.py` writes it from what they call; a
+test finds what is missing of the jobs, and what the tests call that is not listed is said when they end.
 """
 
 import importlib
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,15 +16,14 @@ from numba import types
 
 LIST = Path(__file__).with_name("signatures.txt")
 
-
-OTHERS = "# other jobs"
-"""The line between what the demo calls and what other jobs call beyond that."""
+SECTIONS = {"demo": "# demo", "all": "# other jobs", "tests": "# tests"}
+"""What can be asked for, each with all before it, and the line that stands above what it adds to them."""
 
 
 def listed(jobs: str = "all") -> list[str]:
-    """Return the lines of the list, or only those of the "demo"."""
-    demo, _, others = LIST.read_text(encoding="utf-8").partition(f"{OTHERS}\n")
-    return (demo if jobs == "demo" else demo + others).splitlines()
+    """Return the lines of the "demo", of "all" jobs, or of these and the "tests"."""
+    sections = re.split(r"^#.*\n", LIST.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    return "".join(sections[: list(SECTIONS).index(jobs) + 1]).splitlines()
 
 
 def called() -> Iterator[str]:

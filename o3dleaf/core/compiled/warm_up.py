@@ -1,4 +1,4 @@
-"""Compiling before the first job: all that the main jobs need, on all cores, in processes of their own."""
+"""Compiling before the first job: all that the main jobs or the tests need, on all cores, in processes of their own."""
 
 import gc
 import multiprocessing
@@ -25,8 +25,8 @@ def warm_up(folder: Path | None = None, workers: int | None = None, jobs: str = 
         Where to; by default code is kept where Numba keeps it.
     workers : int, optional
         Processes; by default one a core, but no more than `MOST`.
-    jobs : {"all", "demo"}
-        Whose functions.
+    jobs : {"all", "demo", "tests"}
+        Whose functions: of all main jobs, as a package brings them, of the demo, or of the tests, too.
     """
     from o3dleaf.core.compiled.signatures import listed
 

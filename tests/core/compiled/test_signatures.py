@@ -4,12 +4,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import open3d as o3d
 import pytest
 from numba import typeof
 
+import called_functions
 from cloud_shapes import block, sphere
 from o3dleaf.core.compiled import signatures
 from o3dleaf.leaf.ct.formats.tiff import write_volume
@@ -69,9 +72,34 @@ def test_it_has_all_that_the_main_jobs_call(tmp_path):
 
 def test_each_line_is_a_function_and_types_that_read_as_they_were_written():
     assert len(signatures.listed()) > 100
-    for line in signatures.listed():
+    for line in signatures.listed("tests"):
         function, types = signatures.read(line)
         assert signatures.written(function, types) == line
+
+
+def test_each_part_adds_to_those_before_it_in_rising_order():
+    demo, jobs, tests = map(signatures.listed, ("demo", "all", "tests"))
+    assert jobs[: len(demo)] == demo
+    assert tests[: len(jobs)] == jobs
+    assert len(set(tests)) == len(tests)
+    for part in (demo, jobs[len(demo) :], tests[len(jobs) :]):
+        assert part == sorted(part)
+
+
+def test_what_the_tests_call_that_is_not_listed_is_said_at_their_end():
+    *_, listed = signatures.listed("tests")
+    new = f"{listed.partition(' ')[0]} int8"
+    option, terminal = SimpleNamespace(called=None, slow=False), Mock()
+    called_functions.pytest_terminal_summary(
+        terminal, SimpleNamespace(stash={called_functions.CALLED: {listed, new}}, option=option)
+    )
+    said = [call.args[0] for call in terminal.write_line.call_args_list]
+    assert said == [new, "1 in all; scripts/list_compiled.py --write lists them"]
+    terminal.reset_mock()
+    called_functions.pytest_terminal_summary(
+        terminal, SimpleNamespace(stash={called_functions.CALLED: {listed}}, option=option)
+    )
+    assert not terminal.method_calls
 
 
 @pytest.mark.parametrize(
