@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,7 +143,6 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.fit_quality import FitQuality
-        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
         from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
 
         with journal.stage("read"):
@@ -151,13 +151,10 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             patch = None if self.ct is None else self.read_patch(self.ct)
         for need in self.need_for_mesh(scan, patch):
             need.require()
-        leaf = surface = None
         with self.refusals_shown(scan):
-            if patch is None:
-                blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
-            else:
-                leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
-                blade = leaf.blade
+            # A second of imports, on a core that the fit leaves idle in part.
+            (blade, leaf), _ = run_together(lambda: self.create(scan, patch, midrib), self.import_drawing)
+        surface = None
         step = self.step_for(scan, None if leaf is None else leaf.thickness)
         if leaf is None:
             mesh = self.write_sheet(blade, step.length, self.output)
@@ -198,6 +195,25 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             path = self.beside(".refused.png")
             render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
             raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
+
+    def create(
+        self,
+        scan: "o3d.geometry.PointCloud",
+        patch: "Volume | TiledField | PatchBlend | WangField | None",
+        midrib: "o3d.geometry.PointCloud | None",
+    ) -> "tuple[Blade, MultiscaleLeaf | None]":
+        """Return the blade, and the leaf where there is a micro-structure."""
+        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+
+        if patch is None:
+            return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
+        leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
+        return leaf.blade, leaf
+
+    def import_drawing(self) -> None:
+        """Import what `draw` calls."""
+        if self.picture:
+            import_module("o3dleaf.output.view.leaf_picture")
 
     def draw(
         self,
