@@ -220,9 +220,9 @@ def _expose(shots: list[Shot], boxes: list[Box], size: tuple[int, int], engine: 
     pictures = rasterize(shots) if raster else [shade_mesh(shot) for shot in shots]
     pixels = np.broadcast_to(PAPER, (size[1], size[0], 3)).copy()
     for shaded, box in zip(pictures, boxes, strict=True):
-        height, width = shaded.shape[:2]
-        window = (slice(box.top, box.top + height), slice(box.left, box.left + width))
-        pixels[window] = encode(linear(pixels[window]) * (1 - shaded[..., 3:]) + shaded[..., :3])
+        rows, columns = np.nonzero(shaded[..., 3])
+        light = shaded[rows, columns]
+        pixels[box.top + rows, box.left + columns] = encode(linear(PAPER) * (1 - light[:, 3:]) + light[:, :3])
     return pixels
 
 
