@@ -49,11 +49,11 @@ def main() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        from o3dleaf.core.processes.light_imports import import_without_dash  # noqa: PLC0415 - under the guard
+        from o3dleaf.core.processes.light_imports import import_lightly  # noqa: PLC0415 - under the guard
         from o3dleaf.core.resources.machine import spare_addresses  # noqa: PLC0415
 
         spare_addresses()
-        import_without_dash()
+        import_lightly()
         from o3dleaf.commands.cli import main as run_command_line  # noqa: PLC0415 - under the guard
 
         run_command_line()

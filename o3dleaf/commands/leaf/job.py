@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.fit_quality import FitQuality
+    from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
@@ -139,10 +141,8 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
 
     def build(self) -> dict[str, Any]:
         """Write mesh, picture, summary and model, and return the summary."""
-        from o3dleaf.io.model_file import write_model
         from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.fit_quality import FitQuality
-        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
         from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
 
         with journal.stage("read"):
@@ -151,31 +151,21 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             patch = None if self.ct is None else self.read_patch(self.ct)
         for need in self.need_for_mesh(scan, patch):
             need.require()
-        leaf = surface = None
         with self.refusals_shown(scan):
-            if patch is None:
-                blade: Blade = create_blade(scan, midrib, unit=self.scan_unit, options=self)
-            else:
-                leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
-                blade = leaf.blade
+            # A second of imports, on a core that the fit leaves idle in part.
+            (blade, leaf), _ = run_together(lambda: self.create(scan, patch, midrib), self.import_drawing)
         step = self.step_for(scan, None if leaf is None else leaf.thickness)
-        if leaf is None:
-            mesh = self.write_sheet(blade, step.length, self.output)
-        else:
-            write = self.write_windows if self.fine else self.write_leaf
-            mesh, surface = write(leaf, step.length, self.output)
-            self.write_more(leaf, step.length)
-        if self.model is not None:
-            with journal.stage("write model"):
-                write_model(leaf or blade, self.model)
-        with journal.stage("measure fit"):
-            fit = FitQuality.of(blade, scan)
+
+        def measure() -> "FitQuality":
+            with journal.stage("measure fit"):
+                return FitQuality.of(blade, scan)
 
         def check() -> dict[str, Any]:
             with journal.stage("check mesh"):
                 return summarize(blade, mesh, self.settings, leaf=leaf, surface=surface, scan=scan, fit=fit)
 
         # Each is serial in part.
+        (mesh, surface), fit = run_together(lambda: self.write(blade, leaf, step.length), measure)
         summary: dict[str, Any]
         summary, _ = run_together(check, lambda: self.draw(leaf or blade, mesh, scan, fit))
         summary["seconds"] = seconds_of_stages()
@@ -198,6 +188,25 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             path = self.beside(".refused.png")
             render_refusal(scan, cause.places, str(cause), path, self.scan_unit)
             raise ReconstructionError(f"{cause}; see {path.name}", cause.places) from cause
+
+    def create(
+        self,
+        scan: "o3d.geometry.PointCloud",
+        patch: "Volume | TiledField | PatchBlend | WangField | None",
+        midrib: "o3d.geometry.PointCloud | None",
+    ) -> "tuple[Blade, MultiscaleLeaf | None]":
+        """Return the blade, and the leaf where there is a micro-structure."""
+        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+
+        if patch is None:
+            return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
+        leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
+        return leaf.blade, leaf
+
+    def import_drawing(self) -> None:
+        """Import what `draw` calls."""
+        if self.picture:
+            import_module("o3dleaf.output.view.leaf_picture")
 
     def draw(
         self,
@@ -225,6 +234,25 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     def line(self, summary: dict[str, Any]) -> str:
         """Return what was built."""
         return in_a_line(summary)
+
+    def write(
+        self, blade: "Blade", leaf: "MultiscaleLeaf | None", spacing: float
+    ) -> "tuple[o3d.geometry.TriangleMesh, MeshPlan | None]":
+        """Write mesh, tile, grid and model, and return the mesh and the plan of the surface that it is of."""
+        from o3dleaf.io.model_file import write_model
+
+        mesh: o3d.geometry.TriangleMesh
+        surface: MeshPlan | None = None
+        if leaf is None:
+            mesh = self.write_sheet(blade, spacing, self.output)
+        else:
+            write = self.write_windows if self.fine else self.write_leaf
+            mesh, surface = write(leaf, spacing, self.output)
+            self.write_more(leaf, spacing)
+        if self.model is not None:
+            with journal.stage("write model"):
+                write_model(leaf or blade, self.model)
+        return mesh, surface
 
     def write_more(self, leaf: "MultiscaleLeaf", spacing: float) -> None:
         """Write a flat tile and a grid, where they are requested."""

@@ -8,6 +8,9 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.journal import Journal, stage
 from o3dleaf.core.progress import Listener
 
+LOOKS = 3
+"""Looks at the bars in a second: Rich's ten take a twelfth of a core, under Python's lock."""
+
 
 class BarJournal(Journal):
     """A journal that draws a progress bar for the stage that runs."""
@@ -59,7 +62,7 @@ def show_progress(title: str | None = None, *, quiet: bool = False) -> Iterator[
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description:<28}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True)) as bars:
+    with Progress(*columns, console=Console(stderr=True), refresh_per_second=LOOKS) as bars:
         try:
             with BarJournal(bars), stage(title) if title else nullcontext():
                 yield

@@ -1,5 +1,6 @@
 """Numba's code generator for a level of processors: vectors, libraries of functions, what is linked into what."""
 
+import itertools
 import platform
 from functools import cache
 from typing import Any
@@ -51,6 +52,26 @@ class LevelLibrary(codegen.JITCodeLibrary):
     """
 
     is_callee = False
+    is_loaded = False
+
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, list[str]]]:
+        """Return what is kept on disk: machine code and the names that it shows; to link, there is the callee's."""
+        self._ensure_finalized()
+        module = self._final_module
+        named = itertools.chain(module.functions, module.global_variables)
+        names = [each.name for each in named if not each.is_declaration and each.linkage != llvm.Linkage.internal]
+        return self.name, "object", (self._get_compiled_object(), names)
+
+    @classmethod
+    def _unserialize(cls, generator: "LevelCodegen", state: tuple[str, str, tuple[bytes, list[str]]]) -> "LevelLibrary":
+        name, _, (code, names) = state
+        library = cls(generator, name)
+        library.is_loaded = True
+        library.enable_object_caching()
+        library._set_compiled_object(code)
+        library._finalize_final_module()
+        generator._engine._defined_symbols.update(names)
+        return library
 
     def _optimize_final_module(self) -> None:
         self._tie_recursive_calls()
@@ -79,7 +100,7 @@ class LevelLibrary(codegen.JITCodeLibrary):
             self._final_module.link_in(CALLEES[name]._get_module_for_linking(), preserve=True)
 
     def _finalize_final_module(self) -> None:
-        if self._shared_module is None:  # compiled here, not loaded
+        if not self.is_loaded:
             self._shared_module = self._linkable_copy()
             for function in self._final_module.functions:
                 if function.linkage == llvm.Linkage.linkonce_odr and not function.is_declaration:

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import errors
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.core.processes.light_imports import import_without_dash
+from o3dleaf.core.processes.light_imports import import_lightly
 
 Arrays = tuple[npt.NDArray[Any], ...]
 
@@ -142,7 +142,7 @@ def _serve(home: Path, parent: int) -> None:
     elif sys.platform == "win32":
         # Ctrl-C reaches the child, too, and must end it: the parent cannot be interrupted while it waits.
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    import_without_dash()
+    import_lightly()
     call = json.loads((home / "call.json").read_text(encoding="utf-8"))
     function = getattr(importlib.import_module(call["module"]), call["function"])
     try:

@@ -8,7 +8,6 @@ from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import each_ball
-from o3dleaf.fitting.local.weight_loops import wendland
 from o3dleaf.fitting.rbf.smoothing import SplineModel
 
 
@@ -45,8 +44,13 @@ def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> Fl
     for ball, errors in enumerate(errors_of_balls):
         known = ~np.isnan(errors)
         rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]][known]
-        tau = np.linalg.norm(points[rows] - cover.centers[ball], axis=1) / cover.radii[ball]
-        weight = np.array([wendland(t) for t in tau])
+        weight = _wendland(np.linalg.norm(points[rows] - cover.centers[ball], axis=1) / cover.radii[ball])
         total[rows] += weight
         blended[rows] += weight * errors[known]
     return np.where(total > 0, blended / np.where(total > 0, total, 1.0), np.nan)
+
+
+def _wendland(tau: FloatArray) -> FloatArray:
+    """Return w(τ) of an array, as `weight_loops.wendland` does of a number."""
+    rest = np.maximum(1.0 - tau, 0.0)
+    return np.asarray(rest * rest * rest * rest * (4.0 * tau + 1.0))

@@ -145,15 +145,14 @@ def replaced(curve: FloatArray, tips: list[tuple[int, int, FloatArray]]) -> Floa
         return curve
     count = len(curve)
     keep = np.ones(count, dtype=bool)
-    flanks: dict[int, FloatArray] = {}
-    for start, stop, tip in tips:
+    for start, stop, _ in tips:
         keep[(start + 1 + np.arange((stop - start) % count - 1)) % count] = False
-        flanks[int(start)] = tip
     first = int(np.flatnonzero(keep)[0])
-    parts: list[FloatArray] = []
-    for i in (first + np.arange(count)) % count:
-        if keep[i]:
-            parts.append(curve[[i]])
-        if int(i) in flanks:
-            parts.append(flanks[int(i)])
-    return np.vstack(parts)
+    kept, starts = np.flatnonzero(np.roll(keep, -first)), np.array([(start - first) % count for start, _, _ in tips])
+    order = np.argsort(starts)
+    rest, *stretches = np.split(
+        np.roll(curve, -first, axis=0)[kept], np.searchsorted(kept, starts[order], side="right")
+    )
+    for number, stretch in zip(order, stretches, strict=True):
+        rest = np.vstack([rest, tips[number][2], stretch])
+    return rest

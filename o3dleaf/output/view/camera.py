@@ -93,18 +93,7 @@ class Camera:
 
         What it faces and where its long axis lies can be determined from the mesh of `facets` instead.
         """
-        right, up, toward = _turned_axes(*(facets or (vertices, triangles)), view)
-        shown = vertices[is_used(vertices, triangles)]
-        across = np.stack([shown @ right, shown @ up, shown @ toward])
-        low, high = across.min(axis=1), across.max(axis=1)
-        extent = np.maximum(high - low, 1e-3 * (high - low).max()) / (1 - 2 * MARGIN)
-        aspect = float(extent[0] / extent[1]) if aspect is None else aspect
-        width = max(float(extent[0]), float(extent[1]) * aspect)
-        if view.perspective:
-            # What is nearer looks larger: the nearest point decides.
-            width *= 1 + float(high[2] - low[2]) / (2 * EYE * width)
-        target = np.stack([right, up, toward], axis=1) @ ((low + high) / 2)
-        return cls(target, right, up, toward, width, width / aspect, view.perspective)
+        return Reach.of(vertices, triangles, view, facets=facets).camera(aspect)
 
     def rays(self, columns: FloatArray, rows: FloatArray, size: tuple[int, int]) -> npt.NDArray[np.float32]:
         """Return (n, 6) rays, origin relative to the target and unit direction, through pixel positions.
@@ -136,6 +125,58 @@ class Camera:
         column = (apart @ self.right * scale / self.width + 0.5) * size[0]
         row = (0.5 - apart @ self.up * scale / self.height) * size[1]
         return np.stack([column, row], axis=1)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a mesh reaches along the axes of a view.
+
+    Attributes
+    ----------
+    axes : (3, 3) ndarray
+        Rows right, up and toward the camera.
+    low, high : (3,) ndarrays
+        Along them.
+    perspective : bool
+    """
+
+    axes: FloatArray
+    low: FloatArray
+    high: FloatArray
+    perspective: bool
+
+    @classmethod
+    def of(
+        cls,
+        vertices: FloatArray,
+        triangles: IntArray,
+        view: View,
+        *,
+        facets: tuple[FloatArray, IntArray] | None = None,
+    ) -> "Reach":
+        """Measure a mesh; see `Camera.framing`."""
+        right, up, toward = _turned_axes(*(facets or (vertices, triangles)), view)
+        shown = vertices[is_used(vertices, triangles)]
+        across = np.stack([shown @ right, shown @ up, shown @ toward])
+        return cls(np.stack([right, up, toward]), across.min(axis=1), across.max(axis=1), view.perspective)
+
+    @property
+    def extent(self) -> FloatArray:
+        """(2,) width and height of the panel that the mesh fills."""
+        size = self.high - self.low
+        return np.asarray(np.maximum(size, 1e-3 * size.max())[:2] / (1 - 2 * MARGIN))
+
+    def camera(self, aspect: float | None = None) -> Camera:
+        """Return the camera whose panel, `aspect` times as wide as high, the mesh fills (None: its own aspect)."""
+        extent = self.extent
+        aspect = float(extent[0] / extent[1]) if aspect is None else aspect
+        width = max(float(extent[0]), float(extent[1]) * aspect)
+        if self.perspective:
+            # What is nearer looks larger: the nearest point decides.
+            width *= 1 + float(self.high[2] - self.low[2]) / (2 * EYE * width)
+        target = np.ascontiguousarray(self.axes.T) @ ((self.low + self.high) / 2)
+        right, up, toward = self.axes
+        return Camera(target, right, up, toward, width, width / aspect, self.perspective)
 
 
 def rays_from(origin: FloatArray, way: FloatArray) -> npt.NDArray[np.float32]:

@@ -19,7 +19,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.units import check_unit
-from o3dleaf.output.view.camera import Camera, View
+from o3dleaf.output.view.camera import Camera, Reach, View
 from o3dleaf.output.view.offscreen import find_renderer, rasterize
 from o3dleaf.output.view.panel import Box, Page, em_of, lay_out, save_figure
 from o3dleaf.output.view.scene import Drawable, Scalars, Scene, encode, linear
@@ -174,7 +174,8 @@ def draw_page(
     scenes = [Scene.of(each.mesh, each.scalars) for each in panels]
     em = subject.view.text * em_of(size)
     foot = round(2.6 * em) if scale_bar or any(scene.scalars for scene in scenes) else 0
-    fitted = _frame(scenes[0], subject.view)
+    reaches = [_reach(scene, each.view) for scene, each in zip(scenes, panels, strict=True)]
+    fitted = reaches[0].camera()
     heading, *caption = title.split("\n") if title else [""]
     lines = lines_of(caption, max(1, int((size[0] / em - 2) / LETTER)))
     room = max(0, int((0.75 * size[1] / em - 2.8) / 1.4))  # the picture keeps a quarter of the page
@@ -184,7 +185,8 @@ def draw_page(
     main, beside = lay_out(size, len(details), fitted.width / fitted.height, top, foot)
     boxes = [main, *beside]
     shots = [
-        _shoot(scene, each.view, box.without_foot(foot)) for scene, each, box in zip(scenes, panels, boxes, strict=True)
+        _shoot(scene, each.view, reach, box.without_foot(foot))
+        for scene, each, reach, box in zip(scenes, panels, reaches, boxes, strict=True)
     ]
     page = Page(_expose(shots, boxes, size, engine), subject.view.text, dpi)
     if heading:
@@ -201,13 +203,13 @@ def draw_page(
     return page
 
 
-def _frame(scene: Scene, view: View, aspect: float | None = None) -> Camera:
-    return Camera.framing(scene.vertices, scene.triangles, view, aspect, facets=scene.facets)
+def _reach(scene: Scene, view: View) -> Reach:
+    return Reach.of(scene.vertices, scene.triangles, view, facets=scene.facets)
 
 
-def _shoot(scene: Scene, view: View, box: Box) -> Shot:
+def _shoot(scene: Scene, view: View, reach: Reach, box: Box) -> Shot:
     """Return what is to be shaded for one panel."""
-    camera = _frame(scene, view, box.width / box.height)
+    camera = reach.camera(box.width / box.height)
     return Shot(scene.vertices, scene.triangles, scene.paint, camera, box.size, view)
 
 
@@ -218,9 +220,9 @@ def _expose(shots: list[Shot], boxes: list[Box], size: tuple[int, int], engine: 
     pictures = rasterize(shots) if raster else [shade_mesh(shot) for shot in shots]
     pixels = np.broadcast_to(PAPER, (size[1], size[0], 3)).copy()
     for shaded, box in zip(pictures, boxes, strict=True):
-        height, width = shaded.shape[:2]
-        window = (slice(box.top, box.top + height), slice(box.left, box.left + width))
-        pixels[window] = encode(linear(pixels[window]) * (1 - shaded[..., 3:]) + shaded[..., :3])
+        rows, columns = np.nonzero(shaded[..., 3])
+        light = shaded[rows, columns]
+        pixels[box.top + rows, box.left + columns] = encode(linear(PAPER) * (1 - light[:, 3:]) + light[:, :3])
     return pixels
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numba import njit as of_numba
 
-from o3dleaf.core.compiled import level_code
+from o3dleaf.core.compiled import code_cache, level_code
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.core.compiled.level_code import LEVELS, processor_level
+from o3dleaf.core.compiled.level_code import LEVELS, NAME, LevelContext, processor_level
+from o3dleaf.core.compiled.numba_target import LevelTypes
 
 LOOPS = """
 import math
@@ -206,6 +207,25 @@ def test_no_machine_code_is_made_of_what_is_only_called():
     assert not next(iter(inner.callee.overloads.values())).library._compiled
     assert inner(1) == 2
     assert len(inner.overloads) == 1
+
+
+def test_what_is_kept_of_a_function_that_python_calls_is_machine_code_alone(tmp_path, monkeypatch):
+    """Its callers link its callee: intermediate code would be read by every process, for nobody."""
+    monkeypatch.setattr(code_cache, "_only_folder", tmp_path)
+
+    @njit(nogil=True, cache=True)
+    def product(a, b):
+        return a * b
+
+    assert product(2, 3) == 6
+    library = next(iter(product.overloads.values())).library
+    name, kind, (code, names) = library.serialize_using_object_code()
+    assert b"BC\xc0\xde" not in code  # how LLVM's bitcode begins
+    assert all(each.encode() in code for each in names)
+    loaded = type(library)._unserialize(LevelContext(LevelTypes(), NAME).codegen(), (name, kind, (code, names)))
+    assert all(loaded.get_pointer_to_function(each) for each in names if "NumbaEnv" not in each)
+    with pytest.raises(RuntimeError, match="unfit for linking"):
+        loaded._get_module_for_linking()
 
 
 @njit(nogil=True)
