@@ -21,7 +21,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.core.resources.scratch import is_held, result_array, scratch_array
+from o3dleaf.core.resources.scratch import is_held, made_by_rows, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
@@ -66,11 +66,14 @@ def _sizes(cover: VoxelCover) -> IntArray:
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:
     """Fit a spline to the voxels of every ball, each class of balls by one factorization; to bare ones a plane."""
     bare, sizes, solver = cover.keys[:, -1] == 1, _sizes(cover), ClassSolver(cover, model)
+    count = len(cover.starts)
     # A bare ball has no site: the place of its class, which names it, is its middle.
     sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
-    offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
+    offsets = scratch_array((count + 1,), np.int64)
+    offsets[0] = 0
+    np.cumsum(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64), out=offsets[1:])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
-    weights, tails = result_array((int(offsets[-1]),)), scratch_array((len(cover.starts), len(model.exponents)))
+    weights, tails = result_array((int(offsets[-1]),)), scratch_array((count, len(model.exponents)))
     # As their voxels lie, so that a file larger than memory is gone through once.
     along = cover.starts[:, values.slowest]
     batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])
@@ -86,10 +89,12 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     with single_threaded_blas():
         run_blocks(lambda start, stop: [solver.factor(number) for number in range(start, stop)], len(sizes), 1)
         _solve_batches(cover, values, solver, batches, place)
-    ranks = np.array([solver.factor(number).rank for number in range(len(sizes))])[cover.classes]
-    dropped = np.zeros(len(cover.starts), dtype=np.int64)
+    of_classes = np.array([solver.factor(number).rank for number in range(len(sizes))])
     flat = np.concatenate([each.ravel() for each in sites])
-    places = begins[cover.classes]
+    places, ranks, dropped = (
+        made_by_rows((count,), lambda *part, each=each: each[cover.classes[slice(*part)]], np.int64)
+        for each in (begins, of_classes, np.zeros_like(of_classes))
+    )
     return LocalSplines(
         model.kernel, model.smoothing, offsets, places, flat, weights, tails, model.exponents, ranks, dropped
     )

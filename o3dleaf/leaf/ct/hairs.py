@@ -55,7 +55,9 @@ def find_cut_hairs(volume: Volume, level: float) -> CutHairs:
     """
     small = thinned(volume)
     # Of smoothed intensities: noise beside a crest is no hair.
-    values = gaussian_filter(small.data.astype(np.float64), BLUR) - level
+    values = small.data.astype(np.float32)
+    gaussian_filter(values, BLUR, output=values)
+    values -= level
     solid = _without_specks(values > 0)
     if not solid.any():
         return CutHairs(0, None)

@@ -170,7 +170,7 @@ def test_a_band_of_all_voxels_is_the_whole_fit():
 def test_coefficients_in_a_file_are_the_same_bits(monkeypatch, tmp_path):
     """Where they would take too much of the memory that may be used, they lie on the disk."""
     _, band = fits(solid())
-    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "is_held", lambda *_: False)
     _, mapped = fits(solid())
     at = queries(band, 3000)
     np.testing.assert_array_equal(mapped(at), band(at))
@@ -188,7 +188,7 @@ def test_what_a_band_needs_is_refused_by_its_size_and_coefficients_in_a_file_are
     monkeypatch.setattr(lattice_fit, "require_resources", lambda cost, what, _: asked.append((cost.bytes, what)))
     lattice_fit.require_room_for_voxels(values.size, None)
     lattice_fit.require_room_for_voxels(values.size, cover)
-    monkeypatch.setattr(lattice_fit, "is_held", lambda _: False)
+    monkeypatch.setattr(lattice_fit, "is_held", lambda *_: False)
     lattice_fit.require_room_for_voxels(values.size, cover)
     whole, band, mapped = (size for size, _ in asked)
     assert band - VOLUME.bytes < 0.9 * (whole - VOLUME.bytes)
