@@ -151,7 +151,7 @@ class VoxelCover:
         bare: npt.NDArray[np.bool_],
     ) -> "VoxelCover":
         """Return the cover of some balls, sorted into classes."""
-        most, ends, dimension = _reach(tile, np.linalg.norm(steps, axis=1), overlap), np.array(shape) - 1, len(shape)
+        most, ends = _reach(tile, np.linalg.norm(steps, axis=1), overlap), np.array(shape) - 1
         sides = (int(levels.max(initial=0)) + 1, *(most + 1), *(most + 1), 2)
 
         def codes(start: int, stop: int) -> IntArray:

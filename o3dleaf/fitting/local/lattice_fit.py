@@ -46,16 +46,22 @@ COMPANY = 16
 def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
     """Raise `MemoryBudgetError` or `TimeBudgetError` if a volume takes too much to be fitted by the balls of a cover.
 
-    Without a cover, all of it is fitted in full. Coefficients in a file (`scratch_array`) take no memory.
+    Without a cover, all of it is fitted in full.
     """
     cost, what = measured.VOLUME + measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
     if cover is not None:
         fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
-        coefficients = int(_sizes(cover)[cover.classes].sum())
-        on_disk = 0 if is_held(8 * coefficients) else 8 * coefficients
-        cost = measured.VOLUME + measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+        cost = cost_of_fit(voxels, fitted, int(_sizes(cover)[cover.classes].sum()))
         what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
+
+
+def cost_of_fit(voxels: float, fitted: float, coefficients: float) -> Cost:
+    """Return what a volume takes of which a narrow band is fitted; what lies in files (`scratch_array`) no memory."""
+    parts = 8 * coefficients, measured.FITTED_VOXEL.bytes * fitted - 8 * coefficients
+    on_disk = sum(size for size in parts if not is_held(size))
+    whole = measured.VOLUME + measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels
+    return whole + Cost(-on_disk)
 
 
 def _sizes(cover: VoxelCover) -> IntArray:

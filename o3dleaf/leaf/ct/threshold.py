@@ -64,7 +64,7 @@ def _sample(data: npt.NDArray[Any]) -> FloatArray:
 
 
 def _without_padding(sample: FloatArray) -> FloatArray:
-    return sample[sample != 0.0]
+    return np.asarray(sample[sample != 0.0])
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
