@@ -13,6 +13,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.instancing.tile import cost_of_tile
 from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.quilting import SIZES
@@ -70,5 +71,4 @@ def need_for_tile(
         per_length = np.float64(scale) / require_positive(spacing, "spacing")
         count, layers = float(area * np.square(per_length)), float(height * per_length)
     what = f"spacing: over {in_words(count)} columns of the lattice in one tile"
-    cost = measured.TILE_COLUMN * count + measured.TILE_SAMPLE * (count * layers)
-    return need_of(cost, what, "give a larger one", step=spacing)
+    return need_of(cost_of_tile(count, layers), what, "give a larger one", step=spacing)

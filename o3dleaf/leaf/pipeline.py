@@ -15,11 +15,10 @@ from o3dleaf.core.errors import DataWarning, UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
-from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import Need, need_of
-from o3dleaf.core.resources.scratch import is_held
 from o3dleaf.core.resume.blocks import kept
 from o3dleaf.core.units import unit_scale
+from o3dleaf.fitting.local.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.ct.align import align_blade
@@ -163,8 +162,7 @@ def need_for_texture(voxels: int, *, corrected: bool = False) -> Need:
     It is asked for again when its band is known.
     """
     band = min(voxels, BAND * voxels ** (2 / 3))
-    on_disk = 0 if is_held(8 * COEFFICIENTS * band) else 8 * COEFFICIENTS * band
-    cost = measured.VOLUME + measured.FITTED_VOXEL * band + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+    cost = cost_of_fit(voxels, band, COEFFICIENTS * band)
     if corrected:
         cost += measured.CORRECTED_VOXEL * voxels
     return need_of(cost, f"fit: {voxels:,} voxels", "crop the volume, or bin its voxels")

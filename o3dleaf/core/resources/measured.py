@@ -45,7 +45,8 @@ FOLLOWED_TRIANGLE = Each(170, 1.0)
 VOLUME = Cost(60_000_000)
 """Of a volume that is fitted, whatever its size: the systems of the balls that are solved for at once."""
 FITTED_VOXEL = Each(36, 0.75)
-"""Of a volume that is fitted: all of it, or the narrow band around its surface. Four fifths are coefficients."""
+"""Of a volume that is fitted: all of it, or the narrow band around its surface. Four fifths are coefficients; all of it
+lies in files where it would take much."""
 LEFT_VOXEL = Each(0.3, 0.1)
 """Of a volume that is fitted in a narrow band: of all of it, to find the band, and for what lies beside it."""
 CORRECTED_VOXEL = Each(12, 0.7)
@@ -56,6 +57,8 @@ BLADE_POINT = Each(2000, 65)
 """Of a scan that a blade is built from."""
 TILE_COLUMN, TILE_SAMPLE = Each(750), Each(0, 1.3)
 """Of the lattice over one tile, which is polygonized: of its columns two faces, and hairs; of its points values."""
+TILE_ON_DISK = Each(500)
+"""Of that, what lies in files where it would take much: edges, runs of columns, triangles, lists of balls."""
 SHEET_TRIANGLE = Each(800, 6.5)
 """Of a blade without micro-structure."""
 TRIANGLE = Each(60, 1.4)

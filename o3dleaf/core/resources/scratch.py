@@ -14,21 +14,28 @@ from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.resources.budget import usable_memory
 from o3dleaf.core.resources.machine import release_pages
-from o3dleaf.core.resources.needs import SMALL
 
 SHARE = 0.25
-"""Of the memory that may be used, which they may take."""
+"""Of the memory that may be used, which one large array may take: voxels, coefficients."""
+EACH = SHARE / 32
+"""The same of an array of which there are dozens: one number a ball, a column, an edge."""
+ALWAYS = 1 << 20
+"""Bytes that lie in memory, whatever may be used."""
 PART = 1 << 26
 """Bytes that are copied at once, about."""
+ROWS = 1 << 15
+"""Rows that are made at once: what making them takes does not grow with the array."""
 
 
-def is_held(size: float) -> bool:
-    """Return whether so many bytes lie in memory, and not in a file."""
-    room = None if size <= SMALL else usable_memory()
-    return room is None or size <= SHARE * room.free
+def is_held(size: float, share: float = SHARE) -> bool:
+    """Return whether so many bytes lie in memory, and not in a file: if they take no more than a share of it."""
+    room = None if size <= ALWAYS else usable_memory()
+    return room is None or size <= share * room.free
 
 
-def scratch_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> npt.NDArray[Any]:
+def scratch_array(
+    shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64, *, share: float = EACH
+) -> npt.NDArray[Any]:
     """Return an array to be filled: in memory, or in a file of the temporary folder, which goes with it.
 
     Raises
@@ -37,12 +44,23 @@ def scratch_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> 
         If it is to lie in a file, and the disk has no room.
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    if is_held(size):
+    if is_held(size, share):
         return np.empty(shape, dtype)
     with placing_on_disk(size), tempfile.TemporaryFile(prefix="o3dleaf-") as file:
         claim(file, size)
         file.truncate(size)
         return np.asarray(np.memmap(file, dtype=dtype, mode="r+", shape=shape))
+
+
+def made_by_rows(
+    shape: tuple[int, ...], make: Callable[[int, int], npt.NDArray[Any]], dtype: npt.DTypeLike = np.float64
+) -> npt.NDArray[Any]:
+    """Return a scratch array, ``make(start, stop)`` being its rows from start to stop."""
+    array = scratch_array(shape, dtype)
+    for start in range(0, len(array), ROWS):
+        stop = min(start + ROWS, len(array))
+        array[start:stop] = make(start, stop)
+    return array
 
 
 Place = Callable[[tuple[int, ...], npt.DTypeLike], npt.NDArray[Any] | None]
@@ -64,7 +82,7 @@ def result_array(shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64) -> n
     """Return the large array of a result, to be filled: where it is to stay, if that is known, else a scratch array."""
     place = _place.get()
     array = None if place is None else place(shape, dtype)
-    return scratch_array(shape, dtype) if array is None else array
+    return scratch_array(shape, dtype, share=SHARE) if array is None else array
 
 
 class GrowingArray:
@@ -101,7 +119,7 @@ class GrowingArray:
         # Asked whenever it has grown by a quarter: what is free is read from files of the system.
         if self._file is None and 4 * size > 5 * self._asked:
             self._asked = size
-            if not is_held(size):
+            if not is_held(size, EACH):
                 self._file = tempfile.TemporaryFile(prefix="o3dleaf-")  # noqa: SIM115 - until all of it is there
         if self._file is not None:
             with placing_on_disk(size):
@@ -142,7 +160,7 @@ def load_array(stored: Any) -> npt.NDArray[Any]:
     size = math.prod(stored.shape) * stored.dtype.itemsize
     if is_held(size):
         return np.asarray(stored[...])
-    array = scratch_array(stored.shape, stored.dtype)
+    array = scratch_array(stored.shape, stored.dtype, share=SHARE)
     chunk = (getattr(stored, "chunks", None) or (1,))[0]
     rows = chunk * max(1, int(PART * len(array) // (size * chunk)))
     for first in range(0, len(array), rows):

@@ -9,13 +9,16 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources.scratch import GrowingArray, made_by_rows
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import BoxTree, Images
 from o3dleaf.fitting.cover.tree import build_tree
 from o3dleaf.fitting.rbf.tail import IntArray
 
 FOLD_BLOCK = 1 << 15
+SHIFTED = 1 << 15
+"""Balls that are displaced at once."""
 MEMBER_BLOCKS = 16
 """Blocks that points are sorted into balls in; each keeps a number for each ball."""
 
@@ -67,8 +70,9 @@ class BallIndex:
     @classmethod
     def build(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> "BallIndex":
         """Index the balls (M, d), (M,) over `bounds`, one image each."""
-        shifts = np.zeros_like(centers)
-        return cls(bounds, np.zeros(centers.shape[1]), np.arange(len(centers)), shifts, centers, radii)
+        period = np.zeros(centers.shape[1])
+        shifts = made_by_rows(centers.shape, lambda start, stop: np.zeros((stop - start, len(period))))
+        return cls(bounds, period, made_by_rows(radii.shape, np.arange, np.int64), shifts, centers, radii)
 
     @classmethod
     def periodic(cls, centers: FloatArray, radii: FloatArray, bounds: FloatArray, period: FloatArray) -> "BallIndex":
@@ -79,16 +83,18 @@ class BallIndex:
         reach = np.maximum(bounds[1] - lowest, highest - bounds[0])
         repeats[moving] = np.ceil(reach[moving] / period[moving]).astype(np.int64)
         steps = np.stack(np.meshgrid(*[np.arange(-n, n + 1) for n in repeats], indexing="ij"), axis=-1)
-        images, shifts = [], []
+        found = [GrowingArray(np.int64), *(GrowingArray(np.float64, row) for row in ((), period.shape, period.shape))]
         for shift in steps.reshape(-1, len(period)) * period:
-            # One at a time: nine of a large cover are more than all else.
-            moved = centers + shift
-            gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
-            images.append(np.flatnonzero(np.linalg.norm(gap, axis=1) < radii))
-            shifts.append(np.broadcast_to(shift, (len(images[-1]), len(shift))))
-        balls, by = np.concatenate(images), np.concatenate(shifts)
-        places = centers[balls] + by
-        return cls(bounds, period, balls, by, places, radii[balls])
+            # Some at a time: nine displaced copies of a large cover are more than all else.
+            for start, stop in blocks(len(centers), SHIFTED):
+                moved = centers[start:stop] + shift
+                gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
+                kept = np.flatnonzero(np.linalg.norm(gap, axis=1) < radii[start:stop])
+                by = np.tile(shift, (len(kept), 1))
+                for whole, part in zip(found, (start + kept, radii[start + kept], by, moved[kept]), strict=True):
+                    whole.append(part)
+        balls, sizes, shifts, places = (each.whole() for each in found)
+        return cls(bounds, period, balls, shifts, places, sizes)
 
     @cached_property
     def tree(self) -> BoxTree:

@@ -7,7 +7,7 @@ Far tiles are merged, 2 by 2 along each axis, as long as that holds for the larg
 the band and not with the volume.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.processes.spread import current_spread
 from o3dleaf.core.resources.machine import release_pages
+from o3dleaf.core.resources.scratch import ROWS, GrowingArray, scratch_array
 from o3dleaf.fitting.rbf.tail import IntArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -91,26 +92,32 @@ class LatticeBand:
         """Return starts (M, d) and levels (M,) of tiles that cover the lattice, and which of them are far."""
         dimension, whole = len(self.shape), np.array(self.shape) // self.tile
         merged = np.zeros(self.far.shape, dtype=bool)
-        table = np.pad(~self.far, [(1, 0)] * dimension).astype(np.int64)
+        table = scratch_array(tuple(size + 1 for size in self.far.shape), np.int64)
+        table[...] = 0
+        table[(slice(1, None),) * dimension] = ~self.far
         for axis in range(dimension):
             np.cumsum(table, axis=axis, out=table)
-        starts, levels = [], []
+        found = GrowingArray(np.int64, (dimension,)), GrowingArray(np.int64), GrowingArray(np.bool_)
+
+        def add(starts: IntArray, level: int, bare: BoolArray) -> None:
+            for part, each in zip(found, (starts, np.full(len(starts), level), bare), strict=True):
+                part.append(each)
+
         for level in range(int(np.log2(whole.min())) if whole.all() else 0, 0, -1):
             side = 1 << level
             # The ball reaches so much farther beyond; what its outermost tiles have looked at counts.
             margin = -(-(side - 1) * (self.reach + 1) // self.tile)
-            places = np.argwhere(np.ones(whole >> level, dtype=bool)) << level
-            low, high = np.maximum(places - margin, 0), np.minimum(places + side + margin, self.far.shape)
-            free = ~merged[tuple(places.T)] & (_sums(table, low, high) == 0)
             inside = np.array(list(product(range(side), repeat=dimension)))
-            merged[tuple((places[free, np.newaxis] + inside).reshape(-1, dimension).T)] = True
-            starts.append(places[free] * self.tile)
-            levels.append(np.full(len(starts[-1]), level))
-        left = np.argwhere(~merged)
-        starts.append(np.minimum(left * self.tile, np.array(self.shape) - self.tile))
-        levels.append(np.zeros(len(left), dtype=np.int64))
-        bare = np.concatenate([np.ones(sum(map(len, levels[:-1])), dtype=bool), self.far[~merged]])
-        return np.concatenate(starts), np.concatenate(levels), bare
+            for coarse in _by_layers(np.ones(whole >> level, dtype=bool)):
+                places = coarse << level
+                low, high = np.maximum(places - margin, 0), np.minimum(places + side + margin, self.far.shape)
+                free = ~merged[tuple(places.T)] & (_sums(table, low, high) == 0)
+                merged[tuple((places[free, np.newaxis] + inside).reshape(-1, dimension).T)] = True
+                add(places[free] * self.tile, level, np.ones(np.count_nonzero(free), dtype=bool))
+        for left in _by_layers(~merged):
+            add(np.minimum(left * self.tile, np.array(self.shape) - self.tile), 0, self.far[tuple(left.T)])
+        starts, levels, bare = (each.whole() for each in found)
+        return starts, levels, bare
 
 
 @dataclass(frozen=True)
@@ -165,6 +172,15 @@ class _Layers:
         low, high = (_extremes(extreme, part, windows) - self.level for extreme in (np.minimum, np.maximum))
         reserve = RESERVE * (high - low)
         return np.asarray((low > reserve) | (-high > reserve))
+
+
+def _by_layers(marked: BoolArray) -> Iterator[IntArray]:
+    """Yield the places (n, d) that are marked, some layers along the first axis at a time."""
+    layers = max(1, ROWS * len(marked) // max(marked.size, 1))
+    for first, last in blocks(len(marked), layers):
+        places = np.argwhere(marked[first:last])
+        places[:, 0] += first
+        yield places
 
 
 def _averages(part: npt.NDArray[Any], window: int, axes: IntArray) -> npt.NDArray[Any]:

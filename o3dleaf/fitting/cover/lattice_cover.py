@@ -6,6 +6,7 @@ interior contains the same voxels as any other, one at a face the same as all ot
 """
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -14,6 +15,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_rigid_motion, as_step
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows
 from o3dleaf.fitting.cover.lattice_band import LatticeBand
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -148,16 +151,22 @@ class VoxelCover:
         bare: npt.NDArray[np.bool_],
     ) -> "VoxelCover":
         """Return the cover of some balls, sorted into classes."""
-        reach = _reach(tile, np.linalg.norm(steps, axis=1), overlap)
-        first, stride = starts + _shift(levels), (1 << levels)[:, np.newaxis]
-        before = np.minimum(first // stride, reach)
-        after = np.minimum((np.array(shape) - 1 - first) // stride - (tile - 1), reach)
-        columns = (levels, *before.T, *after.T, bare.astype(np.int64))
-        sides = [int(column.max()) + 1 for column in columns]
-        # As one number each: rows are sorted the same way, in a tenth of the time.
-        codes, classes = np.unique(np.ravel_multi_index(columns, sides), return_inverse=True)
-        keys = np.stack(np.unravel_index(codes, sides), axis=1)
-        return cls(shape, steps, tile, starts, levels, overlap, classes.ravel(), keys)
+        most, ends = _reach(tile, np.linalg.norm(steps, axis=1), overlap), np.array(shape) - 1
+        sides = (int(levels.max(initial=0)) + 1, *(most + 1), *(most + 1), 2)
+
+        def codes(start: int, stop: int) -> IntArray:
+            """Return the key of each ball as one number: rows are sorted the same way, in a tenth of the time."""
+            level = levels[start:stop]
+            first, stride = starts[start:stop] + _shift(level), (1 << level)[:, np.newaxis]
+            before = np.minimum(first // stride, most)
+            after = np.minimum((ends - first) // stride - (tile - 1), most)
+            return np.ravel_multi_index((level, *before.T, *after.T, bare[start:stop]), sides)
+
+        found = [np.unique(codes(*part)) for part in blocks(len(starts), ROWS)]
+        known = np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)
+        classes = made_by_rows(levels.shape, lambda *part: np.searchsorted(known, codes(*part)), np.int64)
+        keys = np.stack(np.unravel_index(known, sides), axis=1)
+        return cls(shape, steps, tile, starts, levels, overlap, classes, keys)
 
     def banded(self, data: npt.NDArray[Any], isovalue: float, averaged: float = 1.0) -> "VoxelCover":
         """Return a cover whose balls near the isovalue are those of this one, and bare ones elsewhere; of no mask.
@@ -178,23 +187,34 @@ class VoxelCover:
 
     def reaching(self, low: FloatArray, high: FloatArray, origin: FloatArray) -> "VoxelCover":
         """Return the cover without the balls that do not reach into a box of the field's coordinates."""
-        centers = self.centers(origin)
-        gap = np.maximum(np.maximum(low - centers, centers - high), 0.0)
-        kept = np.linalg.norm(gap, axis=1) < self.radii
-        used, classes = np.unique(self.classes[kept], return_inverse=True)
-        parts = self.starts[kept], self.levels[kept], self.overlap, classes.ravel(), self.keys[used]
-        return VoxelCover(self.shape, self.steps, self.tile, *parts)
+        found = GrowingArray(np.int64, (len(self.shape),)), GrowingArray(np.int64), GrowingArray(np.int64)
+        number = np.full(len(self.keys), -1)
+        for start, stop in blocks(len(self.starts), ROWS):
+            centers, levels = self._centers(origin, start, stop), self.levels[start:stop]
+            gap = np.maximum(np.maximum(low - centers, centers - high), 0.0)
+            kept = np.linalg.norm(gap, axis=1) < self._radius * (1 << levels)
+            for whole, part in zip(found, (self.starts[start:stop], levels, self.classes[start:stop]), strict=True):
+                whole.append(part[kept])
+            number[self.classes[start:stop][kept]] = 0
+        used = np.flatnonzero(number == 0)
+        number[used] = np.arange(len(used))
+        starts, levels, classes = (each.whole() for each in found)
+        for start, stop in blocks(len(classes), ROWS):
+            classes[start:stop] = number[classes[start:stop]]
+        return VoxelCover(self.shape, self.steps, self.tile, starts, levels, self.overlap, classes, self.keys[used])
 
     def centers(self, origin: FloatArray) -> FloatArray:
         """Return the (M, d) centers of the balls, `origin` being the position of voxel (0, 0, 0)."""
-        middle = self.starts + (self.tile * (1 << self.levels)[:, np.newaxis] - 1) / 2
-        return origin + _moved(middle, self.steps)
+        return made_by_rows(self.starts.shape, partial(self._centers, origin))
+
+    def _centers(self, origin: FloatArray, start: int, stop: int) -> FloatArray:
+        sides = self.tile * (1 << self.levels[start:stop])[:, np.newaxis]
+        return origin + _moved(self.starts[start:stop] + (sides - 1) / 2, self.steps)
 
     @property
     def radii(self) -> FloatArray:
         """(M,) radii of the balls."""
-        radii: FloatArray = np.asarray(self._radius * (1 << self.levels), dtype=np.float64)
-        return radii
+        return made_by_rows(self.levels.shape, lambda start, stop: self._radius * (1 << self.levels[start:stop]))
 
     def radius_of(self, number: int) -> float:
         """Return the radius of the balls of a class."""

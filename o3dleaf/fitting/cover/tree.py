@@ -1,16 +1,19 @@
 """The tree of boxes over the balls: its top in one thread, the branches side by side."""
 
+from typing import Any
+
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.parallel import run_blocks
-from o3dleaf.core.resources.scratch import scratch_array
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources.scratch import GrowingArray
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import BoxTree
-from o3dleaf.fitting.rbf.tail import IntArray
 
 TOP_DEPTH = 6
 """Levels of the top: as many as 64 branches."""
+TOGETHER = 16
+"""Branches that are made before they are added: of all of them twice as much would be held."""
 MAX_DEPTH = 54
 """Levels of a branch: coinciding balls are not told apart by more."""
 
@@ -19,17 +22,25 @@ def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> Bo
     """Halve the box `bounds` (2, d) until few of the balls (M, d), (M,) reach into each part."""
     top: BoxTree = ball_loops.build_tree(centers, radii, bounds[0], bounds[1], np.arange(len(radii)), TOP_DEPTH)
     leaves, boxes = np.flatnonzero(top.axes < 0), _boxes(top, bounds)
-    branches = [top] * len(leaves)
+    whole, roots = [GrowingArray(part.dtype) for part in top], list[list[Any]]()
+    for growing, part in zip(whole[:5], top[:5], strict=True):
+        growing.append(part)
+    for first, last in blocks(len(leaves), TOGETHER):
+        branches = [top] * (last - first)
 
-    def task(start: int, stop: int) -> None:
-        for number in range(start, stop):
-            leaf = leaves[number]
-            low, high = boxes[leaf]
-            candidates = top.images[top.starts[leaf] : top.stops[leaf]]
-            branches[number] = ball_loops.build_tree(centers, radii, low, high, candidates, MAX_DEPTH)
+        def task(start: int, stop: int, first: int = first, branches: list[BoxTree] = branches) -> None:
+            for number in range(start, stop):
+                leaf = leaves[first + number]
+                low, high = boxes[leaf]
+                candidates = top.images[top.starts[leaf] : top.stops[leaf]]
+                branches[number] = ball_loops.build_tree(centers, radii, low, high, candidates, MAX_DEPTH)
 
-    run_blocks(task, len(leaves), 1)
-    return _grafted(top, leaves, branches)
+        run_blocks(task, len(branches), 1)
+        roots += [_graft(branch, *whole) for branch in branches]
+    tree = BoxTree(*(part.whole() for part in whole))
+    for nodes, of_roots in zip(tree[:5], zip(*roots, strict=True), strict=True):
+        nodes[leaves] = of_roots
+    return tree
 
 
 def _boxes(tree: BoxTree, bounds: FloatArray) -> FloatArray:
@@ -42,29 +53,15 @@ def _boxes(tree: BoxTree, bounds: FloatArray) -> FloatArray:
     return boxes
 
 
-def _grafted(top: BoxTree, leaves: IntArray, branches: list[BoxTree]) -> BoxTree:
-    """Return the top with its leaves replaced: a branch's root takes the leaf's place, its other nodes are added.
-
-    The list of branches is empty then: each of them is let go as soon as it is copied.
-    """
-    nodes, listed = len(top.axes), 0
-    count = nodes + sum(len(branch.axes) - 1 for branch in branches)
-    images = sum(len(branch.images) for branch in branches)
-    whole = BoxTree(
-        *(scratch_array((size,), part.dtype) for size, part in zip([count] * 5 + [images], top, strict=True))
+def _graft(branch: BoxTree, *whole: GrowingArray) -> list[Any]:
+    """Add a branch to the arrays of a tree, but for its root: return that, to take the place of a leaf of the top."""
+    nodes, images = whole[0].rows, whole[-1].rows
+    moved = branch._replace(
+        children=np.where(branch.axes >= 0, branch.children + nodes - 1, -1),
+        starts=branch.starts + images,
+        stops=branch.stops + images,
     )
-    for parts, part in zip(whole[:5], top[:5], strict=True):
-        parts[:nodes] = part
-    for leaf in leaves:
-        branch = branches.pop(0)
-        moved = branch._replace(
-            children=np.where(branch.axes >= 0, branch.children + nodes - 1, -1),
-            starts=branch.starts + listed,
-            stops=branch.stops + listed,
-        )
-        last, ending = nodes + len(branch.axes) - 1, listed + len(branch.images)
-        for parts, part in zip(whole[:5], moved[:5], strict=True):
-            parts[leaf], parts[nodes:last] = part[0], part[1:]
-        whole.images[listed:ending] = branch.images
-        nodes, listed = last, ending
-    return whole
+    for each, part in zip(whole[:5], moved[:5], strict=True):
+        each.append(part[1:])
+    whole[-1].append(moved.images)
+    return [part[0] for part in moved[:5]]

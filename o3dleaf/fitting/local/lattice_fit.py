@@ -21,7 +21,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.core.resources.scratch import is_held, result_array, scratch_array
+from o3dleaf.core.resources.scratch import is_held, made_by_rows, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
@@ -46,16 +46,22 @@ COMPANY = 16
 def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
     """Raise `MemoryBudgetError` or `TimeBudgetError` if a volume takes too much to be fitted by the balls of a cover.
 
-    Without a cover, all of it is fitted in full. Coefficients in a file (`scratch_array`) take no memory.
+    Without a cover, all of it is fitted in full.
     """
     cost, what = measured.VOLUME + measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
     if cover is not None:
         fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
-        coefficients = int(_sizes(cover)[cover.classes].sum())
-        on_disk = 0 if is_held(8 * coefficients) else 8 * coefficients
-        cost = measured.VOLUME + measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels + Cost(-on_disk)
+        cost = cost_of_fit(voxels, fitted, int(_sizes(cover)[cover.classes].sum()))
         what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
+
+
+def cost_of_fit(voxels: float, fitted: float, coefficients: float) -> Cost:
+    """Return what a volume takes of which a narrow band is fitted; what lies in files (`scratch_array`) no memory."""
+    parts = 8 * coefficients, measured.FITTED_VOXEL.bytes * fitted - 8 * coefficients
+    on_disk = sum(size for size in parts if not is_held(size))
+    whole = measured.VOLUME + measured.FITTED_VOXEL * fitted + measured.LEFT_VOXEL * voxels
+    return whole + Cost(-on_disk)
 
 
 def _sizes(cover: VoxelCover) -> IntArray:
@@ -66,11 +72,14 @@ def _sizes(cover: VoxelCover) -> IntArray:
 def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> LocalSplines:
     """Fit a spline to the voxels of every ball, each class of balls by one factorization; to bare ones a plane."""
     bare, sizes, solver = cover.keys[:, -1] == 1, _sizes(cover), ClassSolver(cover, model)
+    count = len(cover.starts)
     # A bare ball has no site: the place of its class, which names it, is its middle.
     sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
-    offsets = np.concatenate([[0], np.cumsum(sizes[cover.classes])])
+    offsets = scratch_array((count + 1,), np.int64)
+    offsets[0] = 0
+    np.cumsum(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64), out=offsets[1:])
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
-    weights, tails = result_array((int(offsets[-1]),)), scratch_array((len(cover.starts), len(model.exponents)))
+    weights, tails = result_array((int(offsets[-1]),)), scratch_array((count, len(model.exponents)))
     # As their voxels lie, so that a file larger than memory is gone through once.
     along = cover.starts[:, values.slowest]
     batches = sorted(_batches(cover.classes, along), key=lambda balls: along[balls[0]])
@@ -86,10 +95,12 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     with single_threaded_blas():
         run_blocks(lambda start, stop: [solver.factor(number) for number in range(start, stop)], len(sizes), 1)
         _solve_batches(cover, values, solver, batches, place)
-    ranks = np.array([solver.factor(number).rank for number in range(len(sizes))])[cover.classes]
-    dropped = np.zeros(len(cover.starts), dtype=np.int64)
+    of_classes = np.array([solver.factor(number).rank for number in range(len(sizes))])
     flat = np.concatenate([each.ravel() for each in sites])
-    places = begins[cover.classes]
+    places, ranks, dropped = (
+        made_by_rows((count,), lambda *part, each=each: each[cover.classes[slice(*part)]], np.int64)
+        for each in (begins, of_classes, np.zeros_like(of_classes))
+    )
     return LocalSplines(
         model.kernel, model.smoothing, offsets, places, flat, weights, tails, model.exponents, ranks, dropped
     )

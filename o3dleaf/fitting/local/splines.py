@@ -226,9 +226,13 @@ class LocalSplines:
         if level == 2:
             require_twice_differentiable(self.kernel)
         sites, weights = (self.sites, self.weights) if dtype == np.float64 else self._single
-        widest = int(np.diff(self.offsets).max())
         power, exponents = self.kernel.power, self.exponents
-        return SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, widest)
+        return SplineBalls(self.offsets, self.places, sites, weights, self.tails, exponents, power, self._widest)
+
+    @cached_property
+    def _widest(self) -> int:
+        """Points of the ball that has most."""
+        return int(np.diff(self.offsets).max())
 
     @cached_property
     def single_error(self) -> float:

@@ -1,6 +1,7 @@
 """Hairs that the sides of a patch cut: every tile would end in half a hair. Found, and a crop that avoids them."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -55,7 +56,9 @@ def find_cut_hairs(volume: Volume, level: float) -> CutHairs:
     """
     small = thinned(volume)
     # Of smoothed intensities: noise beside a crest is no hair.
-    values = gaussian_filter(small.data.astype(np.float64), BLUR) - level
+    values: npt.NDArray[Any] = small.data.astype(np.float32)
+    gaussian_filter(values, BLUR, output=values)
+    values -= level
     solid = _without_specks(values > 0)
     if not solid.any():
         return CutHairs(0, None)

@@ -51,13 +51,20 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> floa
     low, high = data.min(), data.max()
     if low == high:
         raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
-    sample = np.asarray(thin(data), dtype=np.float64).ravel()
-    level = choose(sample[sample != 0.0])
+    level = choose(_without_padding(_sample(data)))
     if level is None:
-        level = choose(sample)
+        level = choose(_sample(data))
     if level is None:
         raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
     return level
+
+
+def _sample(data: npt.NDArray[Any]) -> FloatArray:
+    return np.asarray(thin(data), dtype=np.float64).ravel()
+
+
+def _without_padding(sample: FloatArray) -> FloatArray:
+    return np.asarray(sample[sample != 0.0])
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -114,8 +121,7 @@ def _otsu(sample: FloatArray) -> float | None:
 
 def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
     """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
-    sample = np.asarray(thin(data), dtype=np.float64).ravel()
-    return _classes(sample[sample != 0.0]) or _classes(sample)
+    return _classes(_without_padding(_sample(data))) or _classes(_sample(data))
 
 
 def _mixture(sample: FloatArray) -> float | None:

@@ -4,12 +4,15 @@ For solvers with cyclic boundaries: every vertex and triangle of a wall has its 
 the wall across from it. A file takes it block by block, as it takes a leaf (`assembly`).
 """
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Sink
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
@@ -25,12 +28,17 @@ CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 class FlatBlock:
     """The surface of a flat period and of its walls: its vertices numbered, its blocks made one by one.
 
+    Vertices are numbered in the order of the edges and points of the window that they lie on; the window has one column
+    more to a row than the tile, and one row more. The tile's own keep their order, so that the others alone are listed:
+    the points and edges of the walls, and what neighbors' vertices are copies of.
+
     Attributes
     ----------
     tile : Tile
-    names : (n,) ndarray of int64
-        The edges and points of the window that vertices lie on, rising; the window has one column more to a row than
-        the tile, and one row more.
+    others : (m,) ndarray of int64
+        The edges and points of the window that the others lie on, rising.
+    before : (m,) ndarray of int64
+        How many of the tile's own vertices come before each of them.
     """
 
     def __init__(self, tile: Tile) -> None:
@@ -44,16 +52,13 @@ class FlatBlock:
         if METHODS[tile.method] != "cubes":
             raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
         walls = np.concatenate([_wall(tile, axis, far) for axis in range(2) for far in (False, True)])
-        nodes = np.empty(len(tile.edges) + len(tile.beyond), dtype=np.int64)
-        for start, stop in blocks(len(tile.edges), BATCH_SIZE):
-            nodes[start:stop] = _rename(tile.edges[start:stop], tile.lattice.shape)
-        nodes[len(tile.edges) :] = _rename(tile.beyond[:, 0], tile.lattice.shape, tile.beyond[:, 1])
-        self.tile = tile
-        self.names: IntArray = np.unique(np.concatenate([nodes, walls.ravel()]))
-        self._nodes = np.empty(len(nodes), dtype=np.int32)
-        for start, stop in blocks(len(nodes), BATCH_SIZE):
-            self._nodes[start:stop] = np.searchsorted(self.names, nodes[start:stop])
-        self._walls = np.searchsorted(self.names, walls).astype(np.int32)
+        beyond = _rename(tile.beyond[:, 0], tile.lattice.shape, tile.beyond[:, 1])
+        names, self.tile = np.unique(np.concatenate([beyond, walls.ravel()])), tile
+        rows, own = _rows(tile, names)
+        self.others, self.before = names[~own], rows[~own]
+        numbers = np.empty(len(names), dtype=np.int32)
+        numbers[own], numbers[~own] = self._numbers_of_own(rows[own]), self.before + np.arange(len(self.others))
+        self._beyond, self._walls = (numbers[np.searchsorted(names, each)] for each in (beyond, walls))
 
     def __repr__(self) -> str:
         return f"FlatBlock({self.vertices:,} vertices, {self.triangles:,} triangles)"
@@ -61,7 +66,7 @@ class FlatBlock:
     @property
     def vertices(self) -> int:
         """Number of vertices."""
-        return len(self.names)
+        return len(self.tile.edges) + len(self.others)
 
     @property
     def triangles(self) -> int:
@@ -71,24 +76,51 @@ class FlatBlock:
     def emit(self, sink: Sink) -> None:
         """Make every vertex, flat, and every triangle, labelled upper, lower, or rim for the walls; the walls last."""
         run_blocks(lambda start, stop: sink.put_vertices(start, self._places(start, stop)), self.vertices, BATCH_SIZE)
-        count = len(self.tile.nodes)
-        sides = np.concatenate([self.tile.sides, self.tile.beyond_sides])
+        tile, own = self.tile, len(self.tile.edges)
 
         def put(start: int, stop: int) -> None:
-            nodes = self.tile.nodes[start:stop]
-            labels = np.where(sides[nodes[:, 0]] == ABOVE, UPPER, LOWER).astype(np.uint8)
-            sink.put_triangles(start, self._nodes[nodes], labels)
+            nodes = tile.nodes[start:stop]
+            numbers, sides = np.empty(nodes.shape, dtype=np.int32), np.empty(nodes.shape, dtype=np.uint8)
+            here = nodes < own
+            numbers[here], sides[here] = self._numbers_of_own(nodes[here]), tile.sides[nodes[here]]
+            numbers[~here], sides[~here] = self._beyond[nodes[~here] - own], tile.beyond_sides[nodes[~here] - own]
+            sink.put_triangles(start, numbers, np.where(sides[:, 0] == ABOVE, UPPER, LOWER).astype(np.uint8))
 
-        run_blocks(put, count, BATCH_SIZE)
-        sink.put_triangles(count, self._walls, np.full(len(self._walls), RIM, dtype=np.uint8))
+        run_blocks(put, len(tile.nodes), BATCH_SIZE)
+        sink.put_triangles(len(tile.nodes), self._walls, np.full(len(self._walls), RIM, dtype=np.uint8))
+
+    def _numbers_of_own(self, rows: npt.NDArray[np.integer[Any]]) -> IntArray:
+        """Return the numbers of some of the tile's own vertices."""
+        return rows + np.searchsorted(self.before, rows, side="right")
 
     def _places(self, start: int, stop: int) -> FloatArray:
         """Return the positions of the vertices from start to stop."""
-        tile, names = self.tile, self.names[start:stop]
-        nx, ny, nz = tile.lattice.shape
-        fractions, crossed = np.zeros(len(names)), names & 7 > 0
-        fractions[crossed] = tile.fractions[np.searchsorted(tile.edges, in_tile(names[crossed], (nx, ny, nz))[0])]
+        tile, shape = self.tile, self.tile.lattice.shape
+        others = self.before + np.arange(len(self.others))
+        first, last = np.searchsorted(others, (start, stop))
+        here = np.ones(stop - start, dtype=bool)
+        here[others[first:last] - start] = False
+        own = slice(start - first, stop - last)
+        names, fractions = np.empty(len(here), dtype=np.int64), np.zeros(len(here))
+        names[here], fractions[here] = _rename(tile.edges[own], shape), tile.fractions[own]
+        names[~here] = added = self.others[first:last]
+        crossed = added & 7 > 0
+        rows = np.searchsorted(tile.edges, in_tile(added[crossed], shape)[0])
+        fractions[np.flatnonzero(~here)[crossed]] = tile.fractions[rows]
+        nx, ny, nz = shape
         return tile.lattice.positions(lattice_positions(names, fractions, (nx + 1, ny + 1, nz)))
+
+
+def _rows(tile: Tile, names: IntArray) -> tuple[IntArray, BoolArray]:
+    """Return how many of a tile's vertices come before names in the window, and which of these are vertices of it."""
+    nx, ny, nz = tile.lattice.shape
+    column, rest = names // (8 * nz), names % (8 * nz)
+    i, j = column // (ny + 1), column % (ny + 1)
+    inside = (i < nx) & (j < ny)
+    # What lies beyond the tile comes before all of the next row.
+    named = (i * ny + j) * 8 * nz + np.where(inside, rest, 0)
+    rows = np.searchsorted(tile.edges, named)
+    return rows, inside & (tile.edges[np.minimum(rows, len(tile.edges) - 1)] == named)
 
 
 def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one wall or the one across from it

@@ -5,13 +5,17 @@ that `o3dleaf.surface.isosurface` draws around them. They are held as runs along
 five numbers a column, where the samples themselves would grow with the cube of the resolution.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources.scratch import ROWS, made_by_rows, scratch_array
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, BELOW, INSIDE, count_runs, expand_runs, fill_runs, unite_all
 from o3dleaf.surface.mesh.topology import label_nodes
 
@@ -80,33 +84,67 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray, ali
     ReconstructionError
         If nothing is inside, or the air above and below hang together: not two sheets.
     """
-    first = np.concatenate([[0], np.cumsum(counts)])
-    solid = (np.arange(len(begin)) - np.repeat(first[:-1], counts)) % 2
-    piece = np.arange(len(begin))
+    first = scratch_array((len(counts) + 1,), np.int64)
+    first[0] = 0
+    np.cumsum(counts, out=first[1:])
+    solid, length = _solid_lengths(shape[2], first, begin)
+    piece, around = (made_by_rows(begin.shape, np.arange, np.int64) for _ in range(2))
     unite_all(shape, first, begin, piece, solid, -1)
     copies = _copied_runs(first, alike)
     piece = _joined(piece, copies)
-    length = np.diff(begin, append=0)
-    length[first[1:] - 1] = shape[2] - begin[first[1:] - 1]
-    size = np.bincount(piece, length * solid, len(begin))
-    if not size.any():
+    main = _largest(piece, length)
+    if main is None:
         raise ReconstructionError("the texture has no solid at this spacing; use a finer spacing or another threshold")
-    main = int(np.argmax(size))
-    around = np.arange(len(begin))
     unite_all(shape, first, begin, around, piece, main)
     around = _joined(around, copies)
-    label = np.zeros(len(begin), dtype=np.uint8)
-    above, below = np.unique(around[first[1:] - 1]), np.unique(around[first[:-1]])
+    above = _distinct(len(counts), lambda start, stop: around[first[start + 1 : stop + 1] - 1])
+    below = _distinct(len(counts), lambda start, stop: around[first[start:stop]])
     if np.intersect1d(above, below).size:
         raise ReconstructionError(
             "the surface is one sheet, not two (upper and lower side): air reaches through the layer; "
             "use a finer spacing or another threshold"
         )
-    label[np.isin(around, above)], label[np.isin(around, below)] = ABOVE, BELOW
-    label[piece == main] = INSIDE
-    voids = np.unique(piece[(solid == 0) & (label == INSIDE)]).size
-    islands = np.unique(piece[(solid == 1) & (label != INSIDE)]).size
-    return Runs(shape, first, begin, label, int(voids), int(islands))
+
+    def labels(start: int, stop: int) -> npt.NDArray[np.uint8]:
+        air = around[start:stop]
+        label = np.where(np.isin(air, below), BELOW, np.where(np.isin(air, above), ABOVE, INSIDE))
+        return np.where(piece[start:stop] == main, INSIDE, label).astype(np.uint8)
+
+    label = made_by_rows(begin.shape, labels, np.uint8)
+
+    def turned(kind: int, start: int, stop: int) -> IntArray:
+        """Return the pieces of a kind, 0 air and 1 solid, that do not keep it."""
+        rows = slice(start, stop)
+        return np.asarray(piece[rows][(solid[rows] == kind) & ((label[rows] == INSIDE) != kind)])
+
+    voids, islands = (len(_distinct(len(begin), partial(turned, kind))) for kind in range(2))
+    return Runs(shape, first, begin, label, voids, islands)
+
+
+def _solid_lengths(layers: int, first: IntArray, begin: IntArray) -> tuple[IntArray, IntArray]:
+    """Return of each run whether it is solid, 1 or 0, and of solid ones how many samples it has, else 0."""
+    solid, length = (scratch_array(begin.shape, np.int64) for _ in range(2))
+    for start, stop in blocks(len(first) - 1, ROWS):
+        heads, rows = first[start:stop], slice(first[start], first[stop])
+        solid[rows] = (np.arange(first[start], first[stop]) - np.repeat(heads, np.diff(first[start : stop + 1]))) % 2
+        length[rows] = np.diff(begin[rows], append=layers)
+        length[first[start + 1 : stop + 1] - 1] = layers - begin[first[start + 1 : stop + 1] - 1]
+        length[rows] *= solid[rows]
+    return solid, length
+
+
+def _largest(piece: IntArray, length: IntArray) -> int | None:
+    """Return the piece of runs that has most samples, of equal ones the first, or None where none has any."""
+    size = made_by_rows(piece.shape, lambda start, stop: np.zeros(stop - start, dtype=np.int64), np.int64)
+    for start, stop in blocks(len(piece), ROWS):
+        some, rows = np.unique(piece[start:stop], return_inverse=True)
+        size[some] += np.bincount(rows, length[start:stop]).astype(np.int64)
+    return int(np.argmax(size)) if size.any() else None
+
+
+def _distinct(count: int, values: Callable[[int, int], IntArray]) -> IntArray:
+    """Return the distinct ones, rising, of what ``values(start, stop)`` returns of rows, some at a time."""
+    return np.unique(np.concatenate([np.unique(values(*part)) for part in blocks(count, ROWS)]))
 
 
 def _copied_runs(first: IntArray, alike: IntArray | None) -> IntArray:

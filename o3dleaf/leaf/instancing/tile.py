@@ -16,8 +16,9 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.processes.spread import each_block
 from o3dleaf.core.resources import measured
+from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import in_words, require_resources
-from o3dleaf.core.resources.scratch import GrowingArray
+from o3dleaf.core.resources.scratch import GrowingArray, is_held
 from o3dleaf.leaf.instancing.runs import Runs, find_runs, solidify
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
@@ -261,8 +262,14 @@ def require_columns(count: float, step: float, layers: int = 0) -> None:
     Or `TimeBudgetError`, if its layers are known and take too long.
     """
     what = f"spacing: {in_words(count)} columns of the lattice in one tile"
-    cost = measured.TILE_COLUMN * count + measured.TILE_SAMPLE * (count * layers)
-    require_resources(cost, what, "give a larger one", step=step)
+    require_resources(cost_of_tile(count, layers), what, "give a larger one", step=step)
+
+
+def cost_of_tile(columns: float, layers: float) -> Cost:
+    """Return what a lattice over one tile takes; what lies in files (`GrowingArray`) no memory."""
+    whole = measured.TILE_COLUMN * columns + measured.TILE_SAMPLE * (columns * layers)
+    on_disk = measured.TILE_ON_DISK * columns
+    return whole if is_held(on_disk.bytes) else whole + Cost(-on_disk.bytes)
 
 
 class _Slab(NamedTuple):

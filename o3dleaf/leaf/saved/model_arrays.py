@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources.scratch import ROWS
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
@@ -60,14 +63,23 @@ class Array:
             if size != (sizes.setdefault(letters, size) if letters.isalpha() else _evaluated(letters, sizes)):
                 raise InputError(f"{name}: has shape {array.shape}, which does not fit the other arrays")
         if self.kind is np.float64:
-            if not np.isfinite(array).all():
+            if not _everywhere(len(array), lambda start, stop: np.isfinite(array[start:stop])):
                 raise InputError(f"{name}: has values that are NaN or infinite")
             return
         most = self.most if isinstance(self.most, int) else _evaluated(self.most, sizes)
         if array.size and not (self.least <= array.min() and array.max() <= most):
             raise InputError(f"{name}: has values from {array.min()} to {array.max()}, not from {self.least} to {most}")
-        if self.rising and (array[0] != 0 or array[-1] != most or np.any(np.diff(array) < 0)):
+        if self.rising and (array[0] != 0 or array[-1] != most or not _never_falls(array)):
             raise InputError(f"{name}: do not rise from 0 to {most}")
+
+
+def _everywhere(count: int, holds: Callable[[int, int], Any]) -> bool:
+    """Return whether something holds of all rows, asked of some at a time: what is mapped stays in its file."""
+    return all(bool(np.all(holds(*part))) for part in blocks(count, ROWS))
+
+
+def _never_falls(array: IntArray) -> bool:
+    return _everywhere(len(array) - 1, lambda start, stop: array[start:stop] <= array[start + 1 : stop + 1])
 
 
 def _evaluated(letters: str, sizes: Sizes) -> int:
@@ -203,14 +215,19 @@ def stored_index(
 def _check_cover(cover: Cover) -> None:
     """Check the offsets; balls on a lattice have counts without members."""
     last = len(cover.members) or cover.offsets[-1]
-    if cover.offsets[0] != 0 or cover.offsets[-1] != last or np.any(np.diff(cover.offsets) < 0):
+    if cover.offsets[0] != 0 or cover.offsets[-1] != last or not _never_falls(cover.offsets):
         raise InputError(f"offsets: do not rise from 0 to {last}")
 
 
 def _check_splines(splines: LocalSplines | LocalColumns) -> None:
     _check_kernel(splines.kernel, splines.exponents.shape[1])
-    ends = splines.places + splines.kernel.dimension * np.diff(splines.offsets)
-    if np.any(ends > len(splines.sites)):
+    dimension, last = splines.kernel.dimension, len(splines.sites)
+
+    def within(start: int, stop: int) -> BoolArray:
+        ends = splines.places[start:stop] + dimension * np.diff(splines.offsets[start : stop + 1])
+        return np.asarray(ends <= last)
+
+    if not _everywhere(len(splines.places), within):
         raise InputError("places: lead beyond the end of the sites")
 
 
@@ -243,8 +260,13 @@ def _check_blend(blend: Any) -> None:
         raise InputError(f"{type(blend).__name__}: has {len(cover.radii)} balls and fits in {count}")
     if not cover.bounds.shape[1] == index.bounds.shape[1] == dimension:
         raise InputError(f"{type(blend).__name__}: its parts are of different dimensions")
-    placed = cover.centers[index.balls] + index.shifts
-    if not (np.array_equal(placed, index.centers) and np.array_equal(cover.radii[index.balls], index.radii)):
+
+    def alike(start: int, stop: int) -> bool:
+        rows = slice(start, stop)
+        balls, placed = index.balls[rows], cover.centers[index.balls[rows]] + index.shifts[rows]
+        return np.array_equal(placed, index.centers[rows]) and np.array_equal(cover.radii[balls], index.radii[rows])
+
+    if not _everywhere(len(index.balls), alike):
         raise InputError(f"{type(blend).__name__}: its balls are not where its index has them")
 
 

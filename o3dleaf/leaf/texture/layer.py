@@ -10,8 +10,10 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources.scratch import made_by_rows
 from o3dleaf.fitting.pu.blend import BATCH_SIZE, FOLD_BLOCK, Blended
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
@@ -76,9 +78,13 @@ def _steepness(patch: PUInterpolant) -> float:
     ticks = [np.linspace(*ends, PROBES) for ends in zip(low, high, strict=True)]
     # Of the balls that hold one of the probes: a tree of all is as large as that of the tiles, and takes longer.
     index, step = patch.index, (high - low) / (PROBES - 1)
-    nearest = low + step * np.clip(np.rint((index.centers - low) / step), 0, PROBES - 1)
-    holding = np.linalg.norm(nearest - index.centers, axis=1) <= index.radii * (1 + SLACK)
-    probed = replace(patch, index=index.only(holding))
+
+    def holding(start: int, stop: int) -> BoolArray:
+        centers = index.centers[start:stop]
+        nearest = low + step * np.clip(np.rint((centers - low) / step), 0, PROBES - 1)
+        return np.asarray(np.linalg.norm(nearest - centers, axis=1) <= index.radii[start:stop] * (1 + SLACK))
+
+    probed = replace(patch, index=index.only(made_by_rows(index.radii.shape, holding, np.bool_)))
     values = probed(np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(low)))
     radius, count = cover.typical
     distance = radius * count ** (-1.0 / len(low))

@@ -43,7 +43,7 @@ def test_an_array_is_loaded_part_by_part(monkeypatch, dtype):
     values = np.random.default_rng(0).integers(0, 1000, (40, 30, 20)).astype(dtype)
     held, mapped = Stored(values), Stored(values)
     np.testing.assert_array_equal(scratch.load_array(held), values)
-    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "is_held", lambda *_: False)
     monkeypatch.setattr(scratch, "PART", 1 << 13)
     found = scratch.load_array(mapped)
     np.testing.assert_array_equal(found, values)
@@ -57,7 +57,7 @@ def test_a_full_disk_is_named(monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "is_held", lambda *_: False)
     monkeypatch.setattr(scratch, "claim", full)
     with pytest.raises(O3DLeafError, match="TMPDIR"):
         scratch.scratch_array((10,))
@@ -67,7 +67,7 @@ def test_a_full_disk_is_named(monkeypatch):
 def test_an_array_that_grows_is_its_parts_one_after_the_other(monkeypatch, tmp_path, held):
     """In memory, in a file from some part on, and from the first one: the same numbers, to be changed as one likes."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    monkeypatch.setattr(scratch, "is_held", lambda size: size <= held)
+    monkeypatch.setattr(scratch, "is_held", lambda size, *_: size <= held)
     rng = np.random.default_rng(0)
     parts = [rng.integers(0, 1000, (count, 3)) for count in (40, 0, 300, 7, 1000)]
     growing = scratch.GrowingArray(np.int32, (3,))
@@ -92,7 +92,7 @@ def test_a_disk_that_fills_up_under_a_growing_array_is_named(monkeypatch):
         def write(self, _):
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(scratch, "is_held", lambda _: False)
+    monkeypatch.setattr(scratch, "is_held", lambda *_: False)
     monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: Full())
     with pytest.raises(O3DLeafError, match="TMPDIR"):
         scratch.GrowingArray(np.float64).append(np.ones(10))

@@ -184,7 +184,7 @@ def test_a_tile_whose_parts_lie_on_disk_is_the_one_in_memory(monkeypatch):
     """Bit for bit, sharpened or not; what grows with the surface is mapped."""
     tiles = []
     for held in (True, False):
-        monkeypatch.setattr(scratch, "is_held", lambda _, held=held: held)
+        monkeypatch.setattr(scratch, "is_held", lambda *_, held=held: held)
         tiles.append(extract_tile(layer, LATTICE, sharpen=LATTICE.shape[:2], slab_size=2000))
     for name in ("edges", "fractions", "sides", "upward", "nodes", "cells", "beyond"):
         np.testing.assert_array_equal(*(getattr(tile, name) for tile in tiles))
