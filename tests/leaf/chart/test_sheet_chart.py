@@ -28,7 +28,11 @@ def test_the_midrib_lies_along_u_from_the_base_and_the_upper_side_is_on_top(long
 def test_a_mirror_image_has_the_mirrored_chart(long_blade):
     _, sheet, triangles = long_blade
     chart, mirrored = chart_sheet(sheet, triangles), chart_sheet(sheet * [1, -1, 1], triangles[:, ::-1])
-    np.testing.assert_allclose(mirrored.uv, chart.uv * [1, -1], atol=tol.MOVED_SHEET)
+    np.testing.assert_allclose(mirrored.uv, chart.uv * [1, -1], atol=tol.MIRRORED_CHART)
+    lengths = [
+        np.linalg.norm(each.uv[triangles[:, 0]] - each.uv[triangles[:, 1]], axis=1) for each in (chart, mirrored)
+    ]
+    np.testing.assert_allclose(*lengths, atol=tol.MOVED_SHEET)
 
 
 def test_a_bent_leaf_keeps_its_bend_and_says_so(long_blade):
