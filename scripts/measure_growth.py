@@ -99,8 +99,8 @@ def main():
     parser.add_argument("--step", choices=STEPS, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
-    o3l.set_memory_limit(given.memory)
     if given.step is not None:
+        o3l.set_memory_limit(given.memory)  # of what is measured; the volumes are made first
         run = {"fit": fit, "mesh": mesh}[given.step]
         o3l.create_texture, o3l.load  # noqa: B018 - imported before it is measured
         print(json.dumps(measured(lambda: run(given.folder, given.spacing))))
