@@ -10,15 +10,13 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
-from o3dleaf.core.resources.scratch import GrowingArray, made_by_rows
+from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import BoxTree, Images
 from o3dleaf.fitting.cover.tree import build_tree
 from o3dleaf.fitting.rbf.tail import IntArray
 
 FOLD_BLOCK = 1 << 15
-SHIFTED = 1 << 15
-"""Balls that are displaced at once."""
 MEMBER_BLOCKS = 16
 """Blocks that points are sorted into balls in; each keeps a number for each ball."""
 
@@ -86,7 +84,7 @@ class BallIndex:
         found = [GrowingArray(np.int64), *(GrowingArray(np.float64, row) for row in ((), period.shape, period.shape))]
         for shift in steps.reshape(-1, len(period)) * period:
             # Some at a time: nine displaced copies of a large cover are more than all else.
-            for start, stop in blocks(len(centers), SHIFTED):
+            for start, stop in blocks(len(centers), ROWS):
                 moved = centers[start:stop] + shift
                 gap = np.maximum(np.maximum(bounds[0] - moved, moved - bounds[1]), 0)
                 kept = np.flatnonzero(np.linalg.norm(gap, axis=1) < radii[start:stop])
