@@ -38,6 +38,24 @@ def test_what_takes_too_much_of_the_memory_lies_in_a_file_that_nobody_sees(tmp_p
     assert many[0] == many[-1] == 3.0
 
 
+def test_of_many_arrays_each_may_take_less_and_rows_are_made_some_at_a_time():
+    """A 128th of 400 MB is 3.1 MB; whichever it is, the rows are those of one call."""
+    with memory_limit(machine.resident() + 400_000_000):
+        assert scratch.is_held(4_000_000)
+        assert not scratch.is_held(4_000_000, scratch.EACH)
+        for rows, mapped in ((100_001, False), (300_001, True)):
+            asked = []
+
+            def make(start, stop, asked=asked):
+                asked.append(stop - start)
+                return np.arange(2 * start, 2 * stop).reshape(-1, 2)
+
+            array = scratch.made_by_rows((rows, 2), make, np.int64)
+            np.testing.assert_array_equal(array, np.arange(2 * rows).reshape(-1, 2))
+            assert isinstance(array.base, np.memmap) == mapped
+            assert max(asked) == scratch.ROWS
+
+
 @pytest.mark.parametrize("dtype", ["<u2", ">i4", "f4"])
 def test_an_array_is_loaded_part_by_part(monkeypatch, dtype):
     values = np.random.default_rng(0).integers(0, 1000, (40, 30, 20)).astype(dtype)

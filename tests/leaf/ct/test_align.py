@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from o3dleaf import Volume, align_blade
 from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.leaf.ct.align import thin_axis
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.volume import apply_transform
 from o3dleaf.samples import wheat_ct
@@ -91,6 +92,14 @@ def test_a_blade_on_edge_is_laid_down():
     on_edge = Volume(volume.data.transpose(2, 0, 1), volume.spacing, (0, 0, 0), "um")
     found = align_blade(on_edge)[:3, :3]
     assert np.array_equal(abs(found), [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+
+
+def test_the_thin_axis_is_that_of_the_covariance_of_all_voxels():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        blade, spacing = rng.random(rng.integers(4, 12, 3)) < 0.4, rng.uniform(0.5, 3.0, 3)
+        _, directions = np.linalg.eigh(np.cov((np.argwhere(blade) * spacing).T))
+        assert thin_axis(blade, spacing) == np.argmax(abs(directions[:, 0]))
 
 
 def test_a_finer_scan_is_thinned_without_harm():
