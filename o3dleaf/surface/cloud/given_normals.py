@@ -15,7 +15,8 @@ from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
 CONTRADICTED = 0.03
-"""Share of opposed neighbors from which on sides are found anew: Homer, whose parts nearly touch, has 0.001."""
+"""Share of opposed neighbors from which on sides are found anew, unless what they enclose contradicts fewer: Homer,
+whose parts nearly touch, has 0.001."""
 AGREED = 0.7
 """Length of the mean of a group's unit normals from which on one that opposes it is wrong."""
 CLOSED = 0.01
@@ -24,6 +25,7 @@ figures sampled at random have 0.002 to 0.01, noise included, a room with a door
 SURE = 2.0
 """Standard deviations of that length that a closed surface may have: areas are known to 0.3 at single points, about
 thirteen of which share their errors, so that of n points it has about 1/sqrt(n)."""
+KEPT_NOTE = "normals contradict one another, but enclose a volume: they were kept"
 INWARD_NOTE = (
     "normals point into what the surface encloses, and were kept: it is open, as a room scanned from inside is"
 )
@@ -102,13 +104,26 @@ def _with_the_whole(points: FloatArray, spacing: FloatArray, unit: FloatArray, r
     return result
 
 
-def _error_of_sides(points: FloatArray, spacing: FloatArray, unit: FloatArray) -> float:
-    """Return the mean square of the winding number's difference from 1/2, either way round, at points (n, 3)."""
+def _winding(points: FloatArray, spacing: FloatArray, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the winding number (n,) that unit normals make at their points (n, 3), and its slope along them (n,)."""
     tree = DipoleTree(points)
-    wide = spacing[tree.order]
-    flux = np.ascontiguousarray(unit[tree.order] * wide[:, np.newaxis] ** 2)
-    number = tree.winding(flux, wide, np.ones(len(points), bool))[:, 0]
+    wide, along = spacing[tree.order], unit[tree.order]
+    found = tree.winding(np.ascontiguousarray(along * wide[:, np.newaxis] ** 2), wide, np.ones(len(points), bool))
+    return found[:, 0], np.einsum("ij,ij->i", found[:, 1:], along)
+
+
+def _error_of_sides(number: FloatArray) -> float:
+    """Return the mean square of the winding number's (n,) difference from 1/2, either way round."""
     return float(min(np.mean((number - 0.5) ** 2), np.mean((number + 0.5) ** 2)))
+
+
+def _contradicted(number: FloatArray, slope: FloatArray) -> float:
+    """Return the share of points that what all normals enclose puts on the other side.
+
+    The winding number (n,) rises along a single normal that is on the wrong side; on a patch that is turned as a whole
+    it falls, but from about 0 to −1.
+    """
+    return float(np.mean((slope > 0) | (number < 0)))
 
 
 def _point_inward(surfels: Surfels, unit: FloatArray) -> bool:
@@ -135,7 +150,13 @@ def _completed(points: FloatArray, given: FloatArray, rows: IndexArray) -> tuple
 
 
 def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Orientation:
-    """Return normals that contradict one another with sides found anew, unless they are of two sheets in the noise."""
+    """Return normals that contradict one another with sides found anew, unless they are of two sheets in the noise.
+
+    Right normals of thin noisy parts contradict one another too, but not what they enclose.
+    """
+    number, slope = _winding(points, surfels.spacing, unit)
+    if _contradicted(number, slope) <= CONTRADICTED:
+        return Orientation(unit, (KEPT_NOTE,))
     try:
         outward, notes, cut = orient_surfels(points, surfels)
     except OrientationError as problem:
@@ -152,7 +173,7 @@ def _oriented_anew(points: FloatArray, unit: FloatArray, surfels: Surfels) -> Or
             return Orientation(unit, ("two sheets lie within the noise: normals were kept as they are",))
     found = np.where(turned, -1.0, 1.0)[:, np.newaxis] * unit
     if OPEN_NOTE not in notes:
-        before, after = (_error_of_sides(points, surfels.spacing, each) for each in (unit, found))
+        before, after = (_error_of_sides(each) for each in (number, _winding(points, surfels.spacing, found)[0]))
         if after > BETTER * before:
-            return Orientation(unit, ("normals contradict one another, but enclose a volume: they were kept",))
+            return Orientation(unit, (KEPT_NOTE,))
     return Orientation(found, (f"normals contradicted one another: {turned.sum()} of {len(unit)} were flipped", *notes))
