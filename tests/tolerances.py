@@ -651,6 +651,11 @@ left out one by one is off by a tenth or more."""
 ONE_KRYLOV_SPACE = 1e-3
 """Sums of squared errors from a Krylov space that ends at a residual of a hundredth, relative to dense inverses."""
 
+WEIGHTED_SYSTEM = 1e-10
+"""Coefficients from a system that is multiplied by the roots of the weights, over the largest, against those from one
+that is divided by them: 4e-12 seen; with the next trial value they
+are off by a quarter."""
+
 # --- creases ---
 
 CREASED = 1e-8

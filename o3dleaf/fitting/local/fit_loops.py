@@ -9,9 +9,9 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.held_out_loops import held_out
 from o3dleaf.fitting.rbf.radial_loops import put
-from o3dleaf.fitting.rbf.shared_error_loops import shared_squares
+from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen
 from o3dleaf.fitting.rbf.solve_loops import solve_local
-from o3dleaf.fitting.rbf.spectrum_loops import held_out_squares, spectra
+from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
 
@@ -40,6 +40,27 @@ class SplineArrays(NamedTuple):
     dropped: IntArray
 
 
+class SharedTrials(NamedTuple):
+    """Values of the smoothing (m,), rising, that balls choose among where groups of points share their error.
+
+    Attributes
+    ----------
+    values : (m,) ndarray
+        In the data's unit.
+    inverses : (g, m, g, g) ndarray
+        Inverses of the mean s B_II of groups of 1, ..., g rows, for each value.
+    usual : int
+        The place of the value that a sample of balls agrees on, which balls take that have no group to leave out.
+    per_point : float
+        What the values are multiplied with for each point of a ball, 0 for nothing; see `Smoothing`.
+    """
+
+    values: FloatArray
+    inverses: FloatArray
+    usual: int
+    per_point: float
+
+
 @njit(nogil=True, cache=True)
 def gather(points, values, rows, center, radius):
     """Return the unit coordinates (d, n) and the values of the points `rows` of a ball."""
@@ -54,24 +75,48 @@ def gather(points, values, rows, center, radius):
 
 
 @njit(nogil=True, cache=True)
+def write_ball(ball, first, local, solved, fitted):
+    """Write the fit of a ball, whose points (d, n) have the weights from `first` on, as `solve_local` returns it."""
+    weights, coefficients, rank, dropped = solved
+    dimension, count = local.shape
+    put(local.ravel(), fitted.sites[dimension * first : dimension * (first + count)])
+    put(weights, fitted.weights[first : first + count])
+    put(coefficients, fitted.tails[ball])
+    fitted.ranks[ball] = rank
+    fitted.dropped[ball] = dropped
+
+
+@njit(nogil=True, cache=True)
 def fit_balls(start, stop, data, balls, tail, power, smoothing, fitted):
     """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit.
 
     Tail coefficients that a ball has no terms for stay as they are.
     """
-    dimension = balls.centers.shape[1]
     for ball in range(start, stop):
         first, last = balls.offsets[ball], balls.offsets[ball + 1]
         rows, radius = balls.members[first:last], balls.radii[ball]
         local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
         diagonal = smoothing[ball] / radius**power / data.weights[rows]
         exponents = tail.exponents[: tail.terms[ball]]
-        lam, coefficients, rank, lost = solve_local(local, values, exponents, power, diagonal)
-        put(local.ravel(), fitted.sites[dimension * first : dimension * last])
-        put(lam, fitted.weights[first:last])
-        put(coefficients, fitted.tails[ball])
-        fitted.ranks[ball] = rank
-        fitted.dropped[ball] = lost
+        write_ball(ball, first, local, solve_local(local, values, exponents, power, diagonal), fitted)
+
+
+@njit(nogil=True, cache=True)
+def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, chosen, fitted):
+    """Fit the balls start:stop, each with the smoothing of the trials that it chooses, written into `chosen` (M,)."""
+    for ball in range(start, stop):
+        first, last = balls.offsets[ball], balls.offsets[ball + 1]
+        rows, radius = balls.members[first:last], balls.radii[ball]
+        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+        scale = trials.per_point * rows.size if trials.per_point > 0.0 else 1.0
+        scaled = trials.values * (scale / radius**power)
+        roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
+        exponents = tail.exponents[: tail.terms[ball]]
+        solved, best = solve_chosen(
+            local, values, roots, exponents, power, named, scaled, trials.inverses, trials.usual
+        )
+        write_ball(ball, first, local, solved, fitted)
+        chosen[ball] = trials.values[best]
 
 
 @njit(nogil=True, cache=True)
@@ -94,13 +139,20 @@ def local_groups(rows, groups):
 
 
 @njit(nogil=True, cache=True)
-def ball_held_out_squares(ball, data, balls, exponents, power, groups, trials, max_size):
+def decompose_ball(ball, data, balls, exponents, power):
+    """Return what `decompose` does of one ball's weighted system, in unit coordinates."""
+    rows = rows_of(balls, ball)
+    local, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    return decompose(local, np.sqrt(data.weights[rows]), exponents, power)
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out_squares(ball, data, balls, decomposed, groups, trials, max_size):
     """Return one ball's `held_out_squares`, and its sums of blocks of up to `max_size` rows and their numbers."""
     rows = rows_of(balls, ball)
-    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
     blocks, counts = np.zeros((max_size, trials.size, max_size, max_size)), np.zeros(max_size)
     roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
-    squares, weight = held_out_squares(local, values, roots, exponents, power, named, trials, blocks, counts)
+    squares, weight = held_out_squares(decomposed, data.values[rows], roots, named, trials, blocks, counts)
     return squares, weight, blocks, counts
 
 

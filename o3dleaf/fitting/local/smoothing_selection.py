@@ -1,7 +1,7 @@
 """Smoothing chosen from the data: one value for all balls, or one for each ball."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -13,6 +13,7 @@ from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local import fit_loops
 from o3dleaf.fitting.local.columns.column_fit_loops import ball_column_spectra
+from o3dleaf.fitting.local.fit_loops import SharedTrials
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.rbf.smoothing import Smoothing, Spectrum, SplineModel, choose_by_gcv, trial_values
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -73,17 +74,13 @@ def choose_smoothing(
             return Spectrum.pooled(Spectrum(eigenvalues, column, count) for column in coefficients)
         return Spectrum(eigenvalues, coefficients, count)
 
-    every = np.arange(len(cover.radii))
-    size = GCV_BALLS if data.groups is None else max(LEAST_BALLS, round(SHARED_POINTS / float(np.median(cover.counts))))
-    sample = np.unique(np.linspace(0, len(every) - 1, size).round().astype(np.int64))
     if data.groups is not None:
-        trials = trial_values(Spectrum.pooled(each_ball(spectrum, sample[:: max(1, len(sample) // 4)])))
         shared = SharedErrors(cover, data, model, terms)
-        pooled, blocks = shared.pooled(sample, trials)
-        return (pooled, None) if smoothing.value == "gcv" else (smoothing, shared.each(pooled, trials, blocks))
+        pooled, trials = shared.agreed()
+        return (pooled, None) if smoothing.value == "gcv" else (smoothing, shared.each(trials))
     if smoothing.value == "gcv":
-        return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, sample))), None
-    return smoothing, _value_of_each(lambda ball: _own_value(spectrum(ball)), len(every))
+        return smoothing.chosen(Spectrum.pooled(each_ball(spectrum, _sample(len(cover.radii), GCV_BALLS)))), None
+    return smoothing, _value_of_each(lambda ball: _own_value(spectrum(ball)), len(cover.radii))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,43 +92,69 @@ class SharedErrors:
     model: SplineModel
     terms: IntArray
 
-    def pooled(self, sample: IntArray, trials: FloatArray) -> tuple[Smoothing, FloatArray]:
+    def agreed(self) -> tuple[Smoothing, SharedTrials]:
+        """Return the smoothing that a sample of balls agrees on, and what each of them may choose for itself.
+
+        That is a tenth to a hundred times of it. A pooled fit that nearly goes through the data has found no noise,
+        and nothing to choose: there all take its value.
+        """
+        sample = _sample(len(self.cover.radii), max(LEAST_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
+        decomposed = each_ball(lambda ball: fit_loops.decompose_ball(*self._system(ball)), sample)
+        few = slice(None, None, max(1, len(sample) // 4))
+        found = zip(sample[few], decomposed[few], strict=True)
+        trials = trial_values(np.concatenate([part[0] / self._scale(ball) for ball, part in found]))
+        pooled, blocks = self._pooled(sample, decomposed, trials)
+        chosen = cast("float", pooled.value)
+        near = (trials >= chosen / LESS) & (trials <= chosen * MORE)
+        if blocks[0, np.searchsorted(trials, chosen), 0, 0] < NOISY:
+            near = trials == chosen
+        inverses, near_values = np.ascontiguousarray(np.linalg.inv(blocks[:, near])), trials[near]
+        usual = int(np.searchsorted(near_values, chosen))
+        return pooled, SharedTrials(near_values, inverses, usual, pooled.per_point)
+
+    def _pooled(self, sample: IntArray, decomposed: list[Any], trials: FloatArray) -> tuple[Smoothing, FloatArray]:
         """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
 
         The blocks (g, m, g, g) are the mean s B_II of groups of 1, ..., g rows; of groups that no ball has, one.
         """
-        each = each_ball(lambda ball: fit_loops.ball_held_out_squares(*self._system(ball, trials, GROUP)), sample)
-        squares, weight, blocks, counts = (sum(part[k] for part in each) for k in range(4))
+        system = dict(zip(sample.tolist(), decomposed, strict=True))
+
+        def squares_of(ball: int) -> tuple[Any, ...]:
+            taken = ball, self.data.weighted, self.cover.balls, system[ball], self.data.groups
+            return fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
+
+        squares, weight, blocks, counts = (sum(part) for part in zip(*each_ball(squares_of, sample), strict=True))
         mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]
         for size in range(GROUP):
             unknown = np.arange(GROUP) > (size if counts[size] else -1)
             mean[size][:, unknown, unknown] = 1.0
         return self.model.smoothing.chosen_from(trials, squares, weight), mean
 
-    def each(self, pooled: Smoothing, trials: FloatArray, blocks: FloatArray) -> FloatArray:
-        """Return each ball's own value, from a tenth to a hundred times the pooled one, by the means of the blocks.
-
-        A pooled fit that nearly goes through the data has found no noise, and nothing to choose: all take its value.
-        """
-        chosen = cast("float", pooled.value)
-        count = len(self.cover.radii)
-        if blocks[0, np.searchsorted(trials, chosen), 0, 0] < NOISY:
-            return np.full(count, chosen)
-        near = np.flatnonzero((trials >= chosen / LESS) & (trials <= chosen * MORE))
-        inverses, candidates = np.ascontiguousarray(np.linalg.inv(blocks[:, near])), trials[near]
+    def each(self, trials: SharedTrials) -> FloatArray:
+        """Return each ball's own value; `fit_loops.fit_choosing_balls` chooses it on its way to the fit."""
+        own = replace(self.model.smoothing, value=float(trials.values[trials.usual]))
 
         def value_of(ball: int) -> float:
-            squares, weight = fit_loops.ball_shared_squares(*self._system(ball, candidates, inverses))
-            return cast("float", pooled.chosen_from(candidates, squares, weight).value) if weight else chosen
+            taken = *self._system(ball), self.data.groups, trials.values * self._scale(ball), trials.inverses
+            squares, weight = fit_loops.ball_shared_squares(*taken)
+            return cast("float", (own.chosen_from(trials.values, squares, weight) if weight else own).value)
 
-        return _value_of_each(value_of, count)
+        return _value_of_each(value_of, len(self.cover.radii))
 
-    def _system(self, ball: int, trials: FloatArray, last: object) -> tuple[Any, ...]:
-        """Return what the compiled loops take of a ball, with `trials` in its unit coordinates, up to their `last`."""
-        cover, power = self.cover, self.model.kernel.power
-        scaled = trials * self.model.smoothing.scale(int(cover.counts[ball])) / cover.radii[ball] ** power
+    def _system(self, ball: int) -> tuple[Any, ...]:
+        """Return what the compiled loops take of a ball."""
         tail = self.model.exponents[: self.terms[ball]]
-        return ball, self.data.weighted, cover.balls, tail, power, self.data.groups, scaled, last
+        return ball, self.data.weighted, self.cover.balls, tail, self.model.kernel.power
+
+    def _scale(self, ball: int) -> float:
+        """Return what a value of the smoothing is multiplied with in a ball's unit coordinates."""
+        scale = self.model.smoothing.scale(int(self.cover.counts[ball]))
+        return float(scale / self.cover.radii[ball] ** self.model.kernel.power)
+
+
+def _sample(count: int, size: int) -> IntArray:
+    """Return so many of the numbers below `count`, spread over them."""
+    return np.unique(np.linspace(0, count - 1, size).round().astype(np.int64))
 
 
 def _own_value(spectrum: Spectrum) -> float:

@@ -21,7 +21,7 @@ from o3dleaf.fitting.local.blending import blend_balls
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns, fit_columns
 from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
-from o3dleaf.fitting.local.smoothing_selection import choose_smoothing
+from o3dleaf.fitting.local.smoothing_selection import SharedErrors, choose_smoothing
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel, as_smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -76,21 +76,29 @@ def fit_splines(
         np.empty(count, dtype=np.int64),
     )
     tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
-    # Balls that choose for themselves take about as long for it as for their fit, a sample of them nothing.
-    known = per_ball is not None
-    choosing, solving = progress.split(model.smoothing.value == "gcv-per-ball" and not known, 1)
+    power, smoothing, trials = model.kernel.power, model.smoothing, None
+    own = smoothing.value == "gcv-per-ball" and per_ball is None
+    # Balls that choose before their fit take about as long for it, a sample of them nothing.
+    choosing, solving = progress.split(own and data.groups is None, 1)
     with single_threaded_blas():
         with choosing:
-            chosen = (model.smoothing, per_ball) if known else choose_smoothing(cover, data, model, tail.terms)
-        smoothing, per_ball = chosen
-        diagonals, power = smoothing.diagonals(cover.counts, per_ball), model.kernel.power
+            if own and data.groups is not None:
+                per_ball, trials = np.empty(count), SharedErrors(cover, data, model, tail.terms).agreed()[1]
+            elif per_ball is None:
+                smoothing, per_ball = choose_smoothing(cover, data, model, tail.terms)
+        diagonals = None if trials else smoothing.diagonals(cover.counts, per_ball)
 
         def task(start: int, stop: int) -> None:
-            fit_loops.fit_balls(start, stop, values, cover.balls, tail, power, diagonals, fitted)
+            balls = start, stop, values, cover.balls, tail, power
+            if trials:
+                fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
+            else:
+                fit_loops.fit_balls(*balls, diagonals, fitted)
 
         def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
             first, last = cover.offsets[start], cover.offsets[stop]
             sites, weights, *by_ball = fitted
+            by_ball += [per_ball] if trials else []
             return sites[dimension * first : dimension * last], weights[first:last], *(a[start:stop] for a in by_ball)
 
         with solving:

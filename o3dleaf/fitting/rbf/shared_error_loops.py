@@ -13,7 +13,8 @@ import numpy as np
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
-from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, tail_matrix
+from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
 RESIDUAL = 1e-2
 """Share of s |x| that the residual of the smallest smoothing may keep: squares of errors are off by its square."""
@@ -55,6 +56,41 @@ def shifted_solutions(matrix, right, shifts):
 
 
 @njit(nogil=True, cache=True)
+def solve_chosen(points, values, roots, exponents, power, groups, trials, inverses, usual):
+    """Choose a trial value and solve `solve_local`'s equation with it, on the system that both are projected from.
+
+    Of values that two points in the weight could not tell apart, the largest, as `Smoothing.chosen_from` does; the one
+    in place `usual` where no group counts.
+
+    Parameters
+    ----------
+    points, values, roots, exponents, power, groups, trials, inverses
+        As in `shared_squares`.
+    usual : int
+
+    Returns
+    -------
+    what `solve_local` does : (weights (n,), tail (q,), rank of P, directions left out)
+    best : int
+        The place of the value among the trials.
+    """
+    frame = natural_monomials(points, exponents)
+    projected = project_weighted(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+    best = usual
+    if trials.size > 1:
+        squares, weight = projected_squares(projected, values, roots, groups, trials, inverses)
+        if weight > 0.0:
+            limit = np.min(squares) * (1.0 + 2.0 / weight)
+            for k in range(trials.size):
+                best = k if squares[k] <= limit else best
+    matrix, rank = projected[0], len(projected[3])
+    for i in range(rank, len(matrix)):
+        matrix[i, i] += trials[best]
+    scaled, tail, rank, lost = solve_projected(values * roots, projected)
+    return (scaled * roots, tail, rank, lost), best
+
+
+@njit(nogil=True, cache=True)
 def shared_squares(points, values, roots, exponents, power, groups, trials, inverses):
     """Return, for each trial value, Σ e² over groups of points left out together, and Σ w of those rows.
 
@@ -65,13 +101,15 @@ def shared_squares(points, values, roots, exponents, power, groups, trials, inve
     inverses : (g, m, g, g)
         Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more do not count.
     """
-    matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
-    for i in range(len(roots)):
-        row = tail[i]
-        row *= roots[i]
-        for j in range(len(roots)):
-            matrix[i, j] *= roots[i] * roots[j]
-    matrix, vectors, betas, triangle, _ = project_system(matrix, tail, natural_monomials(points, exponents))
+    frame = natural_monomials(points, exponents)
+    projected = project_weighted(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+    return projected_squares(projected, values, roots, groups, trials, inverses)
+
+
+@njit(nogil=True, cache=True)
+def projected_squares(projected, values, roots, groups, trials, inverses):
+    """Return `shared_squares` of what `project_weighted` made."""
+    matrix, vectors, betas, triangle, _ = projected
     count, rank = len(values), len(triangle)
     rotated = values * roots
     reflect(rotated, vectors, betas, True)

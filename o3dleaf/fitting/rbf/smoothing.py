@@ -173,15 +173,15 @@ def _residual(value: float, spectrum: Spectrum) -> tuple[float, float]:
     return float(np.sum((shrink * spectrum.coefficients) ** 2)), float(np.sum(shrink))
 
 
-def trial_values(spectrum: Spectrum) -> FloatArray:
-    """Return values of the smoothing, log-spaced, from next to none to all that matters.
+def trial_values(eigenvalues: FloatArray) -> FloatArray:
+    """Return values of the smoothing, log-spaced, from next to none to all that matters of eigenvalues (n,).
 
     Raises
     ------
     InputError
         If the systems leave no degree of freedom to judge by.
     """
-    positive = spectrum.eigenvalues[spectrum.eigenvalues > 0]
+    positive = eigenvalues[eigenvalues > 0]
     if not len(positive):
         raise InputError("smoothing: too few points for 'gcv'; give a number")
     return np.asarray(np.exp(np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)))
@@ -210,7 +210,7 @@ def choose_by_gcv(spectrum: Spectrum) -> float:
     InputError
         If the systems leave no degree of freedom to judge by.
     """
-    grid = np.log(trial_values(spectrum))
+    grid = np.log(trial_values(spectrum.eigenvalues))
     scores = np.array([gcv_score(np.exp(x), spectrum) for x in grid])
     best = int(np.argmin(scores))
     bracket = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])

@@ -9,8 +9,8 @@ import numpy as np
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
 from o3dleaf.fitting.rbf.radial_loops import dot, put
-from o3dleaf.fitting.rbf.reflector_loops import reflect, reflect_both_sides, restrict_tail
-from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, tail_matrix
+from o3dleaf.fitting.rbf.reflector_loops import reflect
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
 ROUNDING = 2e-15
 """Share of the data's norm below which a coefficient is rounding: constants and polynomials leave up to 3e-16."""
@@ -32,13 +32,7 @@ def decompose(points, roots, exponents, power):
 @njit(nogil=True, cache=True)
 def decompose_system(matrix, tail, frame, roots):
     """Return what `decompose` does, of any A and P, which are overwritten."""
-    for i in range(len(roots)):
-        row = tail[i]
-        row *= roots[i]
-        for j in range(len(roots)):
-            matrix[i, j] *= roots[i] * roots[j]
-    vectors, betas, triangle, _ = restrict_tail(tail, frame)
-    reflect_both_sides(matrix, vectors, betas, True)
+    matrix, vectors, betas, triangle, _ = project_weighted(matrix, tail, frame, roots)
     rank = len(triangle)
     eigenvalues, eigenvectors = np.linalg.eigh(matrix[rank:, rank:].copy())
     least = SINGULAR * np.sum(eigenvalues)
@@ -46,6 +40,17 @@ def decompose_system(matrix, tail, frame, roots):
         if eigenvalues[k] <= least:
             eigenvalues[k] = 0.0
     return eigenvalues, eigenvectors, vectors, betas
+
+
+@njit(nogil=True, cache=True)
+def project_weighted(matrix, tail, frame, roots):
+    """Return `project_system` of W^½ A W^½ and W^½ P; A and P are overwritten."""
+    for i in range(len(roots)):
+        row = tail[i]
+        row *= roots[i]
+        for j in range(len(roots)):
+            matrix[i, j] *= roots[i] * roots[j]
+    return project_system(matrix, tail, frame)
 
 
 @njit(nogil=True, cache=True)
@@ -75,7 +80,7 @@ def coefficients_of(values, roots, decomposed):
 
 
 @njit(nogil=True, cache=True)
-def held_out_squares(points, values, roots, exponents, power, groups, trials, blocks, counts):
+def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
     r"""Return Σ w_j e_j² over groups of points left out together, for each trial value of the smoothing, and Σ w_j.
 
     Row j is of the group that is named by row groups[j] of the ball (−1: by one that is not in it), and only groups
@@ -84,14 +89,15 @@ def held_out_squares(points, values, roots, exponents, power, groups, trials, bl
 
     Parameters
     ----------
-    points, values, roots, exponents, power
-        As in `spectra`; `values` (n,).
+    decomposed
+        What `decompose` returns.
+    values, roots : (n,)
     groups : (n,) int64
     trials : (m,) smoothing in unit coordinates, above 0
     blocks, counts : (g, m, g, g), (g,)
         The s B_II of groups of 1, ..., g rows are added here, and their number.
     """
-    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    eigenvalues, eigenvectors, vectors, betas = decomposed
     count, free = len(values), len(eigenvalues)
     rank = count - free
     basis = np.zeros((free, count))

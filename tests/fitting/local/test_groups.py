@@ -9,9 +9,12 @@ from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic
 from o3dleaf.core.checks import as_rows
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.ball_loops import Balls
-from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares
+from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares, decompose_ball
+from o3dleaf.fitting.local.fitter import ScatteredData
+from o3dleaf.fitting.local.smoothing_selection import SharedErrors
+from o3dleaf.fitting.local.splines import Splines, fit_splines
 from o3dleaf.fitting.rbf.tail import tail_exponents
-from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE
+from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE, WEIGHTED_SYSTEM
 
 TRIALS = np.array([1e-3, 1e-1, 10.0])
 
@@ -38,7 +41,7 @@ def test_points_left_out_with_all_their_constraints_are_missed_as_by_a_refit_wit
     points, values, groups, weights = bundle(d)
     kernel, degree = polyharmonic(m, d), m - 1
     system = one_ball(points, values, weights, kernel, degree)
-    squares, total, _, _ = ball_held_out_squares(*system, groups, TRIALS, 3)
+    squares, total, _, _ = ball_held_out_squares(*system[:3], decompose_ball(*system), groups, TRIALS, 3)
     expected = np.zeros(len(TRIALS))
     for name in range(60):
         out = groups == name
@@ -103,6 +106,23 @@ def test_a_flat_half_is_smoothed_more_than_a_rough_one_and_both_come_nearer_to_t
     assert len(flat) > 3
     assert len(rough) > 3
     assert np.median(flat) > 10 * np.median(rough)
+
+
+def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_have_chosen_before():
+    sites, values, groups, _ = half_flat()
+    weights = np.random.default_rng(5).uniform(0.2, 2, len(groups))[groups]
+    options = {"smoothing": "gcv-per-ball", "groups": groups, "weights": weights}
+    field = PUInterpolant.fit(sites, values, points_per_ball=(100, 200), **options)
+    data, model = ScatteredData.of(sites, values, weights=weights, groups=groups), Splines(smoothing="gcv-per-ball").model(3)
+    choice = SharedErrors(field.cover, data, model, np.full(len(field.cover.radii), len(model.exponents)))
+    before = choice.each(choice.agreed()[1])
+    np.testing.assert_array_equal(field.local.smoothing_per_ball, before)
+    assert len(np.unique(before)) > 3
+    known = fit_splines(field.cover, data, model, per_ball=before)
+    for name in ("weights", "tails"):
+        expected = getattr(known, name)
+        atol = WEIGHTED_SYSTEM * np.abs(expected).max()
+        np.testing.assert_allclose(getattr(field.local, name), expected, rtol=0, atol=atol)
 
 
 def test_without_noise_each_ball_takes_the_value_of_all():
