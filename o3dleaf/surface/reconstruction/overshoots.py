@@ -16,7 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 
 FAR = 1.5
@@ -93,9 +93,9 @@ class Surroundings:
 
     def far(self, vertices: FloatArray) -> tuple[IntArray, bool]:
         """Return the rows of the vertices that are far from the data, and whether any is so far that trimming cuts."""
-        rows = np.flatnonzero(~distance_mask(self.data, factor=FAR)(vertices))
-        distance, nearest = data_around(self.data, vertices[rows])
-        return rows, bool((distance > WIDE * self.data.point_spacing[nearest]).any())
+        distance, nearest = data_around(self.data, vertices)
+        ratio = distance / self.data.point_spacing[nearest]
+        return np.flatnonzero(ratio > FAR), bool((ratio > WIDE).any())
 
     def overshooting(self, places: FloatArray) -> BoolArray:
         """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""

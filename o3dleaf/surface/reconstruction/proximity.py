@@ -51,11 +51,16 @@ def distance_mask(cloud: CloudLike, *, factor: Positive = REACH) -> Mask:
     require_positive(factor, "factor")
     data = OrientedCloud.of(cloud)
     spacing = data.point_spacing
-    conservative = conservative_mask(data.points, factor * float(spacing.min()))
+    classes = sorted(data.spacing_classes, key=lambda some: -len(some.rows))
+    sure = [conservative_mask(data.points[some.rows], factor * float(some.least)) for some in classes]
 
     def mask(places: FloatArray) -> BoolArray:
-        inside = conservative(places)
-        rest = np.flatnonzero(~inside)
+        inside, rest = np.zeros(len(places), dtype=bool), np.arange(len(places))
+        for each in sure:
+            inside[rest] = each(places[rest])
+            rest = rest[~inside[rest]]
+            if not len(rest):
+                return inside
         with progress.silent():  # who follows a surface reports how far it is
             distance, nearest = data_around(data, places[rest])
         inside[rest] = distance <= factor * spacing[nearest]
