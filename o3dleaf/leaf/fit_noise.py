@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 
 NEIGHBORS = 6
 """Points whose residuals a point's is compared with: near ones, over which the blade's own errors hardly change."""
@@ -29,5 +30,5 @@ def local_noise(feet: FloatArray, distance: FloatArray) -> float:
         Signed, of the points from the blade.
     """
     rows = np.arange(0, len(feet), -(-len(feet) // MOST))
-    _, near = cKDTree(feet).query(feet[rows], k=min(NEIGHBORS + 1, len(feet)), workers=-1)
+    _, near = query(cKDTree(feet), feet[rows], k=min(NEIGHBORS + 1, len(feet)))
     return QN * float(np.quantile(np.abs(distance[near[:, 1:]] - distance[rows, np.newaxis]), LEAST))

@@ -11,6 +11,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.trees import query
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
@@ -123,7 +124,7 @@ class FitQuality:
         limit = max(FAR * noise, LEAST_FAR * spacing)
         is_outside = _outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
-        in_gap = cKDTree(points).query(world, workers=-1)[0] > np.hypot(GAP * spacing, limit)
+        in_gap = query(cKDTree(points), world)[0] > np.hypot(GAP * spacing, limit)
         kept = np.abs(distance[~is_outside]) if not is_outside.all() else np.abs(distance)
         return cls(
             plane=plane,
@@ -239,14 +240,14 @@ def _feet(
     known = size > 0
     upright = np.ones(len(points))
     upright[known] = np.abs(np.einsum("ni,ni->n", direction[known], cross[known])) / size[known]
-    nearest = cKDTree(world).query(points, workers=-1)[0] - slack
+    nearest = query(cKDTree(world), points)[0] - slack
     return plane, np.copysign(np.maximum(np.abs(flat[:, 2] * upright), nearest), flat[:, 2]), lifted.world
 
 
 def _spacing(feet: FloatArray, world: FloatArray, area: FloatArray) -> float:
     """Return 1/√(points per area), the median over a blade with points `world` that stand for an `area` each."""
     count = min(NEIGHBORS, len(feet))
-    radius = cKDTree(feet).query(world, k=[count], workers=-1)[0][:, 0]
+    radius = query(cKDTree(feet), world, k=[count])[0][:, 0]
     order = np.argsort(radius, kind="stable")
     share = np.cumsum(area[order])
     middle = radius[order[np.searchsorted(share, share[-1] / 2)]]

@@ -11,6 +11,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks
+from o3dleaf.core.trees import query, threads_for
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import Balls
 from o3dleaf.fitting.cover.index import BallIndex
@@ -161,7 +162,7 @@ def _nearest(tree: cKDTree, places: FloatArray, count: int) -> IntArray:
     rows, order = np.empty((len(places), count), dtype=np.int64), _tree_order(places)
     for i, j in blocks(len(places), BATCH_SIZE):
         asked = order[i:j]
-        rows[asked] = np.sort(tree.query(places[asked], k=np.arange(1, count + 1), workers=-1)[1], axis=1)
+        rows[asked] = np.sort(query(tree, places[asked], k=np.arange(1, count + 1))[1], axis=1)
         progress.report(j, len(places))
     return rows
 
@@ -179,7 +180,10 @@ def _halve_until_small(
         large = ball_loops.count_cells(cells, len(low)) > most
         asked = np.flatnonzero(~large)
         asked = asked[_tree_order(centers[asked])]
-        large[asked] = tree.query_ball_point(centers[asked], radii[asked], workers=-1, return_length=True) > most
+        large[asked] = (
+            tree.query_ball_point(centers[asked], radii[asked], workers=threads_for(len(asked)), return_length=True)
+            > most
+        )
         done.append((low[~large], high[~large]))
         if not large.any():
             return np.concatenate([cell[0] for cell in done]), np.concatenate([cell[1] for cell in done])

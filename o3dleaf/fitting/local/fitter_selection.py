@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import require_choice
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.local.fields import FieldPerBall, FitBall
 from o3dleaf.fitting.local.fitter import Fitter, ScatteredData
 from o3dleaf.fitting.local.oriented_loops import OrientedPoints, polynomial_residual
@@ -84,7 +85,7 @@ def mean_square_residual(size: int, data: OrientedPoints, tree: cKDTree) -> floa
     exponents = tail_exponents(points.shape[1], fitter.degree)
     places = min(MAX_BALLS, MAX_POINTS // size)
     seeds = np.unique(np.linspace(0, len(points) - 1, places).round().astype(np.int64))
-    distances, near = tree.query(points[seeds], k=size, workers=-1)
+    distances, near = query(tree, points[seeds], k=size)
 
     def residual(k: int) -> float:
         center, radius = points[seeds[k]], distances[k, -1]

@@ -121,7 +121,8 @@ class SharedErrors:
 
         def squares_of(ball: int) -> tuple[Any, ...]:
             taken = ball, self.data.weighted, self.cover.balls, system[ball], self.data.groups
-            return fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
+            found: tuple[Any, ...] = fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
+            return found
 
         squares, weight, blocks, counts = (sum(part) for part in zip(*each_ball(squares_of, sample), strict=True))
         mean = blocks / np.maximum(counts, 1)[:, np.newaxis, np.newaxis, np.newaxis]

@@ -77,12 +77,12 @@ def fit_splines(
     )
     tail = Tails(exponents, np.full(count, len(exponents)) if terms is None else terms)
     power, smoothing, trials = model.kernel.power, model.smoothing, None
-    own = smoothing.value == "gcv-per-ball" and per_ball is None
+    choose = smoothing.value == "gcv-per-ball" and per_ball is None
     # Balls that choose before their fit take about as long for it, a sample of them nothing.
-    choosing, solving = progress.split(own and data.groups is None, 1)
+    choosing, solving = progress.split(choose and data.groups is None, 1)
     with single_threaded_blas():
         with choosing:
-            if own and data.groups is not None:
+            if choose and data.groups is not None:
                 per_ball, trials = np.empty(count), SharedErrors(cover, data, model, tail.terms).agreed()[1]
             elif per_ball is None:
                 smoothing, per_ball = choose_smoothing(cover, data, model, tail.terms)
@@ -98,8 +98,9 @@ def fit_splines(
         def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
             first, last = cover.offsets[start], cover.offsets[stop]
             sites, weights, *by_ball = fitted
-            by_ball += [per_ball] if trials else []
-            return sites[dimension * first : dimension * last], weights[first:last], *(a[start:stop] for a in by_ball)
+            own = () if trials is None or per_ball is None else (per_ball,)
+            by_ball = [each[start:stop] for each in (*by_ball, *own)]
+            return sites[dimension * first : dimension * last], weights[first:last], *by_ball
 
         with solving:
             run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)

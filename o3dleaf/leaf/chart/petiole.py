@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of
 from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
@@ -100,7 +101,7 @@ def _nearest(points: FloatArray, some: IntArray, ways: PointWays) -> tuple[IntAr
         own, reached = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=bool)
         own[ways.rows], reached[ways.rows] = np.arange(len(ways.rows)), True
         return own, reached
-    nearest = cKDTree(points[some]).query(points, workers=-1)[1]
+    nearest = query(cKDTree(points[some]), points)[1]
     row = np.full(len(some), -1, dtype=np.int64)
     row[ways.rows] = np.arange(len(ways.rows))
     own = row[nearest]

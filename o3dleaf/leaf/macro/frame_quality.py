@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 
 MAX_ROUND_TRIP = 1e-9
 """Round trip, of the axis' length, above which the coordinates cannot be relied on: Newton's rounding is far below."""
@@ -90,7 +91,7 @@ class FrameQuality:
         """
         leaf = frame.to_leaf(points)
         trip = np.linalg.norm(frame.to_world(leaf) - points, axis=1)
-        gap, nearest = cKDTree(points).query(points, k=2, workers=-1)
+        gap, nearest = query(cKDTree(points), points, k=2)
         distance = np.linalg.norm(leaf - leaf[nearest[:, 1]], axis=1)
         scan_jacobian, scan_place = _least_jacobian(frame, leaf)
         blade_jacobian, blade_place = (None, None) if blade is None or not len(blade) else _least_jacobian(frame, blade)

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.macro.frame import LeafFrame
 from o3dleaf.leaf.macro.midrib_normals import half_width
 
@@ -118,7 +119,7 @@ def _first_axis(points: FloatArray) -> FloatArray:
 def _neighbor_graph(points: FloatArray) -> csr_array:
     """Return the graph of nearest neighbors, its components joined by their shortest links."""
     count = len(points)
-    distance, row = cKDTree(points).query(points, k=min(NEIGHBORS, count - 1) + 1, workers=-1)
+    distance, row = query(cKDTree(points), points, k=min(NEIGHBORS, count - 1) + 1)
     # A repeated point is at distance 0, which a sparse graph would take for no edge.
     lengths = distance[:, 1:].ravel() + 1e-12 * distance.max()
     links = (np.repeat(np.arange(count), row.shape[1] - 1), row[:, 1:].ravel())

@@ -6,6 +6,7 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 
 MIN_NEIGHBORS = 12
 """With fewer points in the radius the nearest ones are taken: noise turns the plane of fewer."""
@@ -28,7 +29,7 @@ def half_width(scan: FloatArray, control: FloatArray) -> float:
     reached = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(control, axis=0), axis=1))])
     steps = np.linspace(0, reached[-1], POLYLINE_SAMPLES)
     polyline = np.stack([np.interp(steps, reached, column) for column in control.T], axis=1)
-    _, nearest = cKDTree(polyline).query(scan, workers=-1)
+    _, nearest = query(cKDTree(polyline), scan)
     last = len(polyline) - 1
     before, after = (_to_segments(scan, polyline, np.clip(nearest + step, 0, last - 1)) for step in (-1, 0))
     return float(np.quantile(np.minimum(before, after), WIDTH_QUANTILE))

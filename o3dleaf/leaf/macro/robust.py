@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.cross_validation import held_out_errors
@@ -70,7 +71,7 @@ class RobustChoice:
 
 def plane_noise(points: FloatArray) -> float:
     """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbors."""
-    _, rows = cKDTree(points).query(points, k=min(NEIGHBORS + 1, len(points)), workers=-1)
+    _, rows = query(cKDTree(points), points, k=min(NEIGHBORS + 1, len(points)))
     local = points[rows]
     mean = local.mean(axis=1)
     centered = local - mean[:, None]
@@ -240,11 +241,11 @@ def _trial_smoothings(
     leaf_points: FloatArray, kernel: Polyharmonic, half_width: float
 ) -> Iterator[tuple[float, float]]:
     """Yield (bandwidth, smoothing) from a quarter of the width down to the scan's median spacing."""
-    distance, _ = cKDTree(leaf_points).query(leaf_points, k=2, workers=-1)
+    distance, _ = query(cKDTree(leaf_points), leaf_points, k=2)
     spacing = float(np.median(distance[:, 1]))
     if not spacing > 0:  # most of them stand there twice
         distinct = np.unique(leaf_points, axis=0)
-        spacing = float(np.median(cKDTree(distinct).query(distinct, k=2, workers=-1)[0][:, 1]))
+        spacing = float(np.median(query(cKDTree(distinct), distinct, k=2)[0][:, 1]))
     density = _density(leaf_points[:, :2])
     order = kernel.power + kernel.dimension
     steps = max(int(np.ceil(order * np.log(half_width / 2 / spacing) / np.log(GRID_RATIO))), 1)
@@ -254,5 +255,5 @@ def _trial_smoothings(
 
 def _density(plane: FloatArray) -> float:
     """Return points per area, of the median point: its neighbors over the disc that contains them."""
-    distance, _ = cKDTree(plane).query(plane, k=[min(4 * NEIGHBORS, len(plane))], workers=-1)
+    distance, _ = query(cKDTree(plane), plane, k=[min(4 * NEIGHBORS, len(plane))])
     return 4 * NEIGHBORS / (np.pi * float(np.median(distance)) ** 2)

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.leaf.macro.robust import RobustChoice, Trials, try_smoothings
@@ -49,12 +50,12 @@ def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic,
     best = trials.best
     plane = leaf_points[:, :2]
     size = min(WINDOW, len(plane))
-    _, windows = cKDTree(plane).query(cover.centers, k=[*range(1, size + 1)], workers=-1)
+    _, windows = query(cKDTree(plane), cover.centers, k=[*range(1, size + 1)])
     prior = np.nanmean(trials.losses, axis=1)
     local = np.array([_best_of(trials, rows, prior) for rows in windows])
     ratio = np.log(trials.smoothings[best] / trials.smoothings[local])
     count = min(BLENDED, len(cover.centers))
-    distance, balls = cKDTree(cover.centers).query(plane, k=[*range(1, count + 1)], workers=-1)
+    distance, balls = query(cKDTree(cover.centers), plane, k=[*range(1, count + 1)])
     nearness = 1 / np.maximum(distance, 1e-12 * cover.radii.max())
     factors = np.exp((nearness * ratio[balls]).sum(axis=1) / nearness.sum(axis=1))
     nearest = local[balls[:, 0]]

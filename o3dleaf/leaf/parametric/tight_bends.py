@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
@@ -29,7 +30,7 @@ def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
     places = tight_bends(fit.surface, fit.feet, spacing)
     if not len(places):
         return np.zeros(len(fit.feet), bool)
-    beside = cKDTree(places).query(fit.feet, workers=-1)[0] <= AROUND * spacing
+    beside = query(cKDTree(places), fit.feet)[0] <= AROUND * spacing
     return np.asarray(beside & (_distances(fit.mesh, fit.feet) > PAST * spacing))
 
 
@@ -58,7 +59,7 @@ def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> Floa
     reach = int(np.ceil(AROUND / EVERY))
     shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2), axis=-1).reshape(-1, 2)
     places = (np.unique((cells[:, np.newaxis] + shifts).reshape(-1, 2), axis=0) + 0.5) * step
-    places = places[cKDTree(feet).query(places, workers=-1)[0] <= AROUND * spacing]
+    places = places[query(cKDTree(feet), places)[0] <= AROUND * spacing]
     return np.asarray(places[_bend(surface, places) * TIGHTEST * spacing > 1.0])
 
 

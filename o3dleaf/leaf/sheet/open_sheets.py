@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.average import average_across, thin
 from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.stars import SLOPE, triangulate
@@ -83,7 +84,7 @@ class OpenSheets:
         """
         averaged, normals = average_across(points, width, PLANE * spacing)
         rows = thin(averaged, np.maximum(APART * spacing, APART_PER_WIDTH * width))
-        far = np.full(len(rows), np.inf) if branches is None else cKDTree(branches).query(averaged[rows], workers=-1)[0]
+        far = np.full(len(rows), np.inf) if branches is None else query(cKDTree(branches), averaged[rows])[0]
         rows, far = rows[far > BESIDE * spacing], far[far > BESIDE * spacing]
         vertices, upright = np.ascontiguousarray(averaged[rows]), np.ascontiguousarray(normals[rows])
         local = OrientedCloud.of(vertices).point_spacing

@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.mesh.topology import label_nodes
 
 NEIGHBORS = 40
@@ -63,7 +64,7 @@ def _joined(points: FloatArray, normals: FloatArray, layer: IntArray) -> IntArra
     if large.all() or not large.any():
         return layer
     rows, few = np.flatnonzero(large), np.flatnonzero(~large)
-    near = rows[cKDTree(points[rows]).query(points[few], k=[*range(1, 1 + min(TRIED, len(rows)))], workers=-1)[1]]
+    near = rows[query(cKDTree(points[rows]), points[few], k=[*range(1, 1 + min(TRIED, len(rows)))])[1]]
     away = points[few][:, np.newaxis] - points[near]
     slope = np.abs(np.einsum("nki,nki->nk", away, normals[near])) / np.maximum(np.linalg.norm(away, axis=2), 1e-300)
     joined = layer.copy()
@@ -74,7 +75,7 @@ def _joined(points: FloatArray, normals: FloatArray, layer: IntArray) -> IntArra
 def _majority_planes(points: FloatArray, noise: float) -> FloatArray:
     """Return the unit normals (n, 3) of the planes through points (n, 3) that most of their neighbors lie on."""
     count = min(NEIGHBORS, len(points) - 1)
-    near = cKDTree(points).query(points, k=count + 1, workers=-1)[1][:, 1:]
+    near = query(cKDTree(points), points, k=count + 1)[1][:, 1:]
     away = points[near] - points[:, np.newaxis]
     length = np.linalg.norm(away, axis=2)
     allowed = SLOPE * length + 3 * noise

@@ -11,6 +11,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
 from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
@@ -162,7 +163,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
         )
     made_of = np.concatenate([solved.rows, solved.others])
     of_sheet = np.append(held, np.zeros(len(solved.others), bool))
-    rows = pool[of_sheet[cKDTree(scan[made_of]).query(scan[pool], workers=-1)[1]]]
+    rows = pool[of_sheet[query(cKDTree(scan[made_of]), scan[pool])[1]]]
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
     notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes) + tell_cuts(sheets.cut, flaps)
@@ -220,7 +221,7 @@ def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) ->
         return sheets
     parted = OpenSheets.of(points, width, sheets.spacing, contacts)
     gained = parted.areas[1:].max(initial=0.0) - sheets.areas[1:].max(initial=0.0)
-    inside = cKDTree(parted.rim()).query(contacts, workers=-1)[0] > parted.gap
+    inside = query(cKDTree(parted.rim()), contacts)[0] > parted.gap
     return parted if gained >= FEWEST * sheets.spacing**2 and 2 * inside.sum() > len(inside) else sheets
 
 

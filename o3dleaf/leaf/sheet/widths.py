@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, Overlaps, nearest_layers
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
@@ -91,7 +92,7 @@ def _points_above(
     if not len(off):
         return off, np.empty(0)
     feet = nearest_on_mesh(vertices, triangles, sheets.points[off])
-    below = normals[cKDTree(vertices).query(feet, workers=-1)[1]]
+    below = normals[query(cKDTree(vertices), feet)[1]]
     height = np.abs(np.einsum("ij,ij->i", sheets.points[off] - feet, below))
     parallel: FloatArray = np.abs(np.einsum("ij,ij->i", sheets.normals[off], below))
     above = (height >= STEEP * sheets.off[off]) & (parallel >= PARALLEL)
@@ -120,7 +121,7 @@ def find_passes(points: FloatArray, sheets: OpenSheets) -> Passes:
     noise 0 and of a full slab -1.2, is less. In fewer than a twentieth of the places that is chance.
     """
     rows = thinned(len(points), -(-len(points) // PLACES))
-    near = cKDTree(sheets.points).query(sheets.points[rows], k=min(AROUND, len(points)), workers=-1)[1]
+    near = query(cKDTree(sheets.points), sheets.points[rows], k=min(AROUND, len(points)))[1]
     off = points - sheets.points
     side = np.sign(np.einsum("ma,mka->mk", sheets.normals[rows], sheets.normals[near]))
     height = side * np.einsum("mka,mka->mk", sheets.normals[near], off[near])
@@ -146,7 +147,7 @@ def widen(points: FloatArray, width: FloatArray, layers: "Layers") -> FloatArray
     if not len(layers.places):
         return wide
     for level in np.unique(np.quantile(layers.need, np.linspace(0, 1, LEVELS))):
-        distance = cKDTree(layers.places[layers.need >= level]).query(points, workers=-1)[0]
+        distance = query(cKDTree(layers.places[layers.need >= level]), points)[0]
         wide = np.maximum(wide, level - FALL * np.maximum(distance - 2 * level, 0.0))
     return wide
 
@@ -178,7 +179,7 @@ class Layers:
         """
         group = _clusters(self.places, link)
         left = _within(places, self.places, link)
-        nearest = cKDTree(self.places).query(places[left], workers=-1)[1] if len(self.places) else left[:0]
+        nearest = query(cKDTree(self.places), places[left])[1] if len(self.places) else left[:0]
         before = np.bincount(group, minlength=1)
         after = np.bincount(group[nearest], minlength=len(before))
         lasts = ((after > LEFT * before) & (after >= FEWEST))[group] if len(group) else np.zeros(0, bool)
@@ -208,4 +209,4 @@ def _within(places: FloatArray, others: FloatArray, link: float) -> IntArray:
     """Return the rows of places within `link` of one of some others."""
     if not len(places) or not len(others):
         return np.empty(0, np.int64)
-    return np.flatnonzero(cKDTree(others).query(places, workers=-1)[0] <= link)
+    return np.flatnonzero(query(cKDTree(others), places)[0] <= link)

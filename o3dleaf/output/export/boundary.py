@@ -9,6 +9,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit, Whole
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.io.labelled_mesh import LABELS, RIM, AnyMesh
 from o3dleaf.io.mesh_data import MeshData, face_vectors, unit_rows
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
@@ -153,6 +154,6 @@ def _areas_below(points: FloatArray, layer: IntArray, shares: FloatArray, kept: 
     sizes = np.zeros(len(kept))
     for k in np.unique(layer[kept]):
         rows, own = np.flatnonzero(layer == k), np.flatnonzero(layer[kept] == k)
-        nearest = cKDTree(points[kept[own]]).query(points[rows], workers=-1)[1]
+        nearest = query(cKDTree(points[kept[own]]), points[rows])[1]
         sizes[own] = np.bincount(nearest, weights=shares[rows], minlength=len(own))
     return sizes

@@ -18,6 +18,7 @@ from o3dleaf.core.checks import FloatArray, require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
+from o3dleaf.core.trees import query
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
@@ -210,7 +211,7 @@ def _residuals_at(
     sizes = (held.distance if signed else np.abs(held.distance))[inside] / deviation
     if not inside.any():
         return np.zeros(len(world)), np.ones(len(world), dtype=bool)
-    near, rows = cKDTree(points[inside]).query(world, k=min(AROUND, len(sizes)), workers=-1)
+    near, rows = query(cKDTree(points[inside]), world, k=min(AROUND, len(sizes)))
     rows, near = rows.reshape(len(world), -1), near.reshape(len(world), -1)
     return sizes[rows].mean(axis=1), near[:, 0] > np.hypot(GAP * held.spacing, held.limit)
 

@@ -11,6 +11,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import cloud_loops
 
 IndexArray = npt.NDArray[np.int64]
@@ -60,7 +61,7 @@ def nearest_neighbors(tree: cKDTree, *, batch: int = BATCH_SIZE) -> Neighborhood
     distance, row = np.empty((len(points), count)), np.empty((len(points), count), dtype=np.int64)
     for first, last in blocks(len(order), batch):
         queried = order[first:last]
-        far, near = tree.query(points[queried], k=np.arange(1, count + 1), workers=-1)
+        far, near = query(tree, points[queried], k=np.arange(1, count + 1))
         run_blocks(partial(cloud_loops.put_rows, queried, far, near, distance, row), len(queried), BLOCK)
         progress.report(last, len(order))
     return Neighborhoods(distance, row)

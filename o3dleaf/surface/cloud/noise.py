@@ -7,6 +7,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 
 CLEAN = 0.1
 """Noise in spacings up to which a cloud is clean. Of others creases are not sought: of normals that turn, some only
@@ -60,7 +61,7 @@ def measure_places(points: FloatArray, tree: cKDTree, normals: FloatArray | None
         unknown = np.flatnonzero(np.isnan(noise))
         if count > len(points) or not len(unknown):
             break
-        distance, near = tree.query(points[rows[unknown]], k=count, workers=-1)
+        distance, near = query(tree, points[rows[unknown]], k=count)
         used = near[:, :: max(1, count // MAX_POINTS)]
         counted = np.ones(used.shape, bool)
         if normals is not None:

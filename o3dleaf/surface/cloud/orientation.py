@@ -11,6 +11,7 @@ from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
 from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
@@ -193,7 +194,7 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orient
     for _ in range(CUTS):
         left = np.flatnonzero(~cut)
         line = points[left][on_seams(surfels.points, sides.normals, surfels.rows)[surfels.group]]
-        near = cKDTree(line).query(points[left], workers=-1)[0] <= CUT * surfels.spacing
+        near = query(cKDTree(line), points[left])[0] <= CUT * surfels.spacing
         cut[left[near]] = True
         rest = points[~cut]
         if cut.mean() > MOST_CUT or len(rest) < MIN_POINTS:

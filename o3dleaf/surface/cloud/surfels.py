@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, NEIGHBORS, IndexArray, Planes, fit_planes, nearest_neighbors
 
@@ -107,7 +108,7 @@ class Surfels:
             near = nearest_neighbors(cKDTree(few)).row
         with grouping:
             spacing = spacings(fit_planes(few, near), near.shape[1]) / np.sqrt(thinning)
-            group = cKDTree(few).query(points, workers=-1)[1]
+            group = query(cKDTree(few), points)[1]
         with fitting:
             count = np.bincount(group, minlength=len(few))  # no group is empty: each few point is in its own
             sums = [np.bincount(group, points[:, a], len(few)) for a in range(3)]
@@ -182,7 +183,7 @@ def flatness_of(points: FloatArray, rows: IndexArray | None = None) -> float:
     """
     sample = thinned(len(points), max(1, len(points) // SAMPLE))
     if rows is None:
-        near = cKDTree(points).query(points[sample], k=np.arange(1, min(NEIGHBORS, len(points)) + 1), workers=-1)[1]
+        near = query(cKDTree(points), points[sample], k=np.arange(1, min(NEIGHBORS, len(points)) + 1))[1]
     else:
         near = rows[sample]
     with progress.silent():

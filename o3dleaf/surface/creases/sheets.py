@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -65,7 +66,7 @@ class MeasuredPoints(NamedTuple):
         neighbors = np.empty((len(points), min(NEIGHBORS, len(points) - 1)), dtype=np.int64)
         with finding:
             # In the tree's own order, neighbors in the query are neighbors in memory.
-            rows = tree.query(points[tree.indices], k=neighbors.shape[1] + 1, workers=-1)[1]
+            rows = query(tree, points[tree.indices], k=neighbors.shape[1] + 1)[1]
             neighbors[tree.indices] = rows[:, 1:]
         for part in averaging:
             before, normals = normals, np.empty_like(normals)

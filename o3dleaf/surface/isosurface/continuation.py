@@ -12,6 +12,7 @@ from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import project_to_level
+from o3dleaf.core.trees import query
 from o3dleaf.surface.isosurface.band import Band
 
 SEED_BLOCK = 4
@@ -78,7 +79,7 @@ def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray],
         test = within
         return lambda centers: as_mask(test(centers), (len(centers),), "within")
     reach, tree = require_positive(within, "within"), cKDTree(seeds)
-    return lambda centers: np.isfinite(tree.query(centers, distance_upper_bound=reach, workers=-1)[0])
+    return lambda centers: np.isfinite(query(tree, centers, distance_upper_bound=reach)[0])
 
 
 def _thin(seeds: FloatArray, step: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, MeshLike, build_mesh, require_triangles
 from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.adjacency_loops import list_ends
 from o3dleaf.surface.mesh.topology import EdgeTable
@@ -95,7 +96,7 @@ def closest_points(
     Of the sixteen nearest data those count that face a vertex's way; along its normal `noise` does not count. Where
     none is left the distance is infinite.
     """
-    near = data.tree.query(vertices, np.arange(1, min(NEAREST, len(data)) + 1), workers=-1)[1]
+    near = query(data.tree, vertices, np.arange(1, min(NEAREST, len(data)) + 1))[1]
     surface = PointsWithNormals(vertices, normals)
     sheet = PointsWithNormals(data.points, np.zeros((1, 3)) if data.normals is None else data.normals)
     distance, closest = np.full(len(vertices), np.inf), np.zeros((len(vertices), 3))

@@ -10,6 +10,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike, point_attributes, raw_points
 from o3dleaf.core.errors import InputError
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 
 POINTS_PER_BALL = (100, 200)
@@ -56,7 +57,7 @@ def interpolate_attributes(cloud: CloudLike, places: npt.ArrayLike) -> dict[str,
     if not attributes or not len(targets):
         return {}
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-    distance = cKDTree(targets).query(points[finite], workers=-1)[0]
+    distance = query(cKDTree(targets), points[finite])[0]
     near = finite[distance <= STRAY * np.median(distance)] if len(finite) else finite
     carried = {}
     for part, (name, values) in zip(progress.split(*[1] * len(attributes)), attributes.items(), strict=True):
@@ -72,7 +73,7 @@ def _carry(name: str, points: FloatArray, values: npt.NDArray[Any], targets: Flo
     if name == "colors":
         return np.clip(_interpolate(points, as_unit_colors(values), targets), 0, 1).astype(np.float32)
     if values.dtype.kind != "f":
-        return np.asarray(values[cKDTree(points).query(targets, workers=-1)[1]])
+        return np.asarray(values[query(cKDTree(points), targets)[1]])
     known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     if not known.any():
         return None
@@ -85,7 +86,7 @@ def _carry(name: str, points: FloatArray, values: npt.NDArray[Any], targets: Flo
 def _interpolate(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
     """Return the (m, c) values at the targets of (n, c) values at the points."""
     if len(points) < FEWEST:
-        return np.asarray(values[cKDTree(points).query(targets, workers=-1)[1]])
+        return np.asarray(values[query(cKDTree(points), targets)[1]])
     box = np.array([np.minimum(points.min(axis=0), targets.min(axis=0)), np.maximum(points.max(0), targets.max(0))])
     field = PUInterpolant.fit(
         points, values, kernel="linear", degree=1, smoothing="gcv", points_per_ball=POINTS_PER_BALL, bounds=box

@@ -4,6 +4,7 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.trim import cut_below
@@ -31,7 +32,7 @@ def cut_at_branchings(
     """
     near = branchings.nearness(vertices)
     beside = np.flatnonzero(near < BESIDE)
-    rows = data.tree.query(vertices[beside], k=np.arange(1, min(NEAREST, len(data)) + 1), workers=-1)[1]
+    rows = query(data.tree, vertices[beside], k=np.arange(1, min(NEAREST, len(data)) + 1))[1]
     height = np.einsum("nkj,nkj->nk", vertices[beside, np.newaxis] - data.points[rows], data.require_normals()[rows])
     off = np.abs(height).min(axis=1) / branchings.clearance_at(vertices[beside])
     value = np.minimum(near, BESIDE) - 1.0

@@ -12,6 +12,7 @@ from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.reconstruction.vertex_support_loops import VoxelGrid, find_voxels, number_voxels
 
@@ -99,7 +100,7 @@ def nearest_points(tree: cKDTree, places: FloatArray) -> tuple[FloatArray, IntAr
     """Return distance (n,) and row (n,) of the point of a tree that is nearest to each place (n, 3)."""
     distance, nearest = np.empty(len(places)), np.empty(len(places), dtype=np.int64)
     for i, j in blocks(len(places), BATCH_SIZE):
-        distance[i:j], nearest[i:j] = tree.query(places[i:j], workers=-1)
+        distance[i:j], nearest[i:j] = query(tree, places[i:j])
         progress.report(j, len(places))
     return distance, nearest
 
@@ -132,7 +133,7 @@ def data_around(data: OrientedCloud, places: FloatArray) -> tuple[FloatArray, In
         if not len(asked):
             continue
         reach = some.greatest * float(ratio[asked].max())
-        far, near = some.tree.query(places[asked], distance_upper_bound=reach, workers=-1)
+        far, near = query(some.tree, places[asked], distance_upper_bound=reach)
         found = np.flatnonzero(np.isfinite(far))
         far, near, asked = far[found], some.rows[near[found]], asked[found]
         less = far / spacing[near] < ratio[asked]

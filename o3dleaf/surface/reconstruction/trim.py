@@ -21,6 +21,7 @@ from o3dleaf.core.mesh_arrays import (
     require_triangles,
     triangle_areas,
 )
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import label_nodes, label_triangles
@@ -218,7 +219,7 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
     pieces = int(piece.max()) + 1
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[triangles.ravel()] = np.repeat(piece, 3)
-    nearest = of_vertex[cKDTree(vertices).query(data.points, workers=-1)[1]]
+    nearest = of_vertex[query(cKDTree(vertices), data.points)[1]]
     sampled, count = (np.bincount(nearest, some, pieces) for some in (data.point_spacing**2, None))
     area = np.bincount(piece, weights=triangle_areas(vertices, triangles))
     keep: BoolArray = (sampled > MIN_DENSITY * area) & (count >= MIN_POINTS)
@@ -232,7 +233,7 @@ def _drop_unsupported(vertices: FloatArray, triangles: IntArray, data: OrientedC
 def _tell_of_lost(data: OrientedCloud, piece: IntArray, keep: BoolArray, vertices: FloatArray) -> None:
     """Say how many data, each with its piece (n,), are left without a surface as pieces go, and where most of them."""
     lost = np.flatnonzero(~keep[piece])
-    far = cKDTree(vertices).query(data.points[lost], workers=-1)[0] > data.point_spacing[lost]
+    far = query(cKDTree(vertices), data.points[lost])[0] > data.point_spacing[lost]
     lost = lost[far]
     if not len(lost):
         return

@@ -113,7 +113,10 @@ def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_
     weights = np.random.default_rng(5).uniform(0.2, 2, len(groups))[groups]
     options = {"smoothing": "gcv-per-ball", "groups": groups, "weights": weights}
     field = PUInterpolant.fit(sites, values, points_per_ball=(100, 200), **options)
-    data, model = ScatteredData.of(sites, values, weights=weights, groups=groups), Splines(smoothing="gcv-per-ball").model(3)
+    data, model = (
+        ScatteredData.of(sites, values, weights=weights, groups=groups),
+        Splines(smoothing="gcv-per-ball").model(3),
+    )
     choice = SharedErrors(field.cover, data, model, np.full(len(field.cover.radii), len(model.exponents)))
     before = choice.each(choice.agreed()[1])
     np.testing.assert_array_equal(field.local.smoothing_per_ball, before)

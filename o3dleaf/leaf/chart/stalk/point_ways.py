@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 
 NEIGHBORS = 16
 """Points that each is joined to: rows of a scanner four times as far apart as their points still hang together."""
@@ -28,7 +29,7 @@ class PointWays:
 
     def __init__(self, points: FloatArray) -> None:
         count = min(NEIGHBORS, len(points))
-        length, row = cKDTree(points).query(points, k=np.arange(1, count + 1), workers=-1)
+        length, row = query(cKDTree(points), points, k=np.arange(1, count + 1))
         # Two points in one place would be no link.
         length = np.maximum(length, 1e-12 * max(float(length.max()), np.finfo(float).tiny))
         own = np.repeat(np.arange(len(points)), count - 1)

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import threads_for
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 AROUND = 5.0
@@ -54,7 +55,7 @@ class Axes(NamedTuple):
 
 def pairs_within(tree: cKDTree, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Return for all points of a tree within the `reach` (m,) of places (m, 3) the place's row and the point's."""
-    lists = tree.query_ball_point(places, reach, workers=-1, return_sorted=True)
+    lists = tree.query_ball_point(places, reach, workers=threads_for(len(places)), return_sorted=True)
     counts = np.fromiter(map(len, lists), np.int64, len(places))
     inside = np.concatenate([np.asarray(each, np.int64) for each in lists]) if len(lists) else np.empty(0, np.int64)
     return np.repeat(np.arange(len(places)), counts), inside

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 NEAREST = 6
@@ -67,7 +68,7 @@ class Branchings:
         """
         near = np.full(len(points), np.inf)
         reach = float(np.hypot(self.half.max(), self.clearance.max()))
-        row = self._tree.query(points, k=np.arange(1, NEAREST + 1), distance_upper_bound=2 * reach, workers=-1)[1]
+        row = query(self._tree, points, k=np.arange(1, NEAREST + 1), distance_upper_bound=2 * reach)[1]
         for place in row.T:
             some = np.flatnonzero(place < len(self))
             at = place[some]
@@ -79,7 +80,7 @@ class Branchings:
 
     def clearance_at(self, points: FloatArray) -> FloatArray:
         """Return the clearance (n,) at the places nearest to points (n, 3)."""
-        return np.asarray(self.clearance[self._tree.query(points, workers=-1)[1]])
+        return np.asarray(self.clearance[query(self._tree, points)[1]])
 
     def part(self, points: FloatArray, tree: cKDTree, rows: IndexArray) -> IndexArray:
         """Return the neighbors `rows` (n, k) of points (n, 3) without those on another sheet, and more of the own.
@@ -87,7 +88,7 @@ class Branchings:
         Seen from the line, another sheet is half the least angle or more away.
         """
         some, wanted = np.flatnonzero(self.nearness(points) < WITHIN), rows.shape[1]
-        near = tree.query(points[some], k=np.arange(1, min(MORE * wanted, tree.n) + 1), workers=-1)[1]
+        near = query(tree, points[some], k=np.arange(1, min(MORE * wanted, tree.n) + 1))[1]
         at = self._tree.query(points[some])[1]
         own = _across(points[some] - self.places[at], self.directions[at])
         other = _across(points[near] - self.places[at, np.newaxis], self.directions[at, np.newaxis])

@@ -5,6 +5,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import fit_planes, nearest_neighbors
 from o3dleaf.surface.cloud.surfels import Surfels, thinned
 from o3dleaf.surface.cloud.winding.consistency import QUIET, Consistent, make_consistent, tears, uncertain_notes
@@ -50,7 +51,7 @@ def close_anew(
     with progress.silent():
         found = _all_anew(points[some], normals[some], np.sqrt(thinning) * surfels.spacing[some])
         if found is not None and thinning > 1:
-            nearest = cKDTree(points[some]).query(points, workers=-1)[1]
+            nearest = query(cKDTree(points[some]), points)[1]
             found = _all_anew(points, found.normals[nearest], surfels.spacing)
     if found is None:
         return None
