@@ -72,6 +72,8 @@ def usable_memory() -> Limit | None:
     if stated is None:
         soft = machine.available()
     else:
+        # What the allocator keeps would count as held, though nothing lies in it.
+        machine.release_heap()
         soft = Limit(stated - machine.resident(), "as stated", "state more (--memory) if there is more")
     limits = [*machine.hard_limits(get_num_threads()), *([soft] if soft else [])]
     return min(limits, key=lambda limit: limit.free, default=None)

@@ -72,6 +72,14 @@ def release_pages(array: Any) -> None:
         array = base
 
 
+def release_heap() -> None:
+    """Give back what was freed and what the allocator keeps for later, where it is glibc's; else nothing is done."""
+    if sys.platform == "win32":
+        return
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
 def hard_limits(threads: int) -> Iterator[Limit]:
     """Yield the limits that end a process, of a shell (``ulimit``) and of control groups.
 

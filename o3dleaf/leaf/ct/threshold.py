@@ -51,20 +51,17 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> floa
     low, high = data.min(), data.max()
     if low == high:
         raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
-    level = choose(_without_padding(_sample(data)))
+    sample = thin(data)
+    level = choose(_as_numbers(sample[sample != 0]))
     if level is None:
-        level = choose(_sample(data))
+        level = choose(_as_numbers(sample))
     if level is None:
         raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
     return level
 
 
-def _sample(data: npt.NDArray[Any]) -> FloatArray:
-    return np.asarray(thin(data), dtype=np.float64).ravel()
-
-
-def _without_padding(sample: FloatArray) -> FloatArray:
-    return np.asarray(sample[sample != 0.0])
+def _as_numbers(sample: npt.NDArray[Any]) -> FloatArray:
+    return np.asarray(sample, dtype=np.float64).ravel()
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -121,7 +118,8 @@ def _otsu(sample: FloatArray) -> float | None:
 
 def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
     """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
-    return _classes(_without_padding(_sample(data))) or _classes(_sample(data))
+    sample = thin(data)
+    return _classes(_as_numbers(sample[sample != 0])) or _classes(_as_numbers(sample))
 
 
 def _mixture(sample: FloatArray) -> float | None:

@@ -267,9 +267,9 @@ def require_columns(count: float, step: float, layers: int = 0) -> None:
 
 def cost_of_tile(columns: float, layers: float) -> Cost:
     """Return what a lattice over one tile takes; what lies in files (`GrowingArray`) no memory."""
-    whole = measured.TILE_COLUMN * columns + measured.TILE_SAMPLE * (columns * layers)
-    on_disk = measured.TILE_ON_DISK * columns
-    return whole if is_held(on_disk.bytes) else whole + Cost(-on_disk.bytes)
+    whole, beside = measured.TILE_COLUMN * columns, measured.TILE + measured.FILED_COLUMN * columns
+    held = whole.bytes if is_held(whole.bytes) else min(whole.bytes, beside.bytes)
+    return Cost(held) + measured.TILE_SAMPLE * (columns * layers)
 
 
 class _Slab(NamedTuple):
