@@ -11,7 +11,7 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
-from o3dleaf.leaf.macro.robust import MAD
+from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
@@ -128,4 +128,4 @@ def _near(fit: SurfaceFit) -> BoolArray:
 
 def _noise(fit: SurfaceFit) -> float:
     """Return the deviation of the points from the surface, which is taken for that along it too."""
-    return MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
+    return local_noise(fit.surface.jet(fit.feet, 0)[0], fit.heights)
