@@ -23,8 +23,6 @@ ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
-EXTENDED = 2
-"""Fits before the last one where points beyond the sheet are added, each at feet on the one before."""
 FOLDED = 1 / np.pi
 """Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
 shows. A crease is a bend less tight than that, and stays."""
@@ -82,9 +80,6 @@ def extend_fit(fit: SurfaceFit, points: FloatArray, near: FloatArray) -> Surface
     like = cKDTree(fit.near).query(near[some], workers=-1)[1]
     problem = fit.problem.with_sites(points[some], like)
     sites = np.concatenate([fit.near, near[some]])
-    for _ in range(EXTENDED):
-        surface = problem.fit(sites)
-        sites = surface.feet(problem.sites, sites)[0]
     surface = problem.fit(sites)
     feet, heights, _ = surface.feet(whole, np.concatenate([fit.feet, near]))
     mesh = replace(fit.mesh, vertices=surface.jet(fit.mesh.chart, 0)[0])

@@ -70,6 +70,11 @@ def test_several_stretches_do_not_overlap():
     assert stretches[0].area > stretches[1].area
 
 
+def test_of_two_steps_in_before_one_out_one_belongs_to_it():
+    _, stretches = halves(bites=[(12.0, 24.0, 1.5), (24.0, 44.0, DEPTH)]).bridged(5.0)
+    assert len(stretches) == 1
+
+
 def curled(plane):
     """Return points of a strip curled about a line along it: each half is the other's reflection."""
     u, v = plane.T
