@@ -155,7 +155,7 @@ def run_real(make, folders, name, console):
             if len(points) > LARGEST:
                 record["refusal"] = f"passed over, more than {LARGEST:,} points"
             else:
-                blade = make(points, unit=None)
+                blade = make(points, unit="m" if np.ptp(points, axis=0).max() < 1 else "mm")
                 record["seconds"] = time.perf_counter() - start
                 record |= judge_scan(blade.extract_mesh(spacing_of(points)), points)
         except Exception as cause:  # noqa: BLE001 - as above

@@ -111,6 +111,9 @@ class Halves:
         at, stretches = self.at, []
         for column, side in enumerate((1, -1)):
             rows, heights = _steps(self.widths[:, column], self.spacing, at[1])
+            # Nearer to an end a section shows that end's own outline.
+            inner = np.minimum(at, at[-1] - at)[rows] >= self.widths.sum(axis=1)[rows] / 2
+            rows, heights = rows[inner], heights[inner]
             for first, last in _pairs(heights):
                 start, stop = float(at[rows[first]]), float(at[rows[last]])
                 if length <= stop - start <= LONGEST * at[-1]:
