@@ -1016,3 +1016,6 @@ EXTENDED_FEET = 0.15
 """Between the feet of points beyond a sheet of 24 by 10 and their places in the plane that it was rolled up from."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
+SEAM = 0.5
+"""Spacings between a surface and the mirror image of a half unlike it, beside where the image begins; 0.7 where it is
+not shifted onto what is seen."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 import shapely
+from scipy.ndimage import gaussian_filter1d
 
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
@@ -35,6 +36,8 @@ BRIDGE, ACROSS_WIDTH = 0.02, 0.125
 over which it is smoothed elsewhere."""
 ALONG, ACROSS = 9, 6
 """Pairs of places along and across a window, on either half, by which their isometry is found."""
+SEAM = 4.0
+"""Spacings along the seam over which the images are shifted onto the surface that they go on from."""
 PER_WINDOW = 4
 """Windows to a half width of the blade: the isometry changes smoothly from one to the next."""
 
@@ -219,34 +222,56 @@ def mirror_points(fit: SurfaceFit, halves: Halves, stretch: HiddenStretch) -> tu
     lies_there = (along >= stretch.start - halves.spacing) & (along <= stretch.stop + halves.spacing)
     chosen = lies_there & (np.sign(across) == -stretch.side)
     chosen[chosen] = ~shapely.contains_xy(halves.polygon, images[chosen])
-    half = float(halves.widths.max())
-    count = max(2, 1 + int(np.ceil(PER_WINDOW * (stretch.stop - stretch.start) / half)))
-    middles = np.linspace(stretch.start, stretch.stop, count)
-    isometries = [_isometry(fit.surface, halves, middle, half, stretch.side) for middle in middles]
-    part = np.clip((along[chosen] - middles[0]) / (middles[1] - middles[0]), 0, count - 1)
-    below = np.minimum(part.astype(np.int64), count - 2)
-    moved = np.stack([each.of(fit.points[chosen]) for each in isometries])
-    rows, share = np.arange(len(below)), (part - below)[:, np.newaxis]
-    points = (1 - share) * moved[below, rows] + share * moved[below + 1, rows]
-    return points, images[chosen], float(np.sqrt(np.mean([each.misfit**2 for each in isometries])))
+    carried = _Carried.along(fit.surface, halves, stretch)
+    points = carried.of(fit.points[chosen], along[chosen])
+    # Where the visible part ends its image goes on from the surface that is there.
+    way = np.linspace(stretch.start, stretch.stop, 2 + int((stretch.stop - stretch.start) / halves.spacing))
+    edge = np.interp(way, halves.at, halves.widths[:, int(stretch.side < 0)]) - halves.spacing
+    own, other = (fit.surface.jet(halves.places(way, s * edge), 0)[0] for s in (stretch.side, -stretch.side))
+    apart = gaussian_filter1d(own - carried.of(other, way), SEAM, axis=0, mode="nearest")
+    points += np.stack([np.interp(along[chosen], way, apart[:, axis]) for axis in range(3)], axis=1)
+    return points, images[chosen], carried.misfit
 
 
 @dataclass(frozen=True, eq=False)
-class _Isometry:
-    """x ↦ (x − c) R + d, and the root mean square of what it leaves."""
+class _Carried:
+    """Isometries x ↦ (x − c) R + d in windows about some lengths (m,) along the midrib, blended linearly between.
 
-    start: FloatArray
-    turn: FloatArray
-    end: FloatArray
+    `starts`, `ends` (m, 3), `turns` (m, 3, 3); `misfit` is the root mean square of what they leave.
+    """
+
+    middles: FloatArray
+    starts: FloatArray
+    turns: FloatArray
+    ends: FloatArray
     misfit: float
 
-    def of(self, points: FloatArray) -> FloatArray:
-        """Return the images of points (n, 3)."""
-        return np.asarray((points - self.start) @ self.turn + self.end)
+    @classmethod
+    def along(cls, surface: ChartSurface, halves: Halves, stretch: HiddenStretch) -> "_Carried":
+        """Return those from the other half onto the narrower one, nearest on places that both have."""
+        half = float(halves.widths.max())
+        count = max(2, 1 + int(np.ceil(PER_WINDOW * (stretch.stop - stretch.start) / half)))
+        middles = np.linspace(stretch.start, stretch.stop, count)
+        parts = [_isometry(surface, halves, middle, half, stretch.side) for middle in middles]
+        starts, turns, ends, squares = (np.array(each) for each in zip(*parts, strict=True))
+        return cls(middles, starts, turns, ends, float(np.sqrt(squares.mean())))
+
+    def of(self, points: FloatArray, along: FloatArray) -> FloatArray:
+        """Return the images of points (n, 3) at lengths (n,) along the midrib."""
+        part = np.clip((along - self.middles[0]) / (self.middles[1] - self.middles[0]), 0, len(self.middles) - 1)
+        below = np.minimum(part.astype(np.int64), len(self.middles) - 2)
+        share = (part - below)[:, np.newaxis]
+        first, second = (
+            np.einsum("ni,nij->nj", points - self.starts[rows], self.turns[rows]) + self.ends[rows]
+            for rows in (below, below + 1)
+        )
+        return np.asarray((1 - share) * first + share * second)
 
 
-def _isometry(surface: ChartSurface, halves: Halves, middle: float, half: float, side: int) -> _Isometry:
-    """Return the isometry from the other half onto the narrower one, nearest on places that both have in a window."""
+def _isometry(
+    surface: ChartSurface, halves: Halves, middle: float, half: float, side: int
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return center, orthogonal matrix, image of the center and mean square left, for a window about one length."""
     way = np.linspace(max(middle - half, 0.0), min(middle + half, halves.at[-1]), ALONG)
     common = np.interp(way, halves.at, halves.widths.min(axis=1))
     along = np.repeat(way, ACROSS)
@@ -256,4 +281,4 @@ def _isometry(surface: ChartSurface, halves: Halves, middle: float, half: float,
     left, _, right = np.linalg.svd((other - start).T @ (own - end))
     turn = left @ right
     left_over = (other - start) @ turn + end - own
-    return _Isometry(start, turn, end, float(np.sqrt((left_over**2).sum(axis=1).mean())))
+    return start, turn, end, float((left_over**2).sum(axis=1).mean())

@@ -88,26 +88,48 @@ def twisted(plane):
     return np.column_stack([u, v * np.cos(angle), v * np.sin(angle)])
 
 
-@pytest.mark.parametrize("lift", [curled, twisted])
-def test_the_mirror_image_of_a_half_is_the_other_one(lift):
+def one_sided(plane):
+    """Return points of a strip that is bent to the right of a line and flat to the left."""
+    u, v = plane.T
+    return np.column_stack([u, v, 0.06 * np.minimum(v, 0) ** 2])
+
+
+def completed(lift):
+    """Return images and places of what is hidden of a strip, the misfit of its halves, and how many points are."""
     polygon, _ = outline()
     grid = np.stack(np.meshgrid(np.arange(0.25, LENGTH, SPACING), np.arange(-HALF, HALF, SPACING)), axis=-1)
     plane = grid.reshape(-1, 2)
     plane = plane[shapely.contains_xy(polygon, plane)]
     bitten, midline = outline(bites=[(FIRST, LAST, DEPTH)])
     seen = shapely.contains_xy(bitten, plane)
-    surface = ChartSurface.fit(plane[seen], lift(plane[seen]), smoothing=0.0, bounds=polygon_box(polygon))
+    surface = ChartSurface.fit(plane[seen], lift(plane[seen]), smoothing=0.0, bounds=plane_box(polygon))
     mesh = ChartMesh(np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty((0, 2)))
     fit = SurfaceFit(surface, mesh, lift(plane[seen]), plane[seen], np.zeros(seen.sum()), None, plane[seen])
     whole, (stretch,) = Halves.of(bitten, midline, SPACING).bridged(5.0)
     points, places, misfit = mirror_points(fit, whole, stretch)
-    assert len(points) == pytest.approx((~seen).sum(), rel=tol.MIRRORED_COUNT)
     assert not shapely.contains_xy(bitten, places).any()
+    return points, places, misfit, np.sum(~seen)
+
+
+@pytest.mark.parametrize("lift", [curled, twisted])
+def test_the_mirror_image_of_a_half_is_the_other_one(lift):
+    points, places, misfit, hidden = completed(lift)
+    assert len(points) == pytest.approx(hidden, rel=tol.MIRRORED_COUNT)
     assert np.linalg.norm(points - lift(places), axis=1).max() < tol.MIRRORED_HALF * SPACING
     assert misfit < tol.MIRRORED_HALF * SPACING
 
 
-def polygon_box(polygon):
+def test_the_image_of_a_half_unlike_the_other_goes_on_from_what_is_seen():
+    points, places, misfit, _ = completed(one_sided)
+    middle = (places[:, 0] > FIRST + 2) & (places[:, 0] < LAST - 2)
+    beside = middle & (places[:, 1] < HALF - DEPTH)
+    away = np.linalg.norm(points - one_sided(places), axis=1)
+    assert beside.sum() > 10
+    assert away[beside].max() < tol.SEAM * SPACING
+    assert misfit > tol.SEAM * SPACING / 2
+
+
+def plane_box(polygon):
     return np.reshape(polygon.bounds, (2, 2)) + [[-1, -1], [1, 1]]
 
 
