@@ -46,6 +46,8 @@ CONDITIONS = {
 }
 FILL = 6.0
 """Spacings up to which holes are asked to be filled where a scan has gaps: as wide, and a spacing to either side."""
+COMPLETE = 15.0
+"""Spacings from which on stretches of a margin are asked to be completed where one is hidden: longer than notches."""
 SPACINGS = {"wavy": 0.5, "winding": 0.5}
 """In millimeters, where it is not `SPACING`: a leaf 5 mm wide has ten points across."""
 SPACING = 0.7
@@ -65,9 +67,13 @@ class Case:
     spacing: float = SPACING
 
     @property
-    def fill_holes(self):
-        """Width up to which holes are asked to be filled, in millimeters; None: it is left to the blade."""
-        return FILL * self.spacing if "gaps" in CONDITIONS[self.condition] else None
+    def asked(self):
+        """Options of the blade, in millimeters: what gaps leave is asked to be filled, hidden margins completed."""
+        gaps = CONDITIONS[self.condition].get("gaps")
+        if gaps is None:
+            return {}
+        hidden = {"complete_margin": COMPLETE * self.spacing} if gaps == "margin" else {}
+        return {"fill_holes": FILL * self.spacing} | hidden
 
     def scan(self):
         """Return the scan of this case, with its truth."""

@@ -1003,3 +1003,24 @@ ANGLE_AT_LINE = 1.0
 
 RIDGE_HEIGHT = 4e-3
 """Millimeters: heights of 0.04 looked up at 0.012, between samples at 0.1 of a spline; the wrong sign would be 0.08."""
+STEP_PLACE = 2.0
+"""Spacings by which the ends of a hidden stretch may be off: the margin is measured every half spacing, and lines are
+fitted from 1.5 on."""
+STEP_HEIGHT = 0.1
+"""Of a step's height: the margin bends beside it."""
+BRIDGED_MIDRIB = 0.1
+"""Of a hidden stretch's depth, that the midrib drawn over it may be off; mid-way between what is seen it is 0.5. Of a
+bent leaf, whose halves are even upright and not across it, it is 0.06."""
+MIRRORED_COUNT = 0.15
+"""Of the points that were hidden, by which their mirror images may differ in number: two rows of a lattice of twelve."""
+MIRRORED_HALF = 0.1
+"""Spacings between a mirror image and what was hidden, of surfaces whose halves are alike."""
+HIDDEN_AREA = 0.02
+"""Of a leaf's area of which a tenth is hidden."""
+EXTENDED_FEET = 0.15
+"""Between the feet of points beyond a sheet of 24 by 10 and their places in the plane that it was rolled up from."""
+NOISE_OF_FIT = 0.12
+"""Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
+SEAM = 0.5
+"""Spacings between a surface and the mirror image of a half unlike it, beside where the image begins; 0.7 where it is
+not shifted onto what is seen."""

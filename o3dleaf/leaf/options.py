@@ -18,7 +18,7 @@ from o3dleaf.core.job import number_or_word, option, words_of
 TILES = ("periodic", "wang")
 FRAMES = ("surface", "paper")
 OF_FRAME = {
-    "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "rim_radius", "thickness"),
+    "surface": ("piece", "one_sheet", "keep_petiole", "fill_holes", "complete_margin", "rim_radius", "thickness"),
     "paper": ("alpha", "offset"),
 }
 """Options that one frame alone looks at."""
@@ -57,6 +57,9 @@ class BladeOptions:
     fill_holes : float, optional
         Width, in the scan's unit, up to which holes of the scan are filled; by default that of the widest gap over
         which pieces of the scan had to be joined, none if it is in one piece.
+    complete_margin : float, optional
+        Length along the midrib, in the scan's unit, from which on a stretch of margin that is hidden or missing is
+        completed by the mirror image of the blade's other half; by default none is.
     rim_radius : float, optional
         Distance from the margin over which the thickness of the micro-structure falls, in the scan's unit.
     thickness : (n, m) array_like or path-like, optional
@@ -99,6 +102,11 @@ class BladeOptions:
     keep_petiole: bool = option(False, "Keep the petiole, or a stub of the stem, as part of the blade.")
     fill_holes: NotNegative | None = option(
         None, "Fill holes up to this width (by default those no larger than the scan's gaps)", unit="scan-unit"
+    )
+    complete_margin: Positive | None = option(
+        None,
+        "Complete hidden stretches of margin from this length on by the other half's mirror image",
+        unit="scan-unit",
     )
     rim_radius: Positive | None = option(
         None, "Let the thickness fall over this distance from the rim", unit="scan-unit"

@@ -219,6 +219,7 @@ DOORS: dict[str, Door] = {
         one_sheet=FLAG,
         keep_petiole=FLAG,
         fill_holes=SIZE.optional,
+        complete_margin=maybe_length,
         rim_radius=maybe_length,
         thickness=FACTORS.later.optional,
         alpha=maybe_length,

@@ -11,12 +11,13 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
-from o3dleaf.leaf.macro.robust import MAD
+from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
+from o3dleaf.leaf.parametric.mirror import Halves, mirror_points
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
-from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
@@ -27,6 +28,14 @@ MAX_RESIDUAL = 10.0
 NEAR = 0.5
 """Spacings within which it does: its foot is off by less than its residual, and a scan without noise has small ones
 of every size."""
+FAR = 3.0
+"""Noise deviations off the surface within which a point beyond the sheet lies on its continuation, or `NEAR`."""
+BEYOND = 6.5
+"""Spacings from the sheet within which it may: the widest gap that a sheet's triangles join."""
+MOST_EXTENSIONS = 3
+"""Times that such points are looked for, each on the surface through those before."""
+HIDDEN_LENGTH, HIDDEN_AREA = 0.1, 0.01
+"""Of the midrib's length and of the blade's area: halves that differ in less are not told."""
 ROUNDING = 1e-6
 """Relative difference of distances to a sheet and to a part of it that is none."""
 
@@ -68,11 +77,17 @@ def build_parametric_blade(
         rows = _rows_of_blade(points, sheet, chart)
         mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
+        fit, leftovers = _with_tips(fit, points, sheet)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):
-        shows = _near(fit) & ~past_tight_bends(fit, sheet.spacing)
-        margin = Margin.fit(fit.feet[shows], fill_holes=options.fill_holes, noise=_noise(fit), unit=unit)
-    notes = (*sheet.notes, *petiole.notes, *chart.notes, *fit.notes, *margin.notes)
+        margin = _margin(fit, sheet.spacing, options.fill_holes, unit)
+        halves = Halves.of(margin.polygon, chart.midline.curve, sheet.spacing)
+        if options.complete_margin is None:
+            mirrored = _tell_hidden(halves, margin.area)
+        else:
+            fit, mirrored = _complete(fit, halves, options.complete_margin)
+            margin = _margin(fit, sheet.spacing, options.fill_holes, unit)
+    notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored)
     for note in notes:
         journal.note(note)
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
@@ -120,12 +135,64 @@ def _squared_distances(points: FloatArray, vertices: FloatArray, triangles: IntA
     return np.asarray(igl.point_mesh_squared_distance(points, vertices, triangles)[0])
 
 
+def _with_tips(fit: SurfaceFit, scan: FloatArray, sheet: OpenSheet) -> tuple[SurfaceFit, tuple[str, ...]]:
+    """Return the fit to points beyond the sheet's rim, too, that lie on its continuation; and what is left out.
+
+    Towards a sharp tip, a point or two wide, points are too far apart for the triangles of a sheet.
+    """
+    leftovers = sheet.leftovers
+    if leftovers is None:
+        return fit, ()
+    for _ in range(MOST_EXTENSIONS):
+        rows = leftovers.beyond(BEYOND)
+        if not len(rows):
+            break
+        feet, heights, converged = fit.surface.feet(scan[rows], fit.mesh.parameters(scan[rows]))
+        near = np.abs(heights) <= max(FAR * fit_noise(fit), NEAR * sheet.spacing)
+        on_it = converged & near & (fit.mesh.distances(feet) > 0)
+        if not on_it.any():
+            break
+        fit, leftovers = extend_fit(fit, scan[rows[on_it]], feet[on_it]), leftovers.without(rows[on_it])
+    return fit, leftovers.tell()
+
+
+def _margin(fit: SurfaceFit, spacing: float, fill_holes: float | None, unit: str | None) -> Margin:
+    """Return the margin of the points that show where the leaf ends."""
+    shows = _near(fit) & ~past_tight_bends(fit, spacing)
+    return Margin.fit(fit.feet[shows], fill_holes=fill_holes, noise=fit_noise(fit), unit=unit)
+
+
+def _complete(fit: SurfaceFit, halves: Halves, length: float) -> tuple[SurfaceFit, tuple[str, ...]]:
+    """Return the fit to the mirror images of what hidden stretches of margin lack, too, and a line on each.
+
+    The isometries are those of the surface that was fitted to what is seen.
+    """
+    whole, stretches = halves.bridged(length)
+    if not stretches:
+        return fit, (f"no stretch of margin of at least {length:.4g} steps in and out again: nothing is completed",)
+    notes, images = [], [mirror_points(fit, whole, stretch) for stretch in stretches]
+    for stretch, (points, places, misfit) in zip(stretches, images, strict=True):
+        fit = extend_fit(fit, points, places)
+        notes.append(f"{stretch}: completed by the mirror image, which leaves {misfit:.2g} where both halves are seen")
+    return fit, tuple(notes)
+
+
+def _tell_hidden(halves: Halves, area: float) -> tuple[str, ...]:
+    """Return a line on each stretch of margin that lacks so much that it may be hidden."""
+    _, stretches = halves.bridged(HIDDEN_LENGTH * float(halves.at[-1]))
+    return tuple(
+        f"{each}, {each.area / area:.1%} of the blade: hidden or eaten; complete_margin would fill it"
+        for each in stretches
+        if each.area >= HIDDEN_AREA * area
+    )
+
+
 def _near(fit: SurfaceFit) -> BoolArray:
     """Return which points are near enough to the surface to say where it ends."""
     spacing = np.sqrt(fit.mesh.area / len(fit.heights))
-    return np.asarray(np.abs(fit.heights) <= max(MAX_RESIDUAL * _noise(fit), NEAR * spacing))
+    return np.asarray(np.abs(fit.heights) <= max(MAX_RESIDUAL * fit_noise(fit), NEAR * spacing))
 
 
-def _noise(fit: SurfaceFit) -> float:
+def fit_noise(fit: SurfaceFit) -> float:
     """Return the deviation of the points from the surface, which is taken for that along it too."""
-    return MAD * float(np.median(np.abs(fit.heights))) if fit.choice is None else fit.choice.noise
+    return local_noise(fit.surface.jet(fit.feet, 0)[0], fit.heights)

@@ -1,14 +1,32 @@
-"""What a fit to a scan hands on: the surface, the sheet laid onto it with its chart, and the feet of the points."""
+"""What a surface is fitted to, and what a fit hands on: the surface, the sheet laid onto it, the feet of the points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, cast
 
+import igl
 import numpy as np
 
+from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
+from o3dleaf.fitting.cover.cover import Cover
+from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
+from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
+from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.leaf.chart.flatten import carry
-from o3dleaf.leaf.parametric.local_smoothing import LocalChoice
+from o3dleaf.leaf.macro.robust import HUBER
+from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
+
+RobustSmoothing: TypeAlias = SmoothingValue | Literal["robust"]
+
+KERNEL = "cubic"
+"""r³: twice differentiable at its data, as the curvature of the blade needs."""
+FIRST_BANDWIDTH = 0.125
+"""Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
+COLLAR = 4.0
+"""How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +60,78 @@ class ChartMesh:
         """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
         return carry(self.vertices, self.triangles, self.chart, points)
 
+    def distances(self, plane: FloatArray) -> FloatArray:
+        """Return the distances (n,) of places (n, 2) of the chart from the sheet laid flat."""
+        flat, places = (np.column_stack([each, np.zeros(len(each))]) for each in (self.chart, plane))
+        return np.asarray(np.sqrt(igl.point_mesh_squared_distance(places, flat, self.triangles)[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceProblem:
+    """What is fitted: sites (n, 3), and the smoothing and weights that were chosen for them."""
+
+    sites: FloatArray
+    area: float
+    width: float
+    unit: str | None
+    smoothing: float = 0.0
+    choice: LocalChoice | None = None
+    weights: FloatArray | None = None
+
+    @property
+    def kernel(self) -> Polyharmonic:
+        return as_kernel(KERNEL, 2)
+
+    @property
+    def spacing(self) -> float:
+        return float(np.sqrt(self.area / len(self.sites)))
+
+    @property
+    def first_smoothing(self) -> float:
+        """The smoothing of a surface that follows the blade's curls, but no pass of the scan."""
+        return self.kernel.smoothing_for(FIRST_BANDWIDTH * self.width, 1 / self.spacing**2)
+
+    def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
+        """Return the surface through the sites at their parameters (n, 2)."""
+        collar = COLLAR * self.spacing
+        return ChartSurface.fit(
+            near,
+            self.sites,
+            smoothing=self.smoothing if smoothing is None else smoothing,
+            weights=self.weights,
+            points_per_ball=POINTS_PER_BALL,
+            bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
+            unit=self.unit,
+        )
+
+    def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "SurfaceProblem":
+        """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
+        plane = np.ascontiguousarray(flat[:, :2])
+        if smoothing is None or smoothing == "robust":
+            cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
+            choice = choose_by_place(cover, flat, self.kernel, self.width / 2)
+            return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
+        heights = PUInterpolant.fit(plane, flat[:, 2], kernel=self.kernel, degree=1, smoothing=smoothing)
+        return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
+
+    def with_sites(self, sites: FloatArray, like: IntArray) -> "SurfaceProblem":
+        """Return the problem with further sites (k, 3), each of the weight of one that there is, by its row (k,).
+
+        The spacing stays, and weights are no longer found anew.
+        """
+        weights = None if self.weights is None else np.concatenate([self.weights, self.weights[like]])
+        area = self.area * (1 + len(sites) / len(self.sites))
+        return replace(self, sites=np.concatenate([self.sites, sites]), area=area, weights=weights, choice=None)
+
+    def reweighted(self, heights: FloatArray) -> "SurfaceProblem":
+        """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
+        if self.choice is None or self.choice.noise == 0:  # without noise no distance is a large one
+            return self
+        corner = HUBER * self.choice.noise
+        return replace(
+            self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFit:
@@ -52,19 +142,25 @@ class SurfaceFit:
     surface : ChartSurface
     mesh : ChartMesh
         The sheet laid onto the surface, its chart as little stretched as it can be.
+    points : (n, 3) ndarray
+        Of the scan.
     feet : (n, 2) ndarray
         (u, v) of the foot of every point of the scan.
     heights : (n,) ndarray
         Signed distances of the points from the surface, along its normal.
-    choice : LocalChoice or None
-        Smoothing, bandwidth, noise and weights of the sites, where they were judged on held-out stretches.
+    problem : SurfaceProblem or None
+        What was fitted, with its smoothing and weights.
+    near : (s, 2) ndarray
+        (u, v) of the problem's sites.
     notes : tuple of str
         What was decided about the fit, one line each.
     """
 
     surface: ChartSurface
     mesh: ChartMesh
+    points: FloatArray
     feet: FloatArray
     heights: FloatArray
-    choice: LocalChoice | None
+    problem: SurfaceProblem | None
+    near: FloatArray
     notes: tuple[str, ...] = ()

@@ -5,39 +5,25 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, cast
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.arguments.kinds import SmoothingValue
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.fitting.cover.cover import Cover
-from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
-from o3dleaf.fitting.local.splines import LocalSplines
-from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
-from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
-from o3dleaf.leaf.macro.robust import HUBER
-from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
-from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
+from o3dleaf.leaf.parametric.fitted import ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.tight_bends import Bend, tightest_bend
 from o3dleaf.surface.cloud.downsample import thin
+from o3dleaf.surface.cloud.surfels import thinned
 
-RobustSmoothing: TypeAlias = SmoothingValue | Literal["robust"]
-
-KERNEL = "cubic"
-"""r³: twice differentiable at its data, as the curvature of the blade needs."""
-FIRST_BANDWIDTH = 0.125
-"""Bandwidth of the first surface, of the blade's mean width: it follows curls, and no pass of the scan."""
 ROUNDS = 3
 """Fits before the last one, each at feet on the one before and in a chart flattened on it."""
 MAX_POINTS = 20_000
 """Points that the surface is fitted to; of more, means in voxels: see `leaf.paper_pipeline`."""
-COLLAR = 4.0
-"""How far the surface reaches past its outermost points, in spacings: the margin is half of one beyond them."""
 FOLDED = 1 / np.pi
 """Radius of a bend in spacings below which the surface turns back on itself from one point to the next: what no scan
 shows. A crease is a bend less tight than that, and stays."""
@@ -67,7 +53,7 @@ def fit_chart_surface(
     first, choosing, fitting = progress.split(1, 20, 6)
     sites = thin(points, MAX_POINTS).points
     near = mesh.parameters(sites)
-    problem = _Problem(sites, mesh.area, mesh.width, unit)
+    problem = SurfaceProblem(sites, mesh.area, mesh.width, unit)
     with first:
         base = problem.fit(near, problem.first_smoothing)
         near, heights, _ = base.feet(sites, near)
@@ -77,72 +63,37 @@ def fit_chart_surface(
         settled, notes = _without_folds(problem, mesh, near)
     mesh = settled.mesh
     feet, heights, _ = settled.surface.feet(points, mesh.parameters(points))
-    return SurfaceFit(settled.surface, mesh, feet, heights, settled.problem.choice, notes)
+    return SurfaceFit(settled.surface, mesh, points, feet, heights, settled.problem, settled.near, notes)
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """What is fitted: sites (n, 3), and the smoothing and weights that were chosen for them."""
+def extend_fit(fit: SurfaceFit, points: FloatArray, near: FloatArray) -> SurfaceFit:
+    """Return the fit to further points beyond the sheet as well; smoothing and chart stay.
 
-    sites: FloatArray
-    area: float
-    width: float
-    unit: str | None
-    smoothing: float = 0.0
-    choice: LocalChoice | None = None
-    weights: FloatArray | None = None
-
-    @property
-    def kernel(self) -> Polyharmonic:
-        return as_kernel(KERNEL, 2)
-
-    @property
-    def spacing(self) -> float:
-        return float(np.sqrt(self.area / len(self.sites)))
-
-    @property
-    def first_smoothing(self) -> float:
-        """The smoothing of a surface that follows the blade's curls, but no pass of the scan."""
-        return self.kernel.smoothing_for(FIRST_BANDWIDTH * self.width, 1 / self.spacing**2)
-
-    def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
-        """Return the surface through the sites at their parameters (n, 2)."""
-        collar = COLLAR * self.spacing
-        return ChartSurface.fit(
-            near,
-            self.sites,
-            smoothing=self.smoothing if smoothing is None else smoothing,
-            weights=self.weights,
-            points_per_ball=POINTS_PER_BALL,
-            bounds=np.array([near.min(axis=0) - collar, near.max(axis=0) + collar]),
-            unit=self.unit,
-        )
-
-    def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "_Problem":
-        """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
-        plane = np.ascontiguousarray(flat[:, :2])
-        if smoothing is None or smoothing == "robust":
-            cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
-            choice = choose_by_place(cover, flat, self.kernel, self.width / 2)
-            return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
-        heights = PUInterpolant.fit(plane, flat[:, 2], kernel=self.kernel, degree=1, smoothing=smoothing)
-        return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
-
-    def reweighted(self, heights: FloatArray) -> "_Problem":
-        """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
-        if self.choice is None or self.choice.noise == 0:  # without noise no distance is a large one
-            return self
-        corner = HUBER * self.choice.noise
-        return replace(
-            self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
-        )
+    Parameters
+    ----------
+    fit : SurfaceFit
+    points : (k, 3) ndarray
+    near : (k, 2) ndarray
+        Their parameters, nearly: the chart goes on as they say, and is not relaxed there.
+    """
+    whole = np.concatenate([fit.points, points])
+    some = thinned(len(points), max(1, round(len(fit.points) / len(fit.problem.sites))))
+    like = query(cKDTree(fit.near), near[some])[1]
+    problem = fit.problem.with_sites(points[some], like)
+    sites = np.concatenate([fit.near, near[some]])
+    surface = problem.fit(sites)
+    feet, heights, _ = surface.feet(whole, np.concatenate([fit.feet, near]))
+    mesh = replace(fit.mesh, vertices=surface.jet(fit.mesh.chart, 0)[0])
+    return replace(
+        fit, surface=surface, mesh=mesh, points=whole, feet=feet, heights=heights, problem=problem, near=sites
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Settled:
     """A surface whose sites are at their feet (n, 2), in a chart flattened on it."""
 
-    problem: _Problem
+    problem: SurfaceProblem
     surface: ChartSurface
     mesh: ChartMesh
     near: FloatArray
@@ -154,7 +105,7 @@ class _Settled:
         return bend if bend is not None and bend.radius < FOLDED * self.problem.spacing else None
 
 
-def _settle(problem: _Problem, mesh: ChartMesh, near: FloatArray) -> _Settled:
+def _settle(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> _Settled:
     """Return the surface found in `ROUNDS`, from a sheet and the sites' parameters (n, 2) in its chart."""
     for round_ in range(1, ROUNDS + 1):
         surface = problem.fit(near)
@@ -166,7 +117,7 @@ def _settle(problem: _Problem, mesh: ChartMesh, near: FloatArray) -> _Settled:
     return _Settled(problem, surface, replace(mesh, vertices=surface.jet(mesh.chart, 0)[0]), near)
 
 
-def _without_folds(problem: _Problem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
+def _without_folds(problem: SurfaceProblem, mesh: ChartMesh, near: FloatArray) -> tuple[_Settled, tuple[str, ...]]:
     """Return the surface with as little more smoothing as leaves no fold between points of the scan, and a note.
 
     Each begins at the first sheet, not at a folded one. A smoothing that was asked for by its number is kept. If

@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -31,7 +30,7 @@ def past_tight_bends(fit: SurfaceFit, spacing: float) -> BoolArray:
     if not len(places):
         return np.zeros(len(fit.feet), bool)
     beside = query(cKDTree(places), fit.feet)[0] <= AROUND * spacing
-    return np.asarray(beside & (_distances(fit.mesh, fit.feet) > PAST * spacing))
+    return np.asarray(beside & (fit.mesh.distances(fit.feet) > PAST * spacing))
 
 
 class Bend(NamedTuple):
@@ -44,7 +43,7 @@ class Bend(NamedTuple):
 def tightest_bend(surface: ChartSurface, mesh: ChartMesh, feet: FloatArray, spacing: float) -> Bend | None:
     """Return the tightest bend of a surface on its sheet around feet (n, 2), if one is too tight."""
     places = tight_bends(surface, feet, spacing)
-    places = places[_distances(mesh, places) <= PAST * spacing] if len(places) else places
+    places = places[mesh.distances(places) <= PAST * spacing] if len(places) else places
     if not len(places):
         return None
     bend = _bend(surface, places)
@@ -66,9 +65,3 @@ def tight_bends(surface: ChartSurface, feet: FloatArray, spacing: float) -> Floa
 def _bend(surface: ChartSurface, places: FloatArray) -> FloatArray:
     """Return the larger curvature (n,) at places (n, 2), one over the radius."""
     return np.asarray(np.abs(surface.curvatures(places)).max(axis=1, initial=0.0))
-
-
-def _distances(mesh: ChartMesh, plane: FloatArray) -> FloatArray:
-    """Return the distances (n,) of places (n, 2) of the chart from the sheet laid flat."""
-    flat, places = (np.column_stack([each, np.zeros(len(each))]) for each in (mesh.chart, plane))
-    return np.asarray(np.sqrt(igl.point_mesh_squared_distance(places, flat, mesh.triangles)[0]))

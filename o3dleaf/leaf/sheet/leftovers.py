@@ -1,6 +1,6 @@
 """What a sheet leaves of its scan: pieces, layers and branchings, by number, size and place."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -83,6 +83,22 @@ class Leftovers:
             places = np.array([np.median(self.scan[rows], axis=0) for rows in (self.held, *large)])
             raise ReconstructionError(f"piece: is {number}, but the scan has {1 + len(large)}: {all_of}", places)
         return large[number - 2]
+
+    def beyond(self, reach: float) -> IntArray:
+        """Return the rows (k,) of groups too small for a piece that lie within so many spacings of the sheet."""
+        near = [
+            rows
+            for rows, far in zip(self.groups, self.distance, strict=True)
+            if len(rows) < FEWEST and far <= reach * self.spacing
+        ]
+        return np.concatenate([np.empty(0, np.int64), *near])
+
+    def without(self, rows: IntArray) -> "Leftovers":
+        """Return what is left out if the sheet holds some rows (k,) after all."""
+        parts = [np.setdiff1d(group, rows) for group in self.groups]
+        kept = sorted((i for i, part in enumerate(parts) if len(part)), key=lambda i: -len(parts[i]))
+        groups, distance, branch = (tuple(each[i] for i in kept) for each in (parts, self.distance, self.branch))
+        return replace(self, groups=groups, distance=distance, branch=branch, held=np.union1d(self.held, rows))
 
     def tell(self) -> tuple[str, ...]:
         """Return a line for each of the largest groups, what it is, how large and where, and one for all others."""

@@ -70,7 +70,9 @@ class OpenSheet:
     scale : float
         Largest width over which points were averaged to make it one sheet, beyond their noise; 0: as scanned.
     notes : tuple of str
-        What was left out, averaged or cut: one line each, with how much and where.
+        What was averaged or cut: one line each, with how much and where.
+    leftovers : Leftovers or None
+        What was left out; None of a sheet that is not the largest of its scan.
     """
 
     vertices: FloatArray
@@ -79,6 +81,7 @@ class OpenSheet:
     spacing: float
     scale: float
     notes: tuple[str, ...]
+    leftovers: Leftovers | None = None
 
 
 def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool = True) -> OpenSheet:
@@ -116,7 +119,7 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
         found = _with_strays(found, scan, used)
         leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing)
         if piece is None or piece == 1:
-            return replace(found, notes=found.notes + leftovers.tell())
+            return replace(found, leftovers=leftovers)
         return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
 
 

@@ -2,13 +2,22 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 import o3dleaf as o3l
+import tolerances as tol
+from o3dleaf.leaf.parametric.build import fit_noise
+from o3dleaf.leaf.parametric.fitted import ChartMesh
+from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 
 INSIDE = 0.98
 """Share of a noiseless scan's points within the margin: all but those of the tip, where it is less than a spacing
 wide. Held against their median alone, residuals let 0.72 of them in."""
+SPACING = np.sqrt(40 * 16 / 2500)
+"""Of points in a plane of 40 by 16."""
+TIP = 4.0
+"""Spacings between a sharp tip and the margin: points thin out towards it. Without what lies beyond the sheet's rim, 14."""
 LEFT = 0.35
 """Of the noise's deviation: what is left of it in the surface, 0.25. Balls that grew with the smoothing left 0.49."""
 
@@ -18,6 +27,26 @@ def test_a_point_nearer_than_half_a_spacing_says_where_the_leaf_ends():
     scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.6, pattern="grid")
     blade = o3l.create_blade(scan.points, unit="mm")
     assert np.mean(blade.outline.contains(blade.flatten(scan.points)[:, :2])) > INSIDE
+
+
+def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
+    leaf = o3l.samples.leaf_shape("winding")
+    scan = o3l.samples.scan_leaf(leaf, seed=1, spacing=0.5, noise=0.2)
+    blade = o3l.create_blade(scan.points, unit="mm")
+    ring = blade.lift(np.column_stack([blade.outline.ring, np.zeros(len(blade.outline.ring))]))
+    assert np.linalg.norm(ring - leaf.lift([[150.0, 0.0]]), axis=1).min() < TIP * scan.spacing
+    assert not any("left out" in note for note in blade.notes)
+
+
+@pytest.mark.parametrize("noise", [0.2, 0.5])
+def test_the_noise_of_a_fit_is_that_of_its_points(noise):
+    rng = np.random.default_rng(0)
+    plane = rng.uniform([0, -8], [40, 8], (2500, 2))
+    points = np.column_stack([plane, 0.002 * plane[:, 0] ** 2]) + rng.normal(0, noise * SPACING, (2500, 3))
+    grid = np.stack(np.meshgrid(np.linspace(0, 40, 41), np.linspace(-8, 8, 17)), axis=-1).reshape(-1, 2)
+    triangles = Delaunay(grid).simplices.astype(np.int64)
+    mesh = ChartMesh(np.column_stack([grid, 0.002 * grid[:, 0] ** 2]), triangles, grid)
+    assert fit_noise(fit_chart_surface(points, mesh)) == pytest.approx(noise * SPACING, rel=tol.NOISE_OF_FIT)
 
 
 @pytest.mark.slow

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 import tolerances as tol
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import as_kernel
-from o3dleaf.leaf.parametric import surface_fit
+from o3dleaf.leaf.parametric import fitted
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.local_smoothing import choose_by_place
-from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.tight_bends import tightest_bend
 
 RADIUS, LENGTH, HALF_WIDTH = 6.0, 24.0, 5.0
@@ -71,6 +71,20 @@ def test_the_parameters_are_the_feet_of_the_points(fit, scan):
     assert np.abs(along).max() < tol.CHART_FOOT * LENGTH
 
 
+def test_a_fit_goes_on_to_points_beyond_its_sheet(fit, scan):
+    beyond = np.random.default_rng(5).uniform([LENGTH, -HALF_WIDTH], [LENGTH + 4, HALF_WIDTH], (300, 2))
+    near = beyond + np.random.default_rng(6).normal(0, 0.02, beyond.shape)
+    whole = extend_fit(fit, roll(beyond), near)
+    assert np.array_equal(whole.mesh.chart, fit.mesh.chart)
+    assert np.array_equal(whole.points, np.concatenate([scan[1], roll(beyond)]))
+    assert np.abs(whole.heights[len(scan[1]) :]).max() < tol.BESIDE_A_FIT * NOISE
+    assert np.abs(fit.surface.feet(roll(beyond), near)[1]).max() > 10 * tol.BESIDE_A_FIT * NOISE
+    assert whole.feet[len(scan[1]) :] == pytest.approx(beyond, abs=tol.EXTENDED_FEET)
+    inner = fit.feet[:, 0] < LENGTH - 3
+    moved = whole.surface.jet(fit.feet[inner], 0)[0] - fit.surface.jet(fit.feet[inner], 0)[0]
+    assert np.abs(moved).max() < NOISE
+
+
 def test_a_stretched_chart_becomes_that_of_the_surface(scan):
     fit = fit_chart_surface(scan[1], strip(bias=0.2))
     metric = fit.surface.metric(fit.mesh.chart)
@@ -113,7 +127,7 @@ def test_no_surface_folds_between_points_however_little_smoothing_was_chosen(mon
     def too_little(*arguments):
         return replace(choose_by_place(*arguments), smoothing=smoothing)
 
-    monkeypatch.setattr(surface_fit, "choose_by_place", too_little)
+    monkeypatch.setattr(fitted, "choose_by_place", too_little)
     fit = fit_chart_surface(points, strip())
     spacing = np.sqrt(strip().area / len(points))
     tight = tightest_bend(fit.surface, fit.mesh, fit.feet, spacing)

@@ -29,7 +29,7 @@ def fitted(radius, edge):
     plane = np.stack(grid, axis=-1).reshape(-1, 2)
     surface = ChartSurface.fit(plane, bent(plane, radius), smoothing=0.0)
     mesh = ChartMesh(bent(chart, radius), triangles, chart)
-    return SurfaceFit(surface, mesh, plane, np.zeros(len(plane)), None)
+    return SurfaceFit(surface, mesh, bent(plane, radius), plane, np.zeros(len(plane)), None, plane)
 
 
 @pytest.mark.parametrize(("radius", "tight"), [(2.0 * SPACING, False), (0.6 * SPACING, True)])

@@ -28,9 +28,9 @@ def test_of_two_layers_closer_than_the_points_the_larger_is_the_sheet_and_the_ot
     assert np.array_equal(sheet.rows, np.arange(len(leaf)))
     assert (np.abs(np.linalg.norm(sheet.vertices[:, [0, 2]], axis=1) - 40.0) < 1e-9).all()
     assert sheet.scale == 0
-    told = [note for note in sheet.notes if f"another layer, {len(other):,} points" in note]
+    told = [note for note in sheet.leftovers.tell() if f"another layer, {len(other):,} points" in note]
     assert f"{height:.3g} off the sheet" in told[0]
-    assert not any("meet" in note for note in sheet.notes)
+    assert not any("meet" in note for note in sheet.leftovers.tell())
 
 
 def test_a_second_layer_over_all_of_it_is_a_pass():

@@ -137,9 +137,10 @@ def test_pieces_are_told_by_number_size_and_place_and_taken_by_number():
     points = np.concatenate([small, large])
     sheet = find_sheet(points)
     assert (sheet.rows >= len(small)).all()
-    assert "2 pieces" in sheet.notes[-2]
-    assert f"{len(small):,} points" in sheet.notes[-1]
-    assert np.linalg.norm(np.array(_place(sheet.notes[-1], "at")) - np.median(small, axis=0)) < 3
+    told = sheet.leftovers.tell()
+    assert "2 pieces" in told[-2]
+    assert f"{len(small):,} points" in told[-1]
+    assert np.linalg.norm(np.array(_place(told[-1], "at")) - np.median(small, axis=0)) < 3
     second = find_sheet(points, piece=2)
     assert second.rows.max() < len(small)
     with pytest.raises(ReconstructionError, match="has 2: "):
@@ -148,13 +149,25 @@ def test_pieces_are_told_by_number_size_and_place_and_taken_by_number():
         find_sheet(points, piece=0)
 
 
+def test_what_a_sheet_holds_after_all_is_not_told_as_left_out():
+    large, few, piece = scan(flat, 6, 60.0, 20.0), scan(flat, 7, 3.0, 3.0)[:20], scan(flat, 7, 20.0, 10.0) + [5, 40, 0]
+    sheet = find_sheet(np.concatenate([large, few + [63, 0, 4 * np.sin(60 / 25)], piece]))
+    rows = len(large) + np.arange(len(few))
+    assert np.array_equal(np.sort(sheet.leftovers.beyond(8.0)), rows)
+    assert len(sheet.leftovers.beyond(2.0)) == 0
+    rest = sheet.leftovers.without(rows)
+    assert [len(group) for group in rest.groups] == [len(piece)]
+    assert np.array_equal(rest.held, np.sort(np.append(sheet.rows, rows)))
+    assert len(rest.tell()) == len(sheet.leftovers.tell()) - 1
+
+
 def test_a_line_where_three_sheets_meet_is_told():
     points = scan(flat, 8, 60.0, 20.0, 0.2)
     t, v = strip(9, 30.0, 12.0)
     wall = np.column_stack([15 + t, 0 * t + 2, 4 * np.sin((15 + t) / 25) + v + 6.3])
     sheet = find_sheet(np.concatenate([points, wall]))
     assert_open_sheet(*_mesh(sheet))
-    meeting = [note for note in sheet.notes if "3 sheets meet" in note]
+    meeting = [note for note in sheet.leftovers.tell() if "3 sheets meet" in note]
     assert meeting
     x, y, _ = _place(meeting[0], "at")
     assert 14 < x < 46

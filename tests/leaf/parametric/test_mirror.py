@@ -1,0 +1,157 @@
+"""A hidden stretch of margin is found by its two steps, and its mirror image is what was hidden."""
+
+import numpy as np
+import pytest
+import shapely
+
+import o3dleaf as o3l
+import tolerances as tol
+from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
+from o3dleaf.leaf.parametric.mirror import Halves, mirror_points
+from o3dleaf.leaf.parametric.surface import ChartSurface
+
+SPACING = 0.5
+LENGTH, HALF = 60.0, 8.0
+FIRST, LAST, DEPTH = 22.0, 40.0, 3.0
+"""Of the hidden stretch, and how far its margin lies inside."""
+
+
+def outline(bend=0.0, bites=()):
+    """Return a leaf that tapers to both ends, its midrib bent to a parabola, without boxes (start, stop, depth)."""
+    u = np.linspace(0, LENGTH, 400)
+    half = HALF * np.sin(np.pi * (0.05 + 0.9 * u / LENGTH))
+    left = half.copy()
+    for start, stop, depth in bites:
+        left[(u >= start) & (u <= stop)] -= depth
+    middle = bend * (u - LENGTH / 2) ** 2
+    ring = np.concatenate([np.stack([u, middle - half], 1), np.stack([u, middle + left], 1)[::-1]])
+    return shapely.Polygon(ring), np.stack([u, middle + (left - half) / 2], axis=1)
+
+
+def halves(**shape):
+    return Halves.of(*outline(**shape), SPACING)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.004])
+def test_a_stretch_between_two_steps_is_found_and_the_midrib_goes_straight_on(bend):
+    before = halves(bend=bend, bites=[(FIRST, LAST, DEPTH)])
+    after, (stretch,) = before.bridged(5.0)
+    assert stretch.side == 1
+    ends = np.interp([stretch.start, stretch.stop], after.at, after.curve[:, 0])
+    assert ends == pytest.approx([FIRST, LAST], abs=tol.STEP_PLACE * SPACING)
+    assert stretch.depth == pytest.approx(DEPTH, rel=tol.STEP_HEIGHT)
+    off = np.abs(after.curve[:, 1] - bend * (after.curve[:, 0] - LENGTH / 2) ** 2)
+    inside = (after.at > FIRST) & (after.at < LAST)
+    assert off[inside].max() < tol.BRIDGED_MIDRIB * DEPTH
+    assert np.abs(before.curve[:, 1])[(before.at > FIRST) & (before.at < LAST)].max() > DEPTH / 4
+
+
+def test_the_other_half_is_the_right_one():
+    polygon, midline = outline(bites=[(FIRST, LAST, DEPTH)])
+    turned = shapely.transform(polygon, lambda xy: xy * [1, -1])
+    _, (stretch,) = Halves.of(turned, midline * [1, -1], SPACING).bridged(5.0)
+    assert stretch.side == -1
+
+
+@pytest.mark.parametrize(
+    ("bites", "length"), [((), 5.0), ([(28.0, 32.0, DEPTH)], 5.0), ([(FIRST, LAST, 0.8 * SPACING)], 5.0)]
+)
+def test_no_step_a_short_notch_and_a_shallow_bay_are_not_hidden_stretches(bites, length):
+    whole = halves(bites=bites)
+    same, stretches = whole.bridged(length)
+    assert stretches == ()
+    assert same is whole
+
+
+def test_several_stretches_do_not_overlap():
+    _, stretches = halves(bites=[(10.0, 24.0, 2.0), (34.0, 50.0, DEPTH)]).bridged(5.0)
+    starts = sorted(each.start for each in stretches)
+    assert starts == pytest.approx([10.0, 34.0], abs=3 * SPACING)
+    assert stretches[0].area > stretches[1].area
+
+
+def test_of_two_steps_in_before_one_out_one_belongs_to_it():
+    _, stretches = halves(bites=[(12.0, 24.0, 1.5), (24.0, 44.0, DEPTH)]).bridged(5.0)
+    assert len(stretches) == 1
+
+
+def curled(plane):
+    """Return points of a strip curled about a line along it: each half is the other's reflection."""
+    u, v = plane.T
+    return np.column_stack([u, 5.0 * np.sin(v / 5.0), 5.0 * np.cos(v / 5.0)])
+
+
+def twisted(plane):
+    """Return points of a helicoid: each half is the other's half turn."""
+    u, v = plane.T
+    angle = u / 25.0
+    return np.column_stack([u, v * np.cos(angle), v * np.sin(angle)])
+
+
+def one_sided(plane):
+    """Return points of a strip that is bent to the right of a line and flat to the left."""
+    u, v = plane.T
+    return np.column_stack([u, v, 0.06 * np.minimum(v, 0) ** 2])
+
+
+def completed(lift):
+    """Return images and places of what is hidden of a strip, the misfit of its halves, and how many points are."""
+    polygon, _ = outline()
+    grid = np.stack(np.meshgrid(np.arange(0.25, LENGTH, SPACING), np.arange(-HALF, HALF, SPACING)), axis=-1)
+    plane = grid.reshape(-1, 2)
+    plane = plane[shapely.contains_xy(polygon, plane)]
+    bitten, midline = outline(bites=[(FIRST, LAST, DEPTH)])
+    seen = shapely.contains_xy(bitten, plane)
+    surface = ChartSurface.fit(plane[seen], lift(plane[seen]), smoothing=0.0, bounds=plane_box(polygon))
+    mesh = ChartMesh(np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty((0, 2)))
+    fit = SurfaceFit(surface, mesh, lift(plane[seen]), plane[seen], np.zeros(seen.sum()), None, plane[seen])
+    whole, (stretch,) = Halves.of(bitten, midline, SPACING).bridged(5.0)
+    points, places, misfit = mirror_points(fit, whole, stretch)
+    assert not shapely.contains_xy(bitten, places).any()
+    return points, places, misfit, np.sum(~seen)
+
+
+@pytest.mark.parametrize("lift", [curled, twisted])
+def test_the_mirror_image_of_a_half_is_the_other_one(lift):
+    points, places, misfit, hidden = completed(lift)
+    assert len(points) == pytest.approx(hidden, rel=tol.MIRRORED_COUNT)
+    assert np.linalg.norm(points - lift(places), axis=1).max() < tol.MIRRORED_HALF * SPACING
+    assert misfit < tol.MIRRORED_HALF * SPACING
+
+
+def test_the_image_of_a_half_unlike_the_other_goes_on_from_what_is_seen():
+    points, places, misfit, _ = completed(one_sided)
+    middle = (places[:, 0] > FIRST + 2) & (places[:, 0] < LAST - 2)
+    beside = middle & (places[:, 1] < HALF - DEPTH)
+    away = np.linalg.norm(points - one_sided(places), axis=1)
+    assert beside.sum() > 10
+    assert away[beside].max() < tol.SEAM * SPACING
+    assert misfit > tol.SEAM * SPACING / 2
+
+
+def plane_box(polygon):
+    return np.reshape(polygon.bounds, (2, 2)) + [[-1, -1], [1, 1]]
+
+
+@pytest.mark.parametrize("kind", ["twisted", "petiole"])
+def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(kind):
+    leaf = o3l.samples.leaf_shape(kind)
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.9, noise=0.2, gaps="margin")
+    seen = o3l.create_blade(scan.points, unit="mm")
+    assert seen.outline.area == pytest.approx(leaf.area * (1 - scan.hidden_share), rel=tol.HIDDEN_AREA)
+    assert any("complete_margin" in note for note in seen.notes)
+    blade = o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(complete_margin=15.0))
+    assert blade.outline.area == pytest.approx(leaf.area, rel=tol.HIDDEN_AREA)
+    assert any("mirror image" in note for note in blade.notes)
+
+
+def test_a_whole_margin_is_not_completed():
+    leaf = o3l.samples.leaf_shape("twisted", length=60)
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.9)
+    whole, asked = (
+        o3l.create_blade(scan.points, unit="mm", options=o3l.BladeOptions(complete_margin=length))
+        for length in (None, 10.0)
+    )
+    assert asked.outline.area == whole.outline.area
+    assert any("nothing is completed" in note for note in asked.notes)
+    assert not any("margin" in note for note in whole.notes)
