@@ -46,7 +46,8 @@ def run(path, side):
         blade = o3l.create_blade(points[~hidden], options=o3l.BladeOptions(complete_margin=asked))
         away = distance_to_mesh(*mesh_arrays(blade.extract_mesh(spacing)), points[hidden])
         near = ", ".join(f"{np.mean(away <= k * spacing):.1%} within {k}" for k in (1, 2))
-        said.append(f"{'completed' if asked else 'as seen'}: {near}, area {blade.outline.area / whole.outline.area:.3f}")
+        area = blade.outline.area / whole.outline.area
+        said.append(f"{'completed' if asked else 'as seen'}: {near}, area {area:.3f}")
     print("; ".join(said), flush=True)
     print("\n".join(f"    {note}" for note in blade.notes if "margin" in note), flush=True)
 

@@ -1012,7 +1012,7 @@ BRIDGED_MIDRIB = 0.1
 """Of a hidden stretch's depth, that the midrib drawn over it may be off; mid-way between what is seen it is 0.5. Of a
 bent leaf, whose halves are even upright and not across it, it is 0.06."""
 MIRRORED_COUNT = 0.15
-"""Of the points that were hidden, by which their mirror images may differ in number: two rows of a lattice of twelve."""
+"""Of the points that were hidden, by which their mirror images may differ in number: a row of a lattice of six."""
 MIRRORED_HALF = 0.1
 """Spacings between a mirror image and what was hidden, of surfaces whose halves are alike."""
 HIDDEN_AREA = 0.02
@@ -1021,6 +1021,6 @@ EXTENDED_FEET = 0.15
 """Between the feet of points beyond a sheet of 24 by 10 and their places in the plane that it was rolled up from."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
-SEAM = 0.5
+MIRRORED_SEAM = 0.5
 """Spacings between a surface and the mirror image of a half unlike it, beside where the image begins; 0.7 where it is
 not shifted onto what is seen."""

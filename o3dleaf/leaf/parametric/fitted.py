@@ -80,10 +80,12 @@ class SurfaceProblem:
 
     @property
     def kernel(self) -> Polyharmonic:
+        """The kernel, in the plane."""
         return as_kernel(KERNEL, 2)
 
     @property
     def spacing(self) -> float:
+        """Square root of the area that a site stands for."""
         return float(np.sqrt(self.area / len(self.sites)))
 
     @property
@@ -148,7 +150,7 @@ class SurfaceFit:
         (u, v) of the foot of every point of the scan.
     heights : (n,) ndarray
         Signed distances of the points from the surface, along its normal.
-    problem : SurfaceProblem or None
+    problem : SurfaceProblem
         What was fitted, with its smoothing and weights.
     near : (s, 2) ndarray
         (u, v) of the problem's sites.
@@ -161,6 +163,6 @@ class SurfaceFit:
     points: FloatArray
     feet: FloatArray
     heights: FloatArray
-    problem: SurfaceProblem | None
+    problem: SurfaceProblem
     near: FloatArray
     notes: tuple[str, ...] = ()

@@ -97,8 +97,13 @@ class Leftovers:
         """Return what is left out if the sheet holds some rows (k,) after all."""
         parts = [np.setdiff1d(group, rows) for group in self.groups]
         kept = sorted((i for i, part in enumerate(parts) if len(part)), key=lambda i: -len(parts[i]))
-        groups, distance, branch = (tuple(each[i] for i in kept) for each in (parts, self.distance, self.branch))
-        return replace(self, groups=groups, distance=distance, branch=branch, held=np.union1d(self.held, rows))
+        return replace(
+            self,
+            groups=tuple(parts[i] for i in kept),
+            distance=tuple(self.distance[i] for i in kept),
+            branch=tuple(self.branch[i] for i in kept),
+            held=np.union1d(self.held, rows),
+        )
 
     def tell(self) -> tuple[str, ...]:
         """Return a line for each of the largest groups, what it is, how large and where, and one for all others."""

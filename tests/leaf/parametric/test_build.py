@@ -17,7 +17,7 @@ wide. Held against their median alone, residuals let 0.72 of them in."""
 SPACING = np.sqrt(40 * 16 / 2500)
 """Of points in a plane of 40 by 16."""
 TIP = 4.0
-"""Spacings between a sharp tip and the margin: points thin out towards it. Without what lies beyond the sheet's rim, 14."""
+"""Spacings between a sharp tip and the margin: points thin out towards it. Without what is beyond the sheet, 17."""
 LEFT = 0.35
 """Of the noise's deviation: what is left of it in the surface, 0.25. Balls that grew with the smoothing left 0.49."""
 

@@ -125,8 +125,8 @@ def test_the_image_of_a_half_unlike_the_other_goes_on_from_what_is_seen():
     beside = middle & (places[:, 1] < HALF - DEPTH)
     away = np.linalg.norm(points - one_sided(places), axis=1)
     assert beside.sum() > 10
-    assert away[beside].max() < tol.SEAM * SPACING
-    assert misfit > tol.SEAM * SPACING / 2
+    assert away[beside].max() < tol.MIRRORED_SEAM * SPACING
+    assert misfit > tol.MIRRORED_SEAM * SPACING / 2
 
 
 def plane_box(polygon):
