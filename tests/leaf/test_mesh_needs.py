@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from o3dleaf.core.resources.budget import memory_limit
+from o3dleaf.core.resources.machine import resident
 from o3dleaf.core.resources.measured import SHEET_TRIANGLE, TILE_COLUMN
 from o3dleaf.core.resources.needs import SAFETY
 from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.instancing.tile import cost_of_tile
 from o3dleaf.leaf.mesh_needs import least_area, need_for_sheet, need_for_tile
 from o3dleaf.samples.leaves.kinds import leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import scan_leaf
@@ -55,3 +58,16 @@ def test_the_time_of_a_tile_grows_with_the_points_of_its_lattice():
     coarse, fine = (need_for_tile(volume, step, "mm") for step in (0.002, 0.001))
     assert fine.bytes == pytest.approx(4 * coarse.bytes, rel=1e-6)
     assert fine.seconds == pytest.approx(8 * coarse.seconds, rel=1e-6)
+
+
+def test_a_tile_whose_arrays_lie_in_files_needs_less_and_no_small_one_needs_more():
+    columns = np.array([1e2, 1e4, 3e5])
+
+    def needs(stated):
+        with memory_limit(resident() + stated):
+            return np.array([cost_of_tile(count, 100).bytes for count in columns])
+
+    little, much = needs(300_000_000), needs(2_000_000_000)
+    assert much == pytest.approx(TILE_COLUMN.bytes * columns)
+    assert little[:2] == pytest.approx(much[:2])
+    assert little[1] < little[2] < much[2] / 2
