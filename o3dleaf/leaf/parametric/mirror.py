@@ -20,6 +20,8 @@ STATIONS = 3000
 BLURRED, WINDOW = 1.5, 8.0
 """Spacings to either side of a step of the margin that are left out, and up to which lines are fitted to it: the
 margin's own waves are three to four spacings long."""
+FEWEST = 4
+"""Sections within the window to either side at least; where they are fewer, or the blade is shorter, no step shows."""
 HIGH, SHARP = 1.5, 4.0
 """Spacings that a step is high at least where something hides a margin, and times the median over the blade: chance
 makes single ones of a spacing, teeth and lobes make many."""
@@ -170,10 +172,10 @@ def _steps(width: FloatArray, spacing: float, station: float) -> tuple[IntArray,
 
     A step is between the lines through what is before and behind, and higher than any other so near.
     """
-    away = np.arange(np.ceil(BLURRED * spacing / station), np.floor(WINDOW * spacing / station) + 1)
-    reach = int(away[-1])
-    if len(width) <= 2 * reach + 1:
+    reach = np.floor(WINDOW * spacing / station)
+    if not FEWEST <= reach < (len(width) - 1) / 2:
         return np.empty(0, np.int64), np.empty(0)
+    away, reach = np.arange(np.ceil(BLURRED * spacing / station), reach + 1), int(reach)
     # The value at 0 of the line through values at `away`, by least squares.
     value = 1 / len(away) - away.mean() * (away - away.mean()) / ((away - away.mean()) ** 2).sum()
     kernel = np.zeros(2 * reach + 1)
