@@ -85,8 +85,9 @@ def build_parametric_blade(
         if options.complete_margin is None:
             mirrored = _tell_hidden(halves, margin.area)
         else:
-            fit, mirrored = _complete(fit, halves, options.complete_margin)
-            margin = _margin(fit, sheet.spacing, options.fill_holes, unit)
+            seen = fit
+            fit, mirrored = _complete(seen, halves, options.complete_margin)
+            margin = margin if fit is seen else _margin(fit, sheet.spacing, options.fill_holes, unit)
     notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored)
     for note in notes:
         journal.note(note)

@@ -28,7 +28,7 @@ makes single ones of a spacing, teeth and lobes make many."""
 ALIKE = 0.25
 """Share of the one step's height that the other has at least."""
 LONGEST = 0.6
-"""Of the midrib's length: more of a margin has no two ends from which its width is known."""
+"""Of the midrib's length that a stretch takes at most: the midrib over it is known from what is before and behind."""
 ROUNDS = 3
 """Times that the midrib is drawn anew: sections across it turn with it."""
 LONGER = 1.1
