@@ -3,8 +3,7 @@
 `margin`            the margin: the closed curve in the chart where the leaf ends
 `margin_curve`      rings smoothed without shrinking, and grown to where the leaf ends
 `margin_tips`       sharp tips restored
-`edge_fit`          the curve of greatest likelihood, as stiff as a random sample allows
-`edge_score`        what single points say of an edge near them
+`edge`              the curve of greatest likelihood of a random sample
 `tip_ends`          where the width of a tip falls to nothing
 `sample_region`     what a planar sample covers
 `missing_area`      what the sample leaves out at the border of that

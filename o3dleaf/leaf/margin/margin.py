@@ -14,7 +14,9 @@ from o3dleaf.core.checks import FloatArray, as_number, as_points, as_sites, requ
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
-from o3dleaf.leaf.margin.edge_fit import EdgeSample, fit_edge
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
+from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
+from o3dleaf.leaf.margin.edge.edge_noise import with_edge_noise
 from o3dleaf.leaf.margin.margin_curve import (
     CREASE_WIDTH,
     STEP,
@@ -129,7 +131,8 @@ class Margin:
             pieces of the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from
             holes.
         noise : float
-            Standard deviation of the points in the plane, which carries some of them over the edge.
+            Largest standard deviation that the points may have in the plane. Some are carried over the edge by it, and
+            by how the edge is blurred it is found (`edge_noise`): that of a scanner may lie along its beam.
         unit : str, optional
 
         Raises
@@ -197,32 +200,38 @@ class Margin:
 
 def _rings(region: SampleRegion, local: Spacing, noise: float) -> list[FloatArray]:
     """Return the curves (k, 2) where the leaf ends: the outer one first, counter-clockwise, then those of holes."""
-    fuse = FUSE * float(np.median(region.spacing))
     triangles = shapely.polygons(region.points[region.triangles])
     try:
         union = shapely.coverage_union_all(triangles)
     except shapely.GEOSException:  # flat triangles of a lattice overlap by a rounding; this takes ten times as long
         union = shapely.union_all(triangles)
+    fuse = FUSE * float(np.median(region.spacing))
     covered = shapely.orient_polygons(largest(union.buffer(fuse, join_style="mitre")))
     rings = [covered.exterior, *covered.interiors]
     cut = np.flatnonzero(region.missing)
     owner = _owners(rings, region.points[cut])
     filled = shapely.multipolygons(shapely.polygons(region.points[region.filled]))
     sample = EdgeSample(local, noise, region.randomness, filled)
-    curves = []
-    for number, ring in enumerate(rings):
+
+    def area_of(number: int) -> shapely.Polygon:
         own = cut[owner == number]
-        places = shapely.get_coordinates(ring)[:-1]
-        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, noise)
+        places = shapely.get_coordinates(rings[number])[:-1]
+        curve, growth = margin_ring(places, region.points[own], region.missing[own], local, sample.noise)
         inside, band = polygon_of(curve), grown(curve, np.maximum(growth - fuse, 0.0))
-        area = largest(inside.difference(band) if number else inside.union(band))
+        return largest(inside.difference(band) if number else inside.union(band))
+
+    outer = area_of(0)
+    if outer.is_empty:
+        raise ReconstructionError("the points cover no area in the chart; give a denser scan")
+    sample = with_edge_noise(*_start(outer, local, hole=False), sample)
+    curves = []
+    for number in range(len(rings)):
+        area = area_of(number) if number or sample.noise != noise else outer
         if area.is_empty:
             continue
         if number and area.area < LEAST_HOLE * np.median(local(shapely.get_coordinates(area.exterior))) ** 2:
             continue  # no hole, once the leaf around it is whole
         curves.append(_finished(area, sample, hole=bool(number)))
-    if not curves:
-        raise ReconstructionError("the points cover no area in the chart; give a denser scan")
     return curves
 
 
@@ -235,18 +244,22 @@ def _owners(rings: list[shapely.LinearRing], points: FloatArray) -> IntArray:
     return owner
 
 
+def _start(area: shapely.Polygon, local: Spacing, *, hole: bool) -> tuple[FloatArray, FloatArray]:
+    """Return the outer ring of an area without creases, in steps of a fraction of the spacing, and its sharp tips."""
+    ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
+    curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
+    return (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
+
+
 def _finished(area: shapely.Polygon, sample: EdgeSample, *, hole: bool) -> FloatArray:
-    """Return the outer ring of an area without creases, in steps of a fraction of the spacing; a simple curve.
+    """Return the outer ring of an area as the margin, a simple curve.
 
     Sharp tips are found first, as the curve is free to turn there; the less the sample is a lattice, the more the
     curve is that of greatest likelihood.
     """
-    ring = shapely.get_coordinates(shapely.orient_polygons(area).exterior)[:-1]
-    local = sample.local
-    curve = _simple(smooth(resample(ring, local)[0], CREASE_WIDTH / STEP))
-    curve, apexes = (curve[::-1], np.empty((0, 2))) if hole else with_tips(curve, local)
+    curve, apexes = _start(area, sample.local, hole=hole)
     if sample.randomness > 0:
-        fitted = resample(with_ends(fit_edge(curve, apexes, sample), sample), local)[0]
+        fitted = resample(with_ends(fit_edge(curve, apexes, sample), sample), sample.local)[0]
         curve = fitted if shapely.Polygon(fitted).is_valid else curve  # narrower than two points: it crosses itself
     return _simple(curve)
 

@@ -5,8 +5,9 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 import planar_leaves as leaves
-from o3dleaf.leaf.margin.edge_fit import EdgeSample, fit_edge
-from o3dleaf.leaf.margin.edge_score import blurred, score
+from o3dleaf.leaf.margin.edge.edge_fit import fit_edge
+from o3dleaf.leaf.margin.edge.edge_frame import EdgeSample
+from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.margin.margin_curve import Spacing
 from tolerances import (

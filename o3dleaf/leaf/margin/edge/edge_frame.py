@@ -1,0 +1,143 @@
+"""A closed curve with the points near it, as its likelihood is asked for: nodes, normals, distances, stiffness."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy import sparse
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.margin.edge.edge_score import blurred
+from o3dleaf.leaf.margin.margin_curve import MOST_NOISE, Spacing, resample
+from o3dleaf.leaf.margin.sample_spacing import BoolArray
+
+NODE_STEP = 0.5
+"""Step of the nodes, in local spacings: a third of the least bandwidth."""
+INSIDE, OUTSIDE = 6.0, 3.0
+"""Blurs from the curve within which points are used: farther in they carry no information, farther out they are
+strays."""
+NARROW = 0.5
+"""Spacings of half the width of a tip, below which its points belong to neither side."""
+BESIDE = 1.0
+"""Spacings from what was filled within which the curve runs over it."""
+SMOOTH_NORMALS = 3.0
+"""Width of the Gaussian, in spacings, by which the directions to move in are smoothed."""
+
+
+@dataclass(frozen=True)
+class EdgeSample:
+    """What an edge is fitted to.
+
+    Attributes
+    ----------
+    local : Spacing
+        The points, with their spacing.
+    noise : float
+        Their deviation in the plane; it counts up to `MOST_NOISE` spacings.
+    randomness : float
+        Share of the way that is gone: a lattice, 0, has rows along its edge, and its points are not independent.
+    filled : shapely.Geometry
+        The gaps of the sample that were filled: where the edge runs over them, it stays.
+    """
+
+    local: Spacing
+    noise: float
+    randomness: float
+    filled: shapely.Geometry
+
+
+class EdgeFrame(NamedTuple):
+    """A curve with the points near it.
+
+    `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip (n,); whether points
+    are used there (`observed`), and whether it runs over a `gap` that was filled; the nearest `node` (m,) of each point
+    and how far `across` (m,) it lies, in spacings; third `differences` (n, n) of what moves, and of the curve itself
+    (`bend`, n); the rows of tips.
+    """
+
+    curve: FloatArray
+    normals: FloatArray
+    spacing: FloatArray
+    noise: FloatArray
+    half_width: FloatArray
+    observed: BoolArray
+    gap: BoolArray
+    node: IntArray
+    across: FloatArray
+    differences: sparse.csr_array
+    bend: FloatArray
+    apexes: list[int]
+
+
+def edge_frame(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeFrame:
+    """Return a curve in steps of `NODE_STEP`, its tips among the nodes, with the points near it."""
+    curve, spacing, _ = resample(curve, sample.local, NODE_STEP)
+    count = len(curve)
+    rows = sorted({int(np.argmin(((curve - apex) ** 2).sum(axis=1))) for apex in apexes})
+    normals, half_width = _normals(curve, rows), _half_widths(curve, spacing, rows)
+    gap = shapely.distance(shapely.points(curve), sample.filled) <= BESIDE * spacing
+    observed = (half_width >= NARROW) & ~gap
+    part = np.minimum(sample.noise / spacing, MOST_NOISE)
+    blur = blurred(part)[0]
+    points = np.asarray(sample.local.tree.data)
+    reach = float((INSIDE * blur * spacing).max())
+    node = cKDTree(curve).query(points, distance_upper_bound=reach)[1]
+    points, node = points[node < count], node[node < count]
+    across = ((points - curve[node]) * normals[node]).sum(axis=1) / spacing[node]
+    near = observed[node] & (across < OUTSIDE * blur[node]) & (across > -INSIDE * blur[node])
+    differences, bend = _third_differences(curve, normals, spacing, rows)
+    return EdgeFrame(
+        curve, normals, spacing, part, half_width, observed, gap, node[near], across[near], differences, bend, rows
+    )
+
+
+def _normals(curve: FloatArray, apexes: list[int]) -> FloatArray:
+    """Return the unit normals (n, 2) to the right, smoothed along the curve between its tips."""
+    sides = np.roll(curve, -1, axis=0) - curve
+    sides /= np.maximum(np.hypot(*sides.T), 1e-300)[:, None]
+    width, count = SMOOTH_NORMALS / NODE_STEP, len(curve)
+    smoothed = np.empty_like(sides)
+    for i, start in enumerate(apexes):
+        length = (apexes[(i + 1) % len(apexes)] - start) % count or count
+        rows = (start + np.arange(length)) % count
+        smoothed[rows] = gaussian_filter1d(sides[rows], min(width, length / 3), axis=0, mode="nearest")
+    if not apexes:
+        smoothed = gaussian_filter1d(sides, width, axis=0, mode="wrap")
+    tangents = smoothed + np.roll(smoothed, 1, axis=0)
+    normals = np.stack([tangents[:, 1], -tangents[:, 0]], axis=1)
+    return np.asarray(normals / np.maximum(np.hypot(*normals.T), 1e-300)[:, None])
+
+
+def _half_widths(curve: FloatArray, spacing: FloatArray, apexes: list[int]) -> FloatArray:
+    """Return half the distance (n,) to the other flank of a tip, in spacings; more than enough where there is none."""
+    count = len(curve)
+    half = np.full(count, 2 * INSIDE)
+    steps = np.arange(count // 4)
+    for apex in apexes:
+        one, other = (apex - steps) % count, (apex + steps) % count
+        width = np.hypot(*(curve[one] - curve[other]).T) / 2 / spacing[other]
+        for rows in (one, other):
+            half[rows] = np.minimum(half[rows], width)
+    return half
+
+
+def _third_differences(
+    curve: FloatArray, normals: FloatArray, spacing: FloatArray, apexes: list[int]
+) -> tuple[sparse.csr_array, FloatArray]:
+    """Return the third difference along the normal of what moves (n, n), and of the curve itself (n,); none at tips."""
+    count = len(curve)
+    rows = np.arange(count)
+    free = np.zeros(count, dtype=bool)
+    free[(np.array(apexes, dtype=int)[:, None] + [-2, -1, 0, 1]) % count] = True
+    terms, bend = [], np.zeros(count)
+    for factor, shift in zip((-1.0, 3.0, -3.0, 1.0), (-1, 0, 1, 2), strict=True):
+        other = (rows + shift) % count
+        terms.append((np.where(free, 0.0, factor * (normals * normals[other]).sum(axis=1)), other))
+        bend += factor * (normals * curve[other]).sum(axis=1) / spacing
+    values, columns = (np.concatenate(each) for each in zip(*terms, strict=True))
+    differences = sparse.csr_array((values, (np.tile(rows, 4), columns)), shape=(count, count))
+    return differences, np.where(free, 0.0, bend)

@@ -1,0 +1,77 @@
+"""How far noise carries points across the edge of a leaf: what blurs the edge says so, not what roughens the surface.
+
+A scanner's error may lie along its beam, and so along the leaf's normal: then the points are no less exactly where the
+leaf ends. Taken to be as large along the surface, noise of half a spacing draws the margin in by a third of one.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
+from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
+from o3dleaf.leaf.margin.edge.edge_score import blurred
+from o3dleaf.leaf.margin.sample_spacing import BoolArray
+
+SHARES = np.linspace(0.0, 1.0, 7)
+"""Shares of the noise across the surface that are tried along it: a margin of 160 spacings tells half a spacing of
+noise to a fifth of it."""
+SHARPEST = 0.1
+"""Spacings of blur that the likelihood is asked for at least: a sharper edge comes out at the same place, to a
+fiftieth."""
+
+
+def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> float:
+    r"""Return the deviation of a sample's points in the plane, from how an edge near the curve is blurred.
+
+    It is the σ ≤ `sample.noise` of the greatest profile likelihood
+
+    .. math:: \max_d \sum_i \log Φ((d - x_i)/σ) - \int d
+
+    of the distances x of the points from a curve that is moved by d, as in `fit_edge`; left of a node is all of the
+    leaf, but at tips, which are left out.
+
+    Parameters
+    ----------
+    curve : (k, 2) ndarray
+        Near the margin, with the leaf on its left.
+    apexes : (a, 2) ndarray
+        Its sharp tips, points of the curve.
+    sample : EdgeSample
+        With the largest deviation that the noise may have.
+    """
+    frame = edge_frame(curve, apexes, sample)
+    blur, _, information = blurred(frame.noise)
+    moved, bandwidth = widened(frame, blur, information)
+    deep = frame.observed & (frame.half_width > INSIDE * blur)
+    likelihood = np.empty(len(SHARES))
+    for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
+        tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
+        moved = most_likely(frame, tried, information * blur / tried * bandwidth**6, moved)
+        likelihood[row] = _log_likelihood(frame, moved, tried, deep)
+    return _peak(likelihood) * sample.noise
+
+
+def with_edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> EdgeSample:
+    """Return the sample with the noise that its edge shows; one without noise, or a lattice, as it is."""
+    if sample.noise == 0 or sample.randomness == 0:
+        return sample
+    return replace(sample, noise=edge_noise(curve, apexes, sample))
+
+
+def _log_likelihood(frame: EdgeFrame, moved: FloatArray, blur: FloatArray, counted: BoolArray) -> float:
+    """Return the logarithm of the likelihood of the points at some nodes, up to a constant."""
+    rows = counted[frame.node]
+    node, across = frame.node[rows], frame.across[rows]
+    return float(log_ndtr((moved[node] - across) / blur[node]).sum() - NODE_STEP * moved[counted].sum())
+
+
+def _peak(likelihood: FloatArray) -> float:
+    """Return the share of the greatest likelihood, by the parabola through it and its neighbors."""
+    row = int(np.argmax(likelihood))
+    if row in (0, len(SHARES) - 1):
+        return float(SHARES[row])
+    before, peak, after = likelihood[row - 1 : row + 2]
+    return float(SHARES[row] + (SHARES[1] - SHARES[0]) * (before - after) / (2 * (before - 2 * peak + after)))
