@@ -880,8 +880,9 @@ EDGE_DEVIATION = 0.1
 EDGE_RMS = 0.2
 """Spacings by which the margins of six discs stray: found 0.17; with the least bandwidth alone 0.23."""
 
-EDGE_RMS_NOISY = 0.3
-"""The same with noise of half a spacing: found 0.27; with the least bandwidth alone 0.37."""
+EDGE_RMS_NOISY = 0.33
+"""The same with noise of half a spacing, which is to be found, too: found 0.30, 0.27 were it known; with the least
+bandwidth alone 0.37."""
 
 CORNER_HELD = 1.5
 """Spacings from a right-angled corner to the margin, mean of 16: found 1.03; with the widest bandwidth all over 2.0."""
@@ -889,6 +890,14 @@ CORNER_HELD = 1.5
 TIP_LENGTH = 1.1
 """Spacings, mean of eight tips of 20 degrees, found 0.8 short, each 1.4 either way; 1.5 where flanks are not
 continued."""
+
+EDGE_NOISE = 0.12
+"""Spacings by which the noise in the plane of six discs is found wrong in the mean, of 0, 0.25 and 0.5: 0.03, 0.09 and
+0.01; taken for that across the surface it would be 0.5 wrong, and 0.25."""
+
+DRAWN_IN = 0.02
+"""Of the area of a strip ten spacings wide, mean of six: found 0.006; where noise across the surface is taken for as
+large along it, 0.04."""
 
 EDGE_STAYS = 0.3
 """Of a radius of 19 that stays, or goes to 20, in the mean of a third of the circle."""

@@ -131,8 +131,9 @@ class Margin:
             pieces of the sample had to be joined, none if it is in one piece: such a sample cannot tell its gaps from
             holes.
         noise : float
-            Largest standard deviation that the points may have in the plane. Some are carried over the edge by it, and
-            by how the edge is blurred it is found (`edge_noise`): that of a scanner may lie along its beam.
+            Standard deviation of the points that is expected in the plane, where it carries some of them over the edge.
+            For random samples it is found from how the edge is blurred (`edge_noise`), as a scanner's may lie along its
+            beam.
         unit : str, optional
 
         Raises

@@ -18,7 +18,7 @@ COUNT_WIDTH = 4.0
 """The same for the number of points along a ring, which is noisier than their places."""
 CREASE_WIDTH = 0.5
 """The same for creases where growth has met itself."""
-MOST_NOISE = 0.5
+MOST_NOISE = 0.75
 """Spacings of noise that growth is corrected for; more is taken for passes that disagree, which do not blur an edge."""
 
 

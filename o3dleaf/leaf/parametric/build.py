@@ -195,5 +195,5 @@ def _near(fit: SurfaceFit) -> BoolArray:
 
 
 def fit_noise(fit: SurfaceFit) -> float:
-    """Return the deviation of the points from the surface, which is taken for that along it too."""
+    """Return the deviation of the points from the surface."""
     return local_noise(fit.surface.jet(fit.feet, 0)[0], fit.heights)

@@ -10,14 +10,14 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
+from o3dleaf.leaf.margin.edge.edge_fit import FIRST, most_likely, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
-SHARES = np.linspace(0.0, 1.0, 7)
-"""Shares of the noise across the surface that are tried along it: a margin of 160 spacings tells half a spacing of
-noise to a fifth of it."""
+SHARES = np.linspace(0.0, 1.5, 10)
+"""Shares of the noise across the surface that are tried along it. A margin of 130 spacings tells half a spacing of
+noise to a fifth of it; were no more than 1 tried, errors would not cancel where it is as large."""
 SHARPEST = 0.1
 """Spacings of blur that the likelihood is asked for at least: a sharper edge comes out at the same place, to a
 fiftieth."""
@@ -26,12 +26,13 @@ fiftieth."""
 def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> float:
     r"""Return the deviation of a sample's points in the plane, from how an edge near the curve is blurred.
 
-    It is the σ ≤ `sample.noise` of the greatest profile likelihood
+    It is the σ of the greatest profile likelihood, at most one and a half times `sample.noise`,
 
     .. math:: \max_d \sum_i \log Φ((d - x_i)/σ) - \int d
 
-    of the distances x of the points from a curve that is moved by d, as in `fit_edge`; left of a node is all of the
-    leaf, but at tips, which are left out.
+    of the distances x of the points from a curve that is moved by d, as in `fit_edge`. Tips, where the other flank is
+    near, do not count, nor corners and teeth, where the curve has to stay as soft as it can be: it cuts them, and what
+    it cuts off would pass for noise.
 
     Parameters
     ----------
@@ -40,12 +41,12 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     apexes : (a, 2) ndarray
         Its sharp tips, points of the curve.
     sample : EdgeSample
-        With the largest deviation that the noise may have.
+        With the deviation that is expected.
     """
     frame = edge_frame(curve, apexes, sample)
     blur, _, information = blurred(frame.noise)
     moved, bandwidth = widened(frame, blur, information)
-    deep = frame.observed & (frame.half_width > INSIDE * blur)
+    deep = frame.observed & (frame.half_width > INSIDE * blur) & (bandwidth > FIRST)
     likelihood = np.empty(len(SHARES))
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
