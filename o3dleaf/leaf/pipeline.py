@@ -209,7 +209,7 @@ def build_multiscale_leaf(
     volume: Volume | Texture,
     midrib: CloudLike | None = None,
     *,
-    unit: str | None,
+    unit: str,
     blade: BladeOptions | None = None,
     texture: TextureOptions | None = None,
     tiles: Callable[[], Iterable[tuple[float, int, bool]]] | None = None,
@@ -230,7 +230,7 @@ def build_multiscale_leaf(
 
     (micro, ahead), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
     leaf = MultiscaleLeaf(micro, blade=macro)
-    leaf.tiles.update(ahead)
+    leaf.tiles = ahead
     return leaf
 
 

@@ -87,9 +87,7 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     return tiles
 
 
-def extract_tiles_ahead(
-    texture: Texture, unit: str | None, wanted: Iterable[tuple[float, int, bool]]
-) -> TilesAhead:
+def extract_tiles_ahead(texture: Texture, unit: str | None, wanted: Iterable[tuple[float, int, bool]]) -> TilesAhead:
     """Polygonize what will be set down over a blade in a unit, as far as it does not depend on the blade.
 
     What is refused is left out: who asks for it later hears why.
@@ -126,9 +124,7 @@ def _tiles_of(texture: Texture, scale: float, spacing: float, method: int, *, to
     return Tiles(whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1)
 
 
-def _tiles_on(
-    values: Callable[[FloatArray], FloatArray], lattice: TileLattice, one: TileLattice, method: int
-) -> Tiles:
+def _tiles_on(values: Callable[[FloatArray], FloatArray], lattice: TileLattice, one: TileLattice, method: int) -> Tiles:
     """Return the tile on a lattice, of a field that repeats after the steps of another one."""
     tile = extract_tile(values, lattice, method, sharpen=one.shape[:2])
     return Tiles(tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1]))

@@ -181,11 +181,11 @@ def _steps(width: FloatArray, spacing: float, station: float) -> tuple[IntArray,
     kernel[reach + away.astype(int)], kernel[reach - away.astype(int)] = value, -value
     jumps = np.pad(np.correlate(width, kernel, mode="valid"), reach)
     least = max(HIGH * spacing, SHARP * float(np.median(np.abs(jumps))))
-    rows = _find_peaks(np.abs(jumps), least, reach)
+    rows = find_peaks(np.abs(jumps), least, reach)
     return rows, jumps[rows]
 
 
-def _find_peaks(height: FloatArray, least: float, apart: int) -> IntArray:
+def find_peaks(height: FloatArray, least: float, apart: int) -> IntArray:
     """Return the rows, rising, of peaks of heights (k,), `least` at least; of those less than `apart` the highest."""
     rows = 1 + np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]) & (height[1:-1] >= least))
     peaks: list[int] = []

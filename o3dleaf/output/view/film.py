@@ -27,7 +27,7 @@ class PixelSamples:
     columns, rows : (n,) ndarrays
         Where they lie, in pixels from the upper left corner.
     number : (n,) ndarray of int64
-        Of the sample among those of its pixel.
+        Of the sample among those of its pixel; all are among the first samples, or none is.
     pixel : (n,) ndarray of int64
         Of its pixel on the film.
     """
