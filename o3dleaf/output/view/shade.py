@@ -70,8 +70,8 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     """Return a picture of a mesh with its coverage.
 
     Of the samples of a pixel only the first few are taken where those of the 3 × 3 pixels around it hit one smooth
-    piece of surface and differ by less than `contrast`, 0 to 1 of the square root of light; there the nine
-    share their rays to the sky. With a contrast of 0 every sample is taken.
+    piece of surface and differ by less than `contrast`, 0 to 1 of the square root of light. Pixels that one surface
+    fills share their rays to the sky with those around. With a contrast of 0 every sample is taken, and none shared.
 
     Returns
     -------
@@ -84,7 +84,8 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     film.take_first(surface.light)
     pixel = shot.camera.width / shot.size[0]
     film.take_others(~film.find_calm(contrast, pixel), surface.light)
-    film.share_sky(pixel)
+    if contrast > 0:
+        film.share_sky(pixel)
     return film.image()
 
 
