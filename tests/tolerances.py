@@ -317,9 +317,12 @@ ENGINES_COLOR = 6 / 255
 """Mean difference of what is covered and stands in nobody's shadow: sky that neighbours hide, colours along a triangle
 by light rather than by sRGB; found 1/255 on llvmpipe."""
 
-SKY_NET = 0.01
-"""324 rays of an even net, a hundredth of their reach beside the edge of a groove: found up to 0.0085 at 160 degrees;
+SKY_NET = 0.02
+"""189 rays of an even net, a hundredth of their reach beside the edge of a groove: found up to 0.0154 at 120 degrees;
 without the cosine a groove of 60 degrees is 0.08 off."""
+
+SINGLE_SHARE = 1e-6
+"""Shares up to 1 in single precision, of at most nine sums: found 2e-7; 0.3 where a pixel on another plane counts."""
 
 FEW_SAMPLES_RMS = 2e-4
 """Of the square root of light: found 8e-5; 7e-4 where pixels that differ by 0.3 are still called calm."""

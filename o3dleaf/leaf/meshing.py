@@ -1,8 +1,6 @@
 """The mesh of a leaf: one tile polygonized, set down all over the blade, in memory or in a file."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from os import PathLike
 
@@ -30,9 +28,9 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
-from o3dleaf.leaf.tile_lattice import extract_tiles, tile_lattice
+from o3dleaf.leaf.tile_lattice import PeriodOf, extract_tiles, tile_lattice
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
 from o3dleaf.surface.repair.simplify import simplify_mesh
 
@@ -249,30 +247,6 @@ def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | N
     if remesh_tile is not None:
         return remeshed
     return None if simplify is None else simplified
-
-
-@dataclass(frozen=True)
-class PeriodOf:
-    """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
-
-    Attributes
-    ----------
-    texture : TiledField, PatchBlend, WangField, or a function that returns one
-    scale : float
-    """
-
-    texture: Texture | Callable[[], Texture]
-    scale: float
-
-    @property
-    def periodic(self) -> Texture | WangTorus:
-        """What repeats."""
-        texture = self.texture if isinstance(self.texture, Texture) else self.texture()
-        return texture.torus if isinstance(texture, WangField) else texture
-
-    def __call__(self, flat: FloatArray) -> FloatArray:
-        """Return the (n,) values at (n, 3) points."""
-        return self.periodic(flat * self.scale)
 
 
 def extract_flat_tile(texture: Texture, scale: float, spacing: float, unit: str | None = None) -> LabelledMesh:

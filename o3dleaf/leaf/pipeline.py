@@ -1,7 +1,7 @@
 """The whole job, step by step, in the paper's words."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
@@ -25,6 +25,7 @@ from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.hairs import find_cut_hairs
 from o3dleaf.leaf.ct.volume import Volume
+from o3dleaf.leaf.instancing.tile_set import TilesAhead
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.paper_pipeline import build_height_map_blade
@@ -33,6 +34,8 @@ from o3dleaf.leaf.parametric.thickness import as_factors
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.textured_blade import Texture
+from o3dleaf.leaf.tile_lattice import extract_tiles_ahead
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.preprocess import remove_faults
 
@@ -198,10 +201,37 @@ def create_multiscale_leaf(
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.
     """
-    # A volume is refused before the long step. Both fits side by side: laying a sheet flat is serial.
+    return build_multiscale_leaf(scan, volume, midrib, unit=unit, blade=blade, texture=texture)
+
+
+def build_multiscale_leaf(
+    scan: CloudLike,
+    volume: Volume | Texture,
+    midrib: CloudLike | None = None,
+    *,
+    unit: str,
+    blade: BladeOptions | None = None,
+    texture: TextureOptions | None = None,
+    tiles: Callable[[], Iterable[tuple[float, int, bool]]] | None = None,
+) -> MultiscaleLeaf:
+    """Return what `create_multiscale_leaf` does, with `tiles` that will be wanted of it polygonized already.
+
+    These, see `TilesAhead`, are asked for when there is a texture.
+    """
+    # A volume is refused before the long step. Both sides at once: laying a sheet flat is serial.
     fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
-    micro, macro = run_together(fit, lambda: create_blade(scan, midrib, unit=unit, options=blade))
-    return MultiscaleLeaf(micro, blade=macro)
+
+    def build_micro() -> tuple[Texture, TilesAhead]:
+        field = fit()
+        if tiles is None:
+            return field, {}
+        with stage("polygonize tiles ahead"):
+            return field, extract_tiles_ahead(field, unit, tiles())
+
+    (micro, ahead), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
+    leaf = MultiscaleLeaf(micro, blade=macro)
+    leaf.tiles = ahead
+    return leaf
 
 
 def _require_size(length: float, unit: str | None, limits: tuple[float, float], name: str, what: str) -> None:

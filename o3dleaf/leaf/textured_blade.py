@@ -10,6 +10,7 @@ from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.instancing.tile_set import TilesAhead
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
@@ -35,6 +36,8 @@ class TexturedBlade:
     blade : Blade
     scale : float
         Factor from the blade's unit to the texture's.
+    tiles : dict
+        Tiles that were polygonized before there was a blade, each to be taken once.
     """
 
     def __init__(self, texture: Texture, blade: Blade) -> None:
@@ -47,6 +50,7 @@ class TexturedBlade:
         """
         self.texture, self.blade = texture, blade
         self.scale = unit_scale(blade.unit, texture.unit)
+        self.tiles: TilesAhead = {}
 
     @property
     def unit(self) -> str | None:

@@ -1,16 +1,19 @@
 """The lattices on which the texture of a blade is sampled, which divide its period, and the tiles made on them."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
-from o3dleaf.core.checks import require_positive
-from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
-from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
+from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.errors import O3DLeafError, ReconstructionError
+from o3dleaf.core.units import unit_scale
+from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile, require_columns
+from o3dleaf.leaf.instancing.tile_set import MatchingBorders, Tiles, TilesAhead, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
+from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
@@ -31,37 +34,100 @@ def leaf_lattice(leaf: TexturedBlade, spacing: float, *, together: bool = False)
     the blade, the row repeats across only, and memory grows with its length.
     """
     lattice = tile_lattice(leaf.texture, leaf.scale, spacing)
-    (nx, ny, nz), (x, y, z) = lattice.shape, lattice.origin
-    along, across = (-(-MIN_CELLS // count) if together else 1 for count in (nx, ny))
     if leaf.is_one_tile:
-        return TileLattice(lattice.origin, lattice.spacing, (nx * along, ny * across, nz))
-    rows = leaf.tile_rows
+        return _repeated(lattice, together=together)
+    (nx, ny, nz), (x, y, z), rows = lattice.shape, lattice.origin, leaf.tile_rows
     origin = x + rows[0] * float(lattice.period[0]), y, z
-    return TileLattice(origin, lattice.spacing, (nx * len(rows), ny * across, nz))
+    return TileLattice(origin, lattice.spacing, (nx * len(rows), ny * _copies(ny, together=together), nz))
 
 
-def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together: bool) -> tuple[Tile, TileSet, int]:
-    """Polygonize what is set down over a blade: return all of it, as tiles, and how many copies of a period that is.
+def _repeated(lattice: TileLattice, *, together: bool) -> TileLattice:
+    """Return the lattice of one period, or of some together."""
+    nx, ny, nz = lattice.shape
+    along, across = (_copies(count, together=together) for count in (nx, ny))
+    return replace(lattice, shape=(nx * along, ny * across, nz))
+
+
+def _copies(steps: int, *, together: bool) -> int:
+    return -(-MIN_CELLS // steps) if together else 1
+
+
+@dataclass(frozen=True)
+class PeriodOf:
+    """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
+
+    Attributes
+    ----------
+    texture : TiledField, PatchBlend, WangField, or a function that returns one
+    scale : float
+    """
+
+    texture: Texture | Callable[[], Texture]
+    scale: float
+
+    @property
+    def periodic(self) -> Texture | WangTorus:
+        """What repeats."""
+        texture = self.texture if isinstance(self.texture, Texture) else self.texture()
+        return texture.torus if isinstance(texture, WangField) else texture
+
+    def __call__(self, flat: FloatArray) -> FloatArray:
+        """Return the (n,) values at (n, 3) points."""
+        return self.periodic(flat * self.scale)
+
+
+def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together: bool) -> Tiles:
+    """Polygonize what is set down over a blade, or take what was made ahead of it."""
+    tiles = leaf.tiles.pop((spacing, method, together), None)
+    tiles = tiles or _tiles_of(leaf.texture, leaf.scale, spacing, method, together=together)
+    if tiles is None:
+        lattice = leaf_lattice(leaf, spacing, together=together)
+        one = tile_lattice(leaf.texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
+        tiles = _tiles_on(leaf.values, lattice, one, method)
+    return tiles
+
+
+def extract_tiles_ahead(texture: Texture, unit: str | None, wanted: Iterable[tuple[float, int, bool]]) -> TilesAhead:
+    """Polygonize what will be set down over a blade in a unit, as far as it does not depend on the blade.
+
+    What is refused is left out: who asks for it later hears why.
+    """
+    made: TilesAhead = {}
+    for spacing, method, together in wanted:
+        with suppress(O3DLeafError):
+            tiles = _tiles_of(texture, unit_scale(unit, texture.unit), spacing, method, together=together)
+            if tiles is not None:
+                made[spacing, method, together] = tiles
+    return made
+
+
+def _tiles_of(texture: Texture, scale: float, spacing: float, method: int, *, together: bool) -> Tiles | None:
+    """Return the tiles of a texture that is the same over every blade, else None.
 
     Wang tiles are polygonized on a torus on which each of them lies once, so that what hangs together hangs together
     over their borders, and then parted.
     """
-    texture = leaf.texture
+    if isinstance(texture, TiledField):
+        one = tile_lattice(texture, scale, spacing)
+        return _tiles_on(PeriodOf(texture, scale), _repeated(one, together=together), one, method)
     if not isinstance(texture, WangField):
-        lattice = leaf_lattice(leaf, spacing, together=together)
-        one = tile_lattice(texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
-        tile = extract_tile(leaf.values, lattice, method, sharpen=one.shape[:2])
-        return tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-    one = tile_lattice(texture, leaf.scale, spacing)
+        return None
+    one = tile_lattice(texture, scale, spacing)
     (nx, ny, nz), (p, q) = one.shape, TORUS.shape
     require_columns(float(nx * ny * KINDS), spacing)
     lattice = replace(one, shape=(nx * p, ny * q, nz))
-    borders, scale, torus = MatchingBorders((nx, ny), nz, TORUS), leaf.scale, texture.torus
-    whole = extract_tile(lambda flat: torus(flat * scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
+    borders = MatchingBorders((nx, ny), nz, TORUS)
+    whole = extract_tile(PeriodOf(texture, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
     parts = split_torus(whole, (nx, ny))
     on_torus = _kind_by(torus_color)
     kinds = {on_torus(place): part for place, part in parts.items()}
-    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1
+    return Tiles(whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1)
+
+
+def _tiles_on(values: Callable[[FloatArray], FloatArray], lattice: TileLattice, one: TileLattice, method: int) -> Tiles:
+    """Return the tile on a lattice, of a field that repeats after the steps of another one."""
+    tile = extract_tile(values, lattice, method, sharpen=one.shape[:2])
+    return Tiles(tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1]))
 
 
 def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:

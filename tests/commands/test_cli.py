@@ -14,6 +14,7 @@ import pytest
 from matplotlib.image import imread
 
 from o3dleaf.io.triangle_mesh import read_triangle_mesh
+from o3dleaf.leaf import pipeline
 from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
@@ -189,14 +190,25 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files,
 
 
 @pytest.mark.parametrize(("frame", "stage"), [("surface", "fit surface"), ("paper", "fit height map")])
-def test_a_leaf_from_files(run, files, tmp_path, frame, stage):
-    output = tmp_path / "leaf.ply"
+def test_a_leaf_from_files(run, files, tmp_path, frame, stage, monkeypatch):
+    output, ahead, made = tmp_path / "leaf.ply", pipeline.extract_tiles_ahead, []
+
+    def note(*arguments):
+        tiles = ahead(*arguments)
+        made.append((list(tiles), tiles))
+        return tiles
+
+    monkeypatch.setattr(pipeline, "extract_tiles_ahead", note)
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
         "--region", 90, -1, 92, 1, "--frame", frame, "-o", output,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "extract mesh" in result.stderr
+    # Of mesh and picture both tiles are polygonized while the blade is fitted, and both are taken.
+    ((wanted, left),) = made
+    assert len(wanted) == 2
+    assert not left
     assert {path.name for path in tmp_path.iterdir()} == {"leaf.ply", "leaf.png", "leaf.json"}
     summary = json.loads((tmp_path / "leaf.json").read_text())
     assert summary["unit"] == "mm"

@@ -23,7 +23,7 @@ from o3dleaf.leaf.meshing import write_flat_tile
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.textured_blade import TexturedBlade
-from o3dleaf.leaf.tile_lattice import LAYERS, leaf_lattice, tile_lattice
+from o3dleaf.leaf.tile_lattice import LAYERS, extract_tiles, extract_tiles_ahead, leaf_lattice, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import CUT_VERTEX, ON_SURFACE
 
@@ -454,3 +454,24 @@ def test_a_window_in_a_tile_that_the_rim_of_a_solid_cuts_is_refused(paper_leaf):
 def test_a_window_that_is_no_finer_than_what_is_around_it_is_refused(leaf):
     with pytest.raises(InputError, match="no finer"):
         leaf.extract_levels(0.1, [([[8, -1], [10, 1]], 0.09)])
+
+
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("method", [0, 1])
+def test_tiles_made_before_the_blade_are_those_that_are_made_after(together, method):
+    """Same bits, each taken once; what is refused is left to whoever asks for it on the blade."""
+    leaf = leaf_of(texture_of(ridged()), bend=15.0, length=LENGTH)[0]
+    wanted = (0.1, method, together)
+    ahead = extract_tiles_ahead(leaf.texture, leaf.unit, [wanted, (1e-9, method, together)])
+    assert list(ahead) == [wanted]
+    later = extract_tiles(leaf, 0.1, method, together=together)
+    leaf.tiles.update(ahead)
+    assert extract_tiles(leaf, 0.1, method, together=together) is ahead[wanted]
+    assert not leaf.tiles
+    assert later.copies == ahead[wanted].copies
+    for name in ("edges", "fractions", "sides", "upward", "nodes", "cells", "beyond", "beyond_fractions"):
+        assert getattr(later.whole, name).tobytes() == getattr(ahead[wanted].whole, name).tobytes()
+
+
+def test_patches_along_the_blade_have_no_tiles_before_it(blend_leaf):
+    assert not extract_tiles_ahead(blend_leaf.texture, blend_leaf.unit, [(0.1, 0, True)])

@@ -196,12 +196,25 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         midrib: "o3d.geometry.PointCloud | None",
     ) -> "tuple[Blade, MultiscaleLeaf | None]":
         """Return the blade, and the leaf where there is a micro-structure."""
-        from o3dleaf.leaf.pipeline import create_blade, create_multiscale_leaf
+        from o3dleaf.leaf.pipeline import build_multiscale_leaf, create_blade
 
         if patch is None:
             return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
-        leaf = create_multiscale_leaf(scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self)
+        # Finished parts of a tile that are to be resumed are kept where the tile is meshed.
+        tiles = None if self.resume else self.tiles_wanted
+        leaf = build_multiscale_leaf(
+            scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self, tiles=tiles
+        )  # fmt: skip
         return leaf.blade, leaf
+
+    def tiles_wanted(self) -> list[tuple[float, int, bool]]:
+        """Return the tiles that mesh and picture will be made of, as far as they are known: see `TilesAhead`."""
+        wanted = super().tiles_wanted()
+        if self.picture and self.around is None:
+            from o3dleaf.output.view.leaf_picture import inset_step
+
+            wanted.append((inset_step(self.scan_unit, self.region), 0, True))
+        return wanted
 
     def import_drawing(self) -> None:
         """Import what `draw` calls."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -35,6 +36,28 @@ class TileSet:
     def lattice(self) -> TileLattice:
         """The lattice of every tile."""
         return self.tiles[0].lattice
+
+
+class Tiles(NamedTuple):
+    """What is set down over a blade.
+
+    Attributes
+    ----------
+    whole : Tile
+    parts : TileSet
+        The same as tiles.
+    copies : int
+        Of a period, in `whole`.
+    """
+
+    whole: Tile
+    parts: TileSet
+    copies: int
+
+
+TilesAhead: TypeAlias = dict[tuple[float, int, bool], Tiles]
+"""Tiles that were polygonized before there was a blade to set them down on: by spacing, method, and whether small ones
+are set down together."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
 import shapely
 from scipy.ndimage import gaussian_filter1d
 
@@ -182,8 +181,18 @@ def _steps(width: FloatArray, spacing: float, station: float) -> tuple[IntArray,
     kernel[reach + away.astype(int)], kernel[reach - away.astype(int)] = value, -value
     jumps = np.pad(np.correlate(width, kernel, mode="valid"), reach)
     least = max(HIGH * spacing, SHARP * float(np.median(np.abs(jumps))))
-    rows = scipy.signal.find_peaks(np.abs(jumps), height=least, distance=reach)[0]
+    rows = find_peaks(np.abs(jumps), least, reach)
     return rows, jumps[rows]
+
+
+def find_peaks(height: FloatArray, least: float, apart: int) -> IntArray:
+    """Return the rows, rising, of peaks of heights (k,), `least` at least; of those less than `apart` the highest."""
+    rows = 1 + np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]) & (height[1:-1] >= least))
+    peaks: list[int] = []
+    for row in rows[np.argsort(height[rows])[::-1]].tolist():
+        if all(abs(row - other) >= apart for other in peaks):
+            peaks.append(row)
+    return np.array(sorted(peaks), dtype=np.int64)
 
 
 def _pairs(heights: FloatArray) -> list[tuple[int, int]]:

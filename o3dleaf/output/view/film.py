@@ -27,7 +27,7 @@ class PixelSamples:
     columns, rows : (n,) ndarrays
         Where they lie, in pixels from the upper left corner.
     number : (n,) ndarray of int64
-        Of the sample among those of its pixel.
+        Of the sample among those of its pixel; all are among the first samples, or none is.
     pixel : (n,) ndarray of int64
         Of its pixel on the film.
     """
@@ -127,15 +127,21 @@ class Film:
         add_samples(row, lit.light, lit.seen, self.fixed, self.sky, self.dimmed, self.hits, self.seen)
         return row
 
-    def settle(self, contrast: float, depth: float) -> BoolArray:
-        """Return which pixels are calm after the first samples, and give those the mean sky of their neighborhood."""
+    def find_calm(self, contrast: float, depth: float) -> BoolArray:
+        """Return the pixels around which nothing changes after the first samples."""
         calm = np.zeros(len(self.pixels), dtype=bool)
         find_calm(
             self.pixels, self.number, self.hits, self.finer, self.low, self.high, self.place, self.normal,
             contrast, depth, calm,
         )  # fmt: skip
-        share_sky(self.pixels, self.number, calm, self.hits, self.seen, self.sky, self.dimmed)
         return calm
+
+    def share_sky(self, depth: float) -> None:
+        """Give pixels that one surface fills the mean sky of their neighborhood."""
+        share_sky(
+            self.pixels, self.number, self.finer, self.hits, self.taken, self.place, self.normal, depth,
+            self.seen, self.sky, self.dimmed,
+        )  # fmt: skip
 
     def image(self) -> FloatArray:
         """Return the (height, width, 4) linear RGB times coverage, and coverage."""

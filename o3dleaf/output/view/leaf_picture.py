@@ -43,7 +43,7 @@ def render_leaf(
     insets = []
     if isinstance(leaf, MultiscaleLeaf):
         window = inset_window(leaf, region)
-        insets = [Inset(leaf.extract_mesh(float(window[1, 0] - window[0, 0]) / STEPS, window))]
+        insets = [Inset(leaf.extract_mesh(inset_step(leaf.unit, region), window))]
     render(mesh, path, insets=insets, unit=leaf.unit, title="\n".join(["", *warnings]))
 
 
@@ -60,11 +60,19 @@ def render_refusal(
 
 def inset_window(leaf: MultiscaleLeaf, region: npt.ArrayLike | None = None) -> FloatArray:
     """Return the (2, 2) window of the inset: 2.4 mm in the middle of what the picture shows of the outline."""
-    side, shown = WINDOW_MM * unit_scale("mm", leaf.unit), leaf.blade.outline.polygon
+    side, shown = _inset_side(leaf.unit, region), leaf.blade.outline.polygon
     if region is not None:
-        box = np.asarray(region, dtype=np.float64)
-        shown &= shapely.box(*box.ravel())
-        side = min(side, SHARE * float(np.ptp(box, axis=0).min()))
+        shown &= shapely.box(*np.asarray(region, dtype=np.float64).ravel())
     middle = shown.representative_point()
     center = np.array([middle.x, middle.y])
     return np.array([center - side / 2, center + side / 2])
+
+
+def inset_step(unit: str | None, region: npt.ArrayLike | None = None) -> float:
+    """Return the step of the inset's mesh, in the leaf's unit, which does not depend on the blade."""
+    return _inset_side(unit, region) / STEPS
+
+
+def _inset_side(unit: str | None, region: npt.ArrayLike | None) -> float:
+    side = WINDOW_MM * unit_scale("mm", unit)
+    return side if region is None else min(side, SHARE * float(np.ptp(np.asarray(region), axis=0).min()))

@@ -16,9 +16,9 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.processes.child_process import Arrays, Outcome, run_in_subprocess
-from o3dleaf.output.view.camera import EYE, Camera, View
+from o3dleaf.output.view.camera import EYE, Camera, View, rays_from
 from o3dleaf.output.view.scene import encode, linear
-from o3dleaf.output.view.shade import Shot, reflect, vertex_normals
+from o3dleaf.output.view.shade import Shot, reflected, vertex_normals
 
 PROBE_SECONDS = 60.0
 """A driver that has not drawn one triangle by then is none; the libraries' import takes two."""
@@ -122,10 +122,10 @@ def _light_triangles(shot: Shot, numbers: IntArray, corners: FloatArray, normals
         way = corners[:, corner] - eye if camera.perspective else sight
         way = way / np.linalg.norm(way, axis=1, keepdims=True)
         bent = (flat if normals is None else normals[shot.triangles[numbers, corner]]) * facing[:, np.newaxis]
-        light = reflect(bent, way, camera)
         weights = np.broadcast_to(np.eye(3)[corner], flat.shape)
-        scattered = light[:, :2].sum(axis=1, keepdims=True)
-        colors[:, corner] = encode(shot.paint(numbers, weights, facing) * scattered + light[:, 2:])
+        rays, lit = rays_from(np.zeros(3), way), np.ones(len(way), dtype=bool)
+        light = reflected(shot.paint(numbers, weights, facing), bent, rays, camera, lit)
+        colors[:, corner] = encode(light[:, :3] + light[:, 3:])
     return colors
 
 

@@ -17,7 +17,7 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.output.view.camera import EYE, Camera, View, rays_from
 from o3dleaf.output.view.camera_loops import mark_covered
 from o3dleaf.output.view.film import Film, Lit, PixelSamples
-from o3dleaf.output.view.shade_loops import aim_at_sky, stand_on, sum_normals
+from o3dleaf.output.view.shade_loops import aim_at_sky, reflect, stand_on, sum_normals
 
 Paint = Callable[[IntArray, FloatArray, FloatArray], FloatArray]
 """``paint(triangle (n,), weights (n, 3) of its corners, facing (n,) 1 or -1)`` is the linear RGB (n, 3) of hits."""
@@ -26,8 +26,8 @@ CONTRAST = 0.05
 """Of a screen's range: where 3 × 3 pixels differ by less, one differs from the next by four steps of 255, and the
 first samples, whose mean is exact for what changes evenly, are off by a tenth of a step."""
 
-SKY_RAYS = 4
-"""Rays to the sky for each sample; the samples of a pixel share it evenly."""
+SKY_RAYS, MORE_SKY_RAYS = 3, 2
+"""Rays to the sky for each of a pixel's first samples, which may be all that are taken, and for each other one."""
 
 SKY_STEPS = np.array([0.7548776662466927, 0.5698402909980532])
 """1/ρ and 1/ρ² of the plastic number, ρ³ = ρ + 1: the steps of the most even additive sequence in the square."""
@@ -70,8 +70,8 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     """Return a picture of a mesh with its coverage.
 
     Of the samples of a pixel only the first few are taken where those of the 3 × 3 pixels around it hit one smooth
-    piece of surface and differ by less than `contrast`, 0 to 1 of the square root of light; there the nine
-    share their rays to the sky. With a contrast of 0 every sample is taken.
+    piece of surface and differ by less than `contrast`, 0 to 1 of the square root of light. Pixels that one surface
+    fills share their rays to the sky with those around. With a contrast of 0 every sample is taken, and none shared.
 
     Returns
     -------
@@ -82,8 +82,10 @@ def shade_mesh(shot: Shot, contrast: float = CONTRAST) -> FloatArray:
     film = Film(_find_covered(shot), shot.view.supersampling)
     surface = Surface.of(shot)
     film.take_first(surface.light)
-    calm = film.settle(contrast, shot.camera.width / shot.size[0])
-    film.take_others(~calm, surface.light)
+    pixel = shot.camera.width / shot.size[0]
+    film.take_others(~film.find_calm(contrast, pixel), surface.light)
+    if contrast > 0:
+        film.share_sky(pixel)
     return film.image()
 
 
@@ -154,10 +156,7 @@ class Surface:
         )
         distance, uv, flat = (answer[name][hit] for name in ("t_hit", "primitive_uvs", "primitive_normals"))
         stand_on(rays, distance, uv, flat, triangle, triangles, self.normals, lift, place, normal, facing, weights)
-        way = rays[:, 3:].astype(np.float64)
-        color = self.shot.paint(triangle, weights, facing)
-        scattered, sky, gloss = reflect(normal, way, camera, self.lit(place)).T[..., np.newaxis]
-        light = np.hstack([color * scattered + gloss, color * sky])
+        light = reflected(self.shot.paint(triangle, weights, facing), normal, rays, camera, self.lit(place))
         seen = self.seen(place, normal, samples, hit)
         return Lit(hit, light, seen, place, normal)
 
@@ -169,11 +168,16 @@ class Surface:
         """Return the (k,) part of the sky over surface points that nothing near hides, weighted by the cosine."""
         camera = self.shot.camera
         row, column = samples.rows[hit].astype(np.int64), samples.columns[hit].astype(np.int64)
-        rays = np.empty((len(hit), SKY_RAYS, 6), dtype=np.float32)
         axes = np.stack([camera.right, camera.up, camera.toward])
-        aim_at_sky(place, normal, axes, SKY_RAYS * samples.number[hit], row, column, SKY_STEPS, rays)
+        finer, number = self.shot.view.supersampling, samples.number[hit]
+        is_first = number < finer
+        count = SKY_RAYS if is_first.all() else MORE_SKY_RAYS
+        # The samples of a pixel go on in one sequence.
+        first = np.where(is_first, SKY_RAYS * number, SKY_RAYS * finer + MORE_SKY_RAYS * (number - finer))
+        rays = np.empty((len(hit), count, 6), dtype=np.float32)
+        aim_at_sky(place, normal, axes, first, row, column, SKY_STEPS, rays)
         blocked = self._blocked(rays.reshape(-1, 6), SKY_REACH * camera.width)
-        return np.asarray(1 - blocked.reshape(-1, SKY_RAYS).mean(axis=1))
+        return np.asarray(1 - blocked.reshape(-1, count).mean(axis=1))
 
     def _blocked(self, rays: npt.NDArray[np.float32], reach: float) -> BoolArray:
         """Return for each ray whether the mesh is in its way within `reach`."""
@@ -185,22 +189,13 @@ def sun_of(camera: Camera) -> FloatArray:
     return np.asarray(np.stack([camera.right, camera.up, camera.toward], axis=1) @ (LIGHT / np.linalg.norm(LIGHT)))
 
 
-def reflect(
-    normal: FloatArray, way: FloatArray, camera: Camera, lit: npt.NDArray[np.bool_] | float = 1.0
+def reflected(
+    color: FloatArray, normal: FloatArray, rays: npt.NDArray[np.float32], camera: Camera, lit: BoolArray
 ) -> FloatArray:
-    """Return (n, 3) light of surfaces with a normal, seen along unit `way`.
-
-    Scattered in the surface's color: what comes from the light and the rim, and from an open sky; and the gloss,
-    added in white. `lit` says whether the light reaches them.
-    """
-    sun = sun_of(camera)
-    direct = np.clip(normal @ sun, 0, None) * lit
-    sky = 0.75 + 0.25 * (normal @ camera.up)
-    half = sun - way
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    gloss = np.clip(np.einsum("ij,ij->i", normal, half), 0, None) ** 20 * lit
-    rim = (1 - np.clip(-np.einsum("ij,ij->i", normal, way), 0, 1)) ** 3
-    return np.column_stack([1.15 * direct + 0.10 * rim, 0.40 * sky, 0.05 * gloss + 0.01 * rim])
+    """Return the (n, 6) light of surfaces that rays from the eye meet; see `reflect` of the compiled loops."""
+    light = np.empty((len(rays), 6))
+    reflect(np.ascontiguousarray(color, dtype=np.float64), normal, rays, sun_of(camera), camera.up, lit, light)
+    return light
 
 
 def vertex_normals(vertices: npt.NDArray[np.float32], triangles: IntArray) -> FloatArray:

@@ -65,6 +65,43 @@ def stand_on(rays, distance, uv, flat, triangle, triangles, normals, lift, place
 
 
 @njit(nogil=True, cache=True)
+def reflect(color, normal, rays, sun, up, lit, light):
+    """Fill the light of surfaces that rays from the eye meet.
+
+    Scattered in the surface's color: what comes from the light and the rim, and from an open sky; and the gloss,
+    added in white.
+
+    Parameters
+    ----------
+    color, normal : (k, 3) ndarrays
+        Linear RGB, and unit normals on the eye's side.
+    rays : (k, 6) ndarray of float32
+        Origins and unit directions.
+    sun, up : (3,) ndarrays
+        Unit vectors to the light and to the middle of the sky.
+    lit : (k,) ndarray of bool
+        Whether the light reaches them.
+    light : (k, 6) ndarray
+        Linear RGB that does not depend on the sky, and that of an open sky.
+    """
+    for s in range(len(rays)):
+        ahead, above, sight, square, half = 0.0, 0.0, 0.0, 0.0, 0.0
+        for axis in range(3):
+            way, across = float(rays[s, 3 + axis]), normal[s, axis]
+            ahead += across * sun[axis]
+            above += across * up[axis]
+            sight -= across * way
+            square += (sun[axis] - way) ** 2
+            half += across * (sun[axis] - way)
+        direct = max(ahead, 0.0) if lit[s] else 0.0
+        gloss = max(half / math.sqrt(square), 0.0) ** 20 if lit[s] and square > 0 else 0.0
+        rim = (1 - min(max(sight, 0.0), 1.0)) ** 3
+        for c in range(3):
+            light[s, c] = color[s, c] * (1.15 * direct + 0.10 * rim) + 0.05 * gloss + 0.01 * rim
+            light[s, 3 + c] = color[s, c] * 0.40 * (0.75 + 0.25 * above)
+
+
+@njit(nogil=True, cache=True)
 def aim_at_sky(places, normals, axes, first, row, column, steps, rays):
     """Fill rays from surface points into the sky above them, density cos θ / π.
 
@@ -189,17 +226,10 @@ def find_calm(pixels, number, hits, samples, low, high, place, normal, contrast,
     for p in range(len(pixels)):
         row, column = pixels[p] // width, pixels[p] % width
         is_calm = 0 < row < height - 1 and 0 < column < width - 1 and hits[p] == samples
-        size = math.sqrt(normal[p, 0] ** 2 + normal[p, 1] ** 2 + normal[p, 2] ** 2)
         for i in range(-1, 2):
             for j in range(-1, 2):
                 q = number[row + i, column + j] if is_calm else -1
-                if q < 0 or hits[q] != samples:
-                    is_calm = False
-                    continue
-                off = 0.0
-                for c in range(3):
-                    off += (place[q, c] - place[p, c]) / samples * normal[p, c]
-                is_calm = abs(off) <= depth * size
+                is_calm = q >= 0 and hits[q] == samples and _is_near(p, q, samples, place, normal, depth)
         for c in range(3):
             if not is_calm:
                 break
@@ -213,16 +243,41 @@ def find_calm(pixels, number, hits, samples, low, high, place, normal, contrast,
 
 
 @njit(nogil=True, cache=True)
-def share_sky(pixels, number, calm, hits, seen, sky, dimmed):
-    """Give calm pixels the sky that their 3 × 3 window sees on average: `dimmed` of the open `sky`."""
-    width = number.shape[1]
+def share_sky(pixels, number, samples, hits, taken, place, normal, depth, seen, sky, dimmed):
+    """Give pixels that one surface fills the sky that it sees in their 3 × 3 window on average.
+
+    Parameters
+    ----------
+    pixels, number, samples, place, normal, depth
+        As in `find_calm`.
+    hits, taken : (n,) ndarrays
+        Samples that hit, and all of them; in a pixel that is filled all hit.
+    seen : (n,) ndarray
+        Sums over the hits of the part of the sky that is open.
+    sky, dimmed : (n, 3) ndarrays
+        Sums of the light of the open sky; `dimmed` is set to the part of it.
+    """
+    height, width = number.shape
     for p in range(len(pixels)):
-        if calm[p]:
-            row, column = pixels[p] // width, pixels[p] % width
-            part = 0.0
-            for i in range(-1, 2):
-                for j in range(-1, 2):
-                    q = number[row + i, column + j]
+        if hits[p] != taken[p]:
+            continue
+        row, column = pixels[p] // width, pixels[p] % width
+        part, count = 0.0, 0
+        for i in range(max(0, row - 1), min(height, row + 2)):
+            for j in range(max(0, column - 1), min(width, column + 2)):
+                q = number[i, j]
+                if q >= 0 and hits[q] == taken[q] and _is_near(p, q, samples, place, normal, depth):
                     part += seen[q] / hits[q]
-            for c in range(3):
-                dimmed[p, c] = sky[p, c] * part / 9
+                    count += 1
+        for c in range(3):
+            dimmed[p, c] = sky[p, c] * part / count
+
+
+@njit(nogil=True, cache=True)
+def _is_near(p, q, samples, place, normal, depth):
+    """Return whether the middle of pixel q lies within `depth` of the tangent plane of pixel p."""
+    off, square = 0.0, 0.0
+    for c in range(3):
+        off += (place[q, c] - place[p, c]) / samples * normal[p, c]
+        square += normal[p, c] ** 2
+    return p == q or abs(off) <= depth * math.sqrt(square)

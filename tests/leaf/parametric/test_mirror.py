@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+import scipy.signal
 import shapely
 
 import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
-from o3dleaf.leaf.parametric.mirror import Halves, mirror_points
+from o3dleaf.leaf.parametric.mirror import Halves, find_peaks, mirror_points
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
 SPACING = 0.5
@@ -155,3 +156,16 @@ def test_a_whole_margin_is_not_completed():
     assert asked.outline.area == whole.outline.area
     assert any("nothing is completed" in note for note in asked.notes)
     assert not any("margin" in note for note in whole.notes)
+
+
+def test_peaks_are_those_of_scipy():
+    """Literal twin, which the package itself does not import: with it come SciPy's statistics."""
+    generator, found = np.random.default_rng(8), 0
+    for many in range(3, 203):
+        jumps = np.abs(generator.normal(size=many))
+        heights = np.abs(np.cumsum(jumps - jumps.mean())) if many % 2 else jumps
+        least, apart = float(np.quantile(heights, 0.6)), int(generator.integers(1, 20))
+        peaks = find_peaks(heights, least, apart)
+        assert np.array_equal(peaks, scipy.signal.find_peaks(heights, height=least, distance=apart)[0])
+        found += len(peaks)
+    assert found > 1000

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from leaf_fields import leaf_of, texture
-from o3dleaf.output.view.leaf_picture import inset_window
+from o3dleaf.output.view.leaf_picture import STEPS, inset_step, inset_window
 
 
 @pytest.fixture(scope="module")
@@ -23,3 +23,4 @@ def test_the_inset_lies_in_the_part_that_is_drawn(leaf, region):
     assert np.ptp(window, axis=0) == pytest.approx(np.ptp(window[:, 0]))
     if region is None or outline.contains(shapely.box(*np.ravel(region))):
         assert shown.buffer(1e-9).contains(shapely.box(*window.ravel()))
+    assert np.ptp(window[:, 0]) / STEPS == pytest.approx(inset_step(leaf.unit, region))

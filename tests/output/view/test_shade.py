@@ -10,8 +10,9 @@ from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.output.view.camera import Camera, View
 from o3dleaf.output.view.camera_loops import mark_covered, sum_moments
 from o3dleaf.output.view.film import Film, PixelSamples
-from o3dleaf.output.view.shade import Shot, Surface, shade_mesh
-from tolerances import FEW_SAMPLES, FEW_SAMPLES_RMS, ROUNDING, SKY_NET
+from o3dleaf.output.view.shade import Shot, Surface, reflected, shade_mesh, sun_of
+from o3dleaf.output.view.shade_loops import share_sky
+from tolerances import FEW_SAMPLES, FEW_SAMPLES_RMS, ROUNDING, SINGLE_SHARE, SKY_NET
 
 SIZE = (240, 120)
 
@@ -34,10 +35,14 @@ def blade():
 
 def sky_over(shot, place, normal):
     """Return the part of the sky that one point of a mesh sees, by the samples of 3 × 3 pixels."""
-    rows, columns, number = (each.ravel() for each in np.meshgrid(range(3), range(3), range(9), indexing="ij"))
-    samples = PixelSamples(columns + 0.5, rows + 0.5, number, np.zeros(81, dtype=np.int64))
-    points, normals = np.tile(place - shot.camera.target, (81, 1)), np.tile(normal, (81, 1))
-    return Surface.of(shot).seen(points, normals, samples, np.arange(81)).mean()
+    seen, surface = [], Surface.of(shot)
+    for numbers in (range(3), range(3, 9)):
+        rows, columns, number = (each.ravel() for each in np.meshgrid(range(3), range(3), numbers, indexing="ij"))
+        count = len(number)
+        samples = PixelSamples(columns + 0.5, rows + 0.5, number, np.zeros(count, dtype=np.int64))
+        points, normals = np.tile(place - shot.camera.target, (count, 1)), np.tile(normal, (count, 1))
+        seen.append(surface.seen(points, normals, samples, np.arange(count)))
+    return np.concatenate(seen).mean()
 
 
 def test_nothing_hides_the_sky_over_a_plane():
@@ -56,6 +61,51 @@ def test_a_groove_hides_the_part_of_the_sky_that_its_angle_says(angle):
     # Near the edge, in reaches of a ray to the sky, the walls are as good as endless.
     open_part = sky_over(shot, np.array([0.01, 0.0, 1e-4]), [0.0, 0.0, 1.0])
     assert abs(open_part - (1 - np.cos(rise)) / 2) < SKY_NET
+
+
+def test_light_is_the_sum_of_what_each_source_sends(blade):
+    """Literal twin in NumPy."""
+    generator, camera = np.random.default_rng(5), shot_of(*blade).camera
+    normal, way = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in generator.normal(size=(2, 500, 3)))
+    color, lit = generator.random((500, 3)), generator.random(500) < 0.5
+    rays = np.concatenate([np.zeros((500, 3)), way], axis=1).astype(np.float32)
+    way, sun = rays[:, 3:].astype(np.float64), sun_of(camera)
+    half = (sun - way) / np.linalg.norm(sun - way, axis=1, keepdims=True)
+    gloss = 0.05 * np.maximum((normal * half).sum(axis=1), 0) ** 20 * lit
+    rim = (1 - np.clip(-(normal * way).sum(axis=1), 0, 1)) ** 3
+    direct = 1.15 * np.maximum(normal @ sun, 0) * lit + 0.10 * rim
+    fixed = color * direct[:, np.newaxis] + (gloss + 0.01 * rim)[:, np.newaxis]
+    sky = color * (0.40 * (0.75 + 0.25 * normal @ camera.up))[:, np.newaxis]
+    assert np.abs(reflected(color, normal, rays, camera, lit) - np.hstack([fixed, sky])).max() < ROUNDING
+
+
+def test_pixels_share_the_sky_with_those_around_on_the_same_surface():
+    """Literal twin in NumPy: filled pixels, next to one another, whose middles lie in one plane but for `depth`."""
+    generator, side, samples, depth = np.random.default_rng(6), 9, 3, 0.4
+    pixels = np.flatnonzero(generator.random(side**2) < 0.9)
+    count = len(pixels)
+    number = np.full(side**2, -1, dtype=np.int32)
+    number[pixels] = np.arange(count)
+    taken = generator.choice([3, 9], count).astype(np.int32)
+    hits = np.where(generator.random(count) < 0.8, taken, taken - 1).astype(np.int32)
+    middle, normal = generator.random((2, count, 3)).astype(np.float32)
+    seen, sky = (generator.random(count) * hits).astype(np.float32), generator.random((count, 3)).astype(np.float32)
+    before = generator.random((count, 3)).astype(np.float32)
+    dimmed = before.copy()
+    share_sky(
+        pixels, number.reshape(side, side), samples, hits, taken, samples * middle, normal, depth, seen, sky, dimmed
+    )  # fmt: skip
+    row, column = np.divmod(pixels, side)
+    near = (abs(row[:, np.newaxis] - row) <= 1) & (abs(column[:, np.newaxis] - column) <= 1) & (hits == taken)
+    off = np.einsum(
+        "pqc,pc->pq", middle - middle[:, np.newaxis], normal / np.linalg.norm(normal, axis=1)[:, np.newaxis]
+    )
+    near &= (np.abs(off) <= depth) | np.eye(count, dtype=bool)
+    filled = np.flatnonzero(hits == taken)
+    twin = before.astype(np.float64)
+    twin[filled] = sky[filled] * (near @ (seen / hits) / np.maximum(near.sum(axis=1), 1))[filled, np.newaxis]
+    assert 0.3 < near[filled].sum() / (9 * len(filled)) < 0.8
+    assert np.abs(dimmed - twin).max() < SINGLE_SHARE
 
 
 def test_few_samples_where_nothing_changes_are_as_good_as_all(blade):
