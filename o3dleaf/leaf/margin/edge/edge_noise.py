@@ -15,7 +15,7 @@ from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, Ed
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
-SHARES = np.linspace(0.0, 1.5, 10)
+SHARES = np.linspace(0.0, 1.5, 7)
 """Shares of the noise across the surface that are tried along it. A margin of 130 spacings tells half a spacing of
 noise to a fifth of it; were no more than 1 tried, errors would not cancel where it is as large."""
 SHARPEST = 0.1
