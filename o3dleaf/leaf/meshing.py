@@ -30,6 +30,7 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
+from o3dleaf.leaf.texture.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import extract_tiles, tile_lattice
@@ -222,16 +223,16 @@ def require_reduction(simplify: float | None, remesh_tile: float | None) -> None
 
 
 def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
-    """Raise `InputError` for what one periodic tile is needed for, where there are Wang tiles."""
+    """Raise `InputError` for what one periodic tile is needed for, where there is none."""
     cures = {
         "closed": "give frame 'surface'",
         "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
         "remesh_tile": "leave it out, or give simplify",
     }
     wanted = [name for name, wished in wishes.items() if wished]
-    if wanted and isinstance(leaf.texture, WangField):
+    if wanted and leaf.laid is not None:
         what = "closed: a solid of frame 'paper'" if wanted[0] == "closed" else f"{wanted[0]}: the surface of a leaf"
-        raise InputError(f"{what} is made of one periodic tile, not of Wang tiles; {cures[wanted[0]]}")
+        raise InputError(f"{what} is made of one periodic tile, not of {leaf.laid}; {cures[wanted[0]]}")
 
 
 def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
@@ -255,9 +256,11 @@ def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | N
 class PeriodOf:
     """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
 
+    All hairs are there, whatever a map says.
+
     Attributes
     ----------
-    texture : TiledField, PatchBlend, WangField, or a function that returns one
+    texture : TiledField, PatchBlend, WangField, ThinnedField, or a function that returns one
     scale : float
     """
 
@@ -268,6 +271,8 @@ class PeriodOf:
     def periodic(self) -> Texture | WangTorus:
         """What repeats."""
         texture = self.texture if isinstance(self.texture, Texture) else self.texture()
+        if isinstance(texture, ThinnedField):
+            texture = texture.texture
         return texture.torus if isinstance(texture, WangField) else texture
 
     def __call__(self, flat: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.core.errors import DataWarning, UnitError
+from o3dleaf.core.errors import DataWarning, InputError, UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
@@ -31,6 +31,7 @@ from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.parametric.thickness import as_factors
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.cloud.outliers import detect_outliers
@@ -198,9 +199,19 @@ def create_multiscale_leaf(
     blade, texture : BladeOptions, TextureOptions, optional
         Where a texture was made before, its options are not looked at.
     """
+    options = blade or BladeOptions()
+    if options.hair_density is not None:
+        as_shares(options.hair_density)
+        if isinstance(volume, PatchBlend):
+            raise InputError("hair_density: thins out one patch or Wang tiles, not a blend; leave it out")
     # A volume is refused before the long step. Both fits side by side: laying a sheet flat is serial.
     fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
     micro, macro = run_together(fit, lambda: create_blade(scan, midrib, unit=unit, options=blade))
+    if options.hair_density is not None and not isinstance(micro, PatchBlend):
+        with stage("find hairs"):
+            area = macro.outline.bounds * unit_scale(macro.unit, micro.unit)
+            micro = ThinnedField(micro, options.hair_density, area, seed=options.hair_seed)
+            journal.note(f"hairs: {micro.hairs.counts[0]:,} of {micro.hairs.counts[1]:,} are kept")
     return MultiscaleLeaf(micro, blade=macro)
 
 

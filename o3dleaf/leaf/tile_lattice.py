@@ -1,16 +1,19 @@
 """The lattices on which the texture of a blade is sampled, which divide its period, and the tiles made on them."""
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 import numpy as np
 
-from o3dleaf.core.checks import require_positive
+from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.leaf.instancing.mixed_tile import MixedSet
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
 from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
+from o3dleaf.leaf.texture.layer import LayerField
+from o3dleaf.leaf.texture.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
@@ -19,6 +22,9 @@ LAYERS = 16
 
 PROBES = 48
 """Places along each axis at which the bottom and the top of a patch are looked at."""
+
+PLACES = 1 << 10
+"""Places whose cells are remembered: a row of them is asked for at a time, and those beside it."""
 
 MIN_CELLS = 64
 """Cells along each axis of what is set down together."""
@@ -44,24 +50,80 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     """Polygonize what is set down over a blade: return all of it, as tiles, and how many copies of a period that is.
 
     Wang tiles are polygonized on a torus on which each of them lies once, so that what hangs together hangs together
-    over their borders, and then parted.
+    over their borders, and then parted. Where hairs are removed by a map, all of them are in the tiles, and none in as
+    many others.
     """
     texture = leaf.texture
-    if not isinstance(texture, WangField):
-        lattice = leaf_lattice(leaf, spacing, together=together)
-        one = tile_lattice(texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
-        tile = extract_tile(leaf.values, lattice, method, sharpen=one.shape[:2])
-        return tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
-    one = tile_lattice(texture, leaf.scale, spacing)
+    if isinstance(texture, ThinnedField):
+        return _thinned_tiles(texture, leaf, spacing, method)
+    if isinstance(texture, WangField):
+        whole, tiles = _wang_tiles(texture.torus, texture, leaf.scale, spacing, method)
+        return whole, tiles, 1
+    lattice = leaf_lattice(leaf, spacing, together=together)
+    one = tile_lattice(texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
+    tile = extract_tile(leaf.values, lattice, method, sharpen=one.shape[:2])
+    return tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1])
+
+
+def _wang_tiles(
+    torus: LayerField, texture: WangField, scale: float, spacing: float, method: int
+) -> tuple[Tile, TileSet]:
+    """Polygonize a torus with the tiles of a texture; return it, and the tiles as the texture lays them."""
+    one = tile_lattice(texture, scale, spacing)
     (nx, ny, nz), (p, q) = one.shape, TORUS.shape
     require_columns(float(nx * ny * KINDS), spacing)
     lattice = replace(one, shape=(nx * p, ny * q, nz))
-    borders, scale, torus = MatchingBorders((nx, ny), nz, TORUS), leaf.scale, texture.torus
-    whole = extract_tile(lambda flat: torus(flat * scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
+    borders = MatchingBorders((nx, ny), nz, TORUS)
+    whole = extract_tile(PeriodIn(torus, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
     parts = split_torus(whole, (nx, ny))
     on_torus = _kind_by(torus_color)
     kinds = {on_torus(place): part for place, part in parts.items()}
-    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1
+    return whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color))
+
+
+def _thinned_tiles(
+    texture: ThinnedField, leaf: TexturedBlade, spacing: float, method: int
+) -> tuple[Tile, TileSet, int]:
+    """Polygonize the tiles with all hairs and with none, or, where cells are larger than hairs are apart, the plane."""
+    base, bare, scale = texture.texture, texture.bare, leaf.scale
+    lattice = tile_lattice(base, scale, spacing)
+    if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
+        return _plane(leaf, lattice, method)
+    if isinstance(base, WangField):
+        whole, full = _wang_tiles(base.torus, base, scale, spacing, method)
+        others = _wang_tiles(bare, base, scale, spacing, method)[1]
+    else:
+        period = lattice.shape[:2]
+        whole, other = (extract_tile(PeriodIn(each, scale), lattice, method, sharpen=period) for each in (base, bare))
+        full, others = TileSet.of(whole), TileSet.of(other)
+    shape = lattice.shape[0], lattice.shape[1]
+    cells = lru_cache(PLACES)(lambda place: texture.hairs.low_cells(place, shape))
+    return whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1
+
+
+def _plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> tuple[Tile, TileSet, int]:
+    """Polygonize all of the plane that the blade covers, as one tile."""
+    first, last = np.floor((leaf.blade.outline.bounds - lattice.origin[:2]) / lattice.period).astype(np.int64)
+    first, count = first - 1, last - first + 3
+    x, y = np.array(lattice.origin[:2]) + first * lattice.period
+    nx, ny, nz = lattice.shape
+    whole = replace(
+        lattice, origin=(float(x), float(y), lattice.origin[2]), shape=(nx * int(count[0]), ny * int(count[1]), nz)
+    )
+    tile = extract_tile(leaf.values, whole, method, sharpen=whole.shape[:2])
+    return tile, TileSet.of(tile), 1
+
+
+@dataclass(frozen=True)
+class PeriodIn:
+    """A field in lengths of `scale` of its unit each."""
+
+    field: Callable[[FloatArray], FloatArray]
+    scale: float
+
+    def __call__(self, flat: FloatArray) -> FloatArray:
+        """Return the (n,) values at (n, 3) points."""
+        return self.field(flat * self.scale)
 
 
 def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:

@@ -12,7 +12,6 @@ from o3dleaf.leaf.distance.distance import SurfaceIndex
 from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_grid
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
-from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 
@@ -40,9 +39,9 @@ class MeasuredLeaf(TexturedBlade):
         return self.solid_index if closed else self.surface_index
 
     def _build_index(self, *, closed: bool) -> SurfaceIndex:
-        if isinstance(self.texture, WangField):
+        if self.laid is not None:
             raise InputError(
-                "texture: Wang tiles have no single tile to measure to; extract a mesh and use Open3D's RaycastingScene"
+                f"texture: {self.laid} have no single tile to measure to; extract a mesh and use Open3D's scenes"
             )
         if not self.is_one_tile:
             raise InputError(

@@ -134,11 +134,9 @@ def _as_boxes(low: Singles, high: Singles) -> Singles:
 
 def _step(leaf: TexturedBlade) -> float:
     """Return half the distance of the texture's data, or more where that would make too many samples."""
-    covers = [patch.cover for patch in leaf.texture.patches]
-    volume = min(4.19 * radius**3 / max(count, 1.0) for radius, count in (cover.typical for cover in covers))
     # A rough surface with pockets has some four times the tile's area on each of its faces.
     area = 8 * float(leaf.texture.period.prod())
-    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MAX_SAMPLES)) / leaf.scale)
+    return float(max(0.5 * leaf.texture.data_distance, np.sqrt(area / MAX_SAMPLES)) / leaf.scale)
 
 
 def _straight_cell(leaf: TexturedBlade, step: float) -> float:

@@ -261,8 +261,8 @@ class Assembly:
         """Return the numbers of a tile's own vertices; whole tiles share what they can."""
         keeps_all = self._keeps_all(place)
         start = self._starts[place][0]
-        if placed.placement.is_whole and keeps_all:
-            kind = self.tiles.kind(place)
+        kind = placed.kind
+        if kind is not None and keeps_all:
             if kind not in self._whole_rank:
                 self._whole_rank[kind] = _rank(placed.vertex_components >= 0)
             return VertexNumbers(self._whole_rank[kind], start)
