@@ -30,7 +30,7 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
-from o3dleaf.leaf.texture.thinned import ThinnedField
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import extract_tiles, tile_lattice

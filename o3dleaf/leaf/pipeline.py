@@ -30,8 +30,8 @@ from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.parametric.thickness import as_factors
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.patches import PatchBlend
-from o3dleaf.leaf.texture.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.cloud.outliers import detect_outliers

@@ -10,8 +10,8 @@ from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.patches import PatchBlend
-from o3dleaf.leaf.texture.thinned import ThinnedField
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.leaf.instancing.mixed_tile import MixedSet
+from o3dleaf.leaf.instancing.sets.mixed_tile import MixedSet
+from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
-from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.layer import LayerField
-from o3dleaf.leaf.texture.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField, WangTorus
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 

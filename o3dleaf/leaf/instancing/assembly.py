@@ -17,8 +17,8 @@ from o3dleaf.leaf.instancing.components import UPPER, PlacedTile, label_sides, s
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import VertexNumbers
 from o3dleaf.leaf.instancing.reduced import ReducedTile
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.leaf.instancing.tile_set import TileSet
 from o3dleaf.leaf.instancing.windows import Place, PlacedRows, TilePlacer, map_in_threads
 from o3dleaf.surface.mesh.topology import label_nodes
 

@@ -10,7 +10,7 @@ from o3dleaf.leaf.instancing.cut.cut_tile import place_cut
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
 from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
-from o3dleaf.leaf.instancing.tile_set import TileSet
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 
 Place = tuple[int, int]
 """Number of a tile along and across."""

@@ -25,9 +25,9 @@ from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap
-from o3dleaf.leaf.texture.hairs import HairZones
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.quilt import Quilt
-from o3dleaf.leaf.texture.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 

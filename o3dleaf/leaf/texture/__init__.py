@@ -12,8 +12,6 @@
 `quilt`       what each node of each Wang tile shows, and its smooth weight
 `quilting`    Wang tiles cut out of patches
 `wang`        Wang tiles laid over the plane without repetition
-`table_map`  a smooth function over the plane, from a table
-`hairs`      where hairs stand in tiles, and the surface beneath them
-`laid_hairs` hairs in their places over the plane, and which of them are removed
-`thinned`    a texture with fewer hairs, as a map wants it
+`table_map`   a smooth function over the plane, from a table
+`hairs`       hairs, thinned out as a map wants it
 """

@@ -23,8 +23,8 @@ from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.leaf.texture.corners import kinds_of
-from o3dleaf.leaf.texture.hairs import HairZones, find_hairs, places_of, torus_of
-from o3dleaf.leaf.texture.laid_hairs import LaidHairs
+from o3dleaf.leaf.texture.hairs.laid_hairs import LaidHairs
+from o3dleaf.leaf.texture.hairs.zones import HairZones, find_hairs, places_of, torus_of
 from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.table_map import TableMap, as_table
 from o3dleaf.leaf.texture.tiling import TiledField
@@ -118,7 +118,7 @@ def _beyond(jets: FloatArray, lid: FloatArray, above: FloatArray, slope: FloatAr
 class ThinnedField(LiddedField):
     """A texture with fewer hairs, laid over a box of the plane; what is left is as it was.
 
-    A hair stands out of the blade and is short along it. Where one is removed, a smooth lid lies on the surface around
+    A hair stands out of the blade and is short along it, up to `longest`. Where one is removed, a smooth lid lies on the surface around
     it, drawn over its foot like a membrane, and a stub of less than the distance of the data is left. Hairs whose feet
     are closer together than four distances of the data are kept or removed together; none is cut in two.
 

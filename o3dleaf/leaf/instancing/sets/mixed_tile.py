@@ -10,8 +10,8 @@ import numpy.typing as npt
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.leaf.instancing.tile_set import TileSet
 
 Cells = Callable[[tuple[int, int]], tuple[BoolArray, BoolArray]]
 """Takes a place to two masks (nx, ny) of the cells of its tile: those that are the other tile's there, and all that may

@@ -8,7 +8,7 @@ import numpy as np
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.texture.corners import hashed
-from o3dleaf.leaf.texture.hairs import HairZones
+from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.quilt import spline_weights
 from o3dleaf.surface.mesh.topology import label_nodes
 
@@ -34,7 +34,7 @@ class LaidHairs:
     repeats : bool
         Whether the plane repeats after these places; else all hairs beyond them are kept.
     counts : (int, int)
-        Hairs that are kept, and all, as far as they are known.
+        Hairs in the box that are kept, and all of them.
     """
 
     zones: HairZones
@@ -97,7 +97,8 @@ class LaidHairs:
             drawn = hashed(hashed(places[member, 0], places[member, 1], seed), member % zones.count, seed) / 2.0**63
             gone = drawn >= share_at(feet)
             removed[:, :, :-1] = gone[group].reshape(*kinds.shape, -1)
-            counts = int(np.sum(~gone & (size > 0))), int(np.sum(size > 0))
+            within = (size > 0) & ((feet >= box[0]) & (feet <= box[1])).all(axis=1)
+            counts = int(np.sum(~gone & within)), int(np.sum(within))
         return cls(zones, corner, tile, first - 1, kinds, removed, counts=counts)
 
     def at(self, p: IntArray, q: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
