@@ -12,13 +12,14 @@ from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.period import Period, period_of
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang import WangField, WangTorus
 
 BATCH_SIZE = 1 << 17
 """Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
-Texture: TypeAlias = TiledField | PatchBlend | WangField | ThinnedField
+Texture: TypeAlias = TiledField | PatchBlend | WangField | WangTorus | ThinnedField
 """A field over the plane that repeats, or that is laid of tiles, in its own unit of length."""
 
 
@@ -84,6 +85,11 @@ class TexturedBlade:
     def is_one_tile(self) -> bool:
         """True where all tiles over the blade are alike, False where several patches are blended along it, or laid."""
         return len({self.texture.tile_key(p) for p in self.tile_rows}) == 1
+
+    @property
+    def period(self) -> Period:
+        """What repeats of the texture, all its hairs there."""
+        return period_of(self.texture.texture if isinstance(self.texture, ThinnedField) else self.texture)
 
     @property
     def laid(self) -> str | None:

@@ -14,7 +14,7 @@ from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, requir
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.layer import LayerField
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16
@@ -136,7 +136,7 @@ def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:
     return lambda place: sum(corner(place[0] + a, place[1] + b) << bit for bit, (a, b) in enumerate(CORNERS))
 
 
-def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> TileLattice:
+def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
 
     The texture lies within the layers but for the first and the last one.
@@ -161,7 +161,7 @@ def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> 
     return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
 
 
-def _require_air(texture: Texture | WangTorus) -> None:
+def _require_air(texture: Texture) -> None:
     """Raise `ReconstructionError` where the blade itself is cut by the bottom or the top of its patch."""
     places = (np.arange(PROBES) + 0.5) / PROBES
     plane = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * texture.period

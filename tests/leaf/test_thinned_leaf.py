@@ -187,7 +187,7 @@ def test_derivatives_under_lids_are_limits_of_difference_quotients(half, order):
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: hairs"),
+        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: distances are to all hairs"),
         (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*hairs"),
         (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*hairs"),
         (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*hairs"),

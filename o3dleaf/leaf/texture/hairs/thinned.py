@@ -1,9 +1,8 @@
 """A texture with fewer hairs: a map over the plane says how many of them are kept, and chance which ones."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
 from os import PathLike
 from typing import Any
 
@@ -14,7 +13,6 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Whole
 from o3dleaf.core.checks import FloatArray, as_bounds
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.fitting.cover.index import BallIndex
@@ -22,10 +20,10 @@ from o3dleaf.fitting.local.fitter import LocalFits
 from o3dleaf.fitting.pu.blend import BATCH_SIZE
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.evaluation_loops import jet_size
-from o3dleaf.leaf.texture.corners import kinds_of
 from o3dleaf.leaf.texture.hairs.laid_hairs import LaidHairs
-from o3dleaf.leaf.texture.hairs.zones import HairZones, find_hairs, places_of, torus_of
+from o3dleaf.leaf.texture.hairs.zones import HairZones, find_hairs
 from o3dleaf.leaf.texture.layer import LayerField
+from o3dleaf.leaf.texture.period import period_of
 from o3dleaf.leaf.texture.table_map import TableMap, as_table
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
@@ -118,9 +116,10 @@ def _beyond(jets: FloatArray, lid: FloatArray, above: FloatArray, slope: FloatAr
 class ThinnedField(LiddedField):
     """A texture with fewer hairs, laid over a box of the plane; what is left is as it was.
 
-    A hair stands out of the blade and is short along it, up to `longest`. Where one is removed, a smooth lid lies on the surface around
-    it, drawn over its foot like a membrane, and a stub of less than the distance of the data is left. Hairs whose feet
-    are closer together than four distances of the data are kept or removed together; none is cut in two.
+    A hair stands out of the blade and is short along it, up to `longest`. Where one is removed, a smooth lid lies on
+    the surface around it, drawn over its foot like a membrane, and a stub of less than the distance of the data is
+    left. Hairs that are closer together than about five distances of the data are kept or removed together; none is
+    cut in two.
 
     Attributes
     ----------
@@ -180,7 +179,8 @@ class ThinnedField(LiddedField):
         area = as_bounds(box, 2, "box")
         if zones is None:
             zones = find_hairs(texture, unit_scale("mm", texture.unit) * LONGEST_MM if longest is None else longest)
-        if len(zones.pieces) != prod(torus_of(texture)[1]):
+        period = period_of(texture)
+        if len(zones.pieces) != period.kinds.size:
             raise InputError(f"zones: are of {len(zones.pieces)} tiles; give those of this texture")
         corner, tile = texture.cell[0, :2], texture.period
         laid = LaidHairs.thinned(
@@ -188,7 +188,7 @@ class ThinnedField(LiddedField):
             corner,
             tile,
             box=area,
-            kind_of=_kinds_of(texture),
+            kind_of=period.kinds_at,
             share_at=TableMap(table, area).values,
             seed=seed,
         )
@@ -208,11 +208,8 @@ class ThinnedField(LiddedField):
     @cached_property
     def bare(self) -> LiddedField:
         """What repeats of the texture, all hairs removed."""
-        torus, tiles = torus_of(self.texture)
-        kinds = np.empty(tiles, dtype=np.int64)
-        for place, kind in places_of(tiles):
-            kinds[place] = kind
-        return LiddedField(torus, LaidHairs.bare(self.zones, self.cell[0, :2], self.period, kinds))
+        period = period_of(self.texture)
+        return LiddedField(period.field, LaidHairs.bare(self.zones, self.cell[0, :2], self.period, period.kinds))
 
     @property
     def finest(self) -> float:
@@ -237,11 +234,3 @@ class ThinnedField(LiddedField):
 def as_shares(table: npt.ArrayLike | str | PathLike[str]) -> FloatArray:
     """Return a table of shares of hairs (n, m), given or read from a CSV file, or raise `InputError`."""
     return as_table(table, "hair_density", SHARES, "the share of hairs to keep")
-
-
-def _kinds_of(texture: TiledField | WangField) -> Callable[[IntArray, IntArray], IntArray]:
-    """Return what takes numbers of places to the tiles there."""
-    if isinstance(texture, WangField):
-        color = texture.local.color
-        return lambda p, q: kinds_of(color, p, q)
-    return lambda p, _: np.zeros(p.shape, dtype=np.int64)

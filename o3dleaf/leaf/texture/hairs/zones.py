@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,9 @@ from scipy.sparse.linalg import spsolve
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.leaf.texture.corners import TORUS, kinds_of, torus_color
+from o3dleaf.leaf.texture.corners import TORUS
 from o3dleaf.leaf.texture.layer import LayerField
+from o3dleaf.leaf.texture.period import period_of
 from o3dleaf.leaf.texture.quilt import REACH
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
@@ -102,7 +102,8 @@ def find_hairs(texture: TiledField | WangField, longest: float) -> HairZones:
     InputError
         If they cover most of it.
     """
-    field, tiles = torus_of(texture)
+    period = period_of(texture)
+    field, tiles = period.field, period.kinds.shape
     size = texture.period
     distance = field.data_distance
     step = max(distance / FINENESS, float(np.sqrt(size.prod() * tiles[0] * tiles[1] / MOST_NODES)))
@@ -128,26 +129,12 @@ def find_hairs(texture: TiledField | WangField, longest: float) -> HairZones:
         beneath = _filled(faces[side], covered) + sign * MARGIN * distance
         _share(beneath, nodes, np.mean)
         lids[side] = np.where(zone, beneath, open_lids[side])
-    order = [place for place, _ in sorted(places_of(tiles), key=itemgetter(1))]
+    order = period.places.tolist()
     around = _widened(zone, REACH)
     pieces = (
         np.stack([label(_cut(around, nodes, place, 1), np.ones((3, 3)))[0] for place in order]).astype(np.int64) - 1
     )
     return HairZones(pieces, np.stack([np.stack([_cut(each, nodes, p, 0) for p in order]) for each in lids]), open_lids)
-
-
-def torus_of(texture: TiledField | WangField) -> tuple[LayerField, tuple[int, int]]:
-    """Return what repeats of a texture, and the tiles along and across in it, each of which lies in it once."""
-    if isinstance(texture, WangField):
-        return texture.torus, (TORUS.shape[0], TORUS.shape[1])
-    return texture, (1, 1)
-
-
-def places_of(tiles: tuple[int, int]) -> list[tuple[tuple[int, int], int]]:
-    """Return the places of a torus and the tiles in them."""
-    if tiles == (1, 1):
-        return [((0, 0), 0)]
-    return [((p, q), int(kinds_of(torus_color, np.array(p), np.array(q)))) for p, q in product(*map(range, tiles))]
 
 
 def _cut(nodes_of_torus: npt.NDArray[Any], nodes: IntArray, place: tuple[int, int], more: int) -> npt.NDArray[Any]:
