@@ -8,6 +8,7 @@ import numpy as np
 
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.leaf.instancing.sets.mixed_tile import MixedSet
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import Tile, TileLattice, extract_tile, require_columns
@@ -97,7 +98,14 @@ def _thinned_tiles(
         whole, other = (extract_tile(PeriodIn(each, scale), lattice, method, sharpen=period) for each in (base, bare))
         full, others = TileSet.of(whole), TileSet.of(other)
     shape = lattice.shape[0], lattice.shape[1]
-    cells = lru_cache(PLACES)(lambda place: texture.hairs.low_cells(place, shape))
+    # Where all hairs of a tile are removed follows from the tile, as its neighbors' lids beside its borders do.
+    places = [(int(p), int(q)) for p, q in leaf.period.places]
+    most = [bare.hairs.low_cells(place, shape) for place in places]
+
+    @lru_cache(PLACES)
+    def cells(place: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
+        return texture.hairs.low_cells(place, shape), most[full.kind(place)]
+
     return whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1
 
 

@@ -198,6 +198,14 @@ def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):
         call(leaf)
 
 
+def test_a_patch_without_hairs_has_none():
+    bare = texture(lambda x, y, z: FACE + 0.01 * np.cos(2 * np.pi * y / TILE) - np.abs(z), tile=TILE, n=21)
+    field = thinned(bare, HALF)
+    assert field.hairs.counts == (0, 0)
+    points = np.random.default_rng(0).uniform([0, -3, -0.4], [8, 3, 0.4], (500, 3))
+    assert np.array_equal(field(points), bare(points))
+
+
 def test_a_table_of_other_numbers_is_refused(patch):
     for table in ([[1.5]], [[-0.1]], [0.5], [[np.nan]]):
         with pytest.raises(InputError, match="hair_density"):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ from o3dleaf.leaf.instancing.tile import Tile
 Cells = Callable[[tuple[int, int]], tuple[BoolArray, BoolArray]]
 """Takes a place to two masks (nx, ny) of the cells of its tile: those that are the other tile's there, and all that may
 be."""
-
 
 BEYOND = 1 << 60
 """Above the numbers of all edges: vertices of neighbors come after a tile's own."""
@@ -43,7 +42,12 @@ class MixedSet(TileSet):
             return self.tiles[kind], kind
         if (other == may).all():
             return self.tiles[half + kind], half + kind
-        return mix_tiles(self.tiles[kind], self.tiles[half + kind], other), None
+        return self._pairs[kind].mixed(other), None
+
+    @cached_property
+    def _pairs(self) -> list["TilePair"]:
+        half = len(self.tiles) // 2
+        return [TilePair.of(*both) for both in zip(self.tiles[:half], self.tiles[half:], strict=True)]
 
     def _around(self, place: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
         """Return both masks of a place (nx + 1, ny + 1), with the first row and column of the tiles after it."""
@@ -57,100 +61,109 @@ class MixedSet(TileSet):
         return masks[0], masks[1]
 
 
-def mix_tiles(one: Tile, other: Tile, chosen: BoolArray) -> Tile:
-    """Return a tile that is `one`, but `other` over the chosen cells.
-
-    Parameters
-    ----------
-    one, other : Tile
-        Of one lattice; at the edge of the chosen cells they are the same.
-    chosen : (nx + 1, ny + 1) ndarray of bool
-        Cells of the tile, and the first ones of the tiles after it.
-
-    Raises
-    ------
-    ReconstructionError
-        If they are not the same there.
-    """
-    sources = _Vertices.of(one), _Vertices.of(other)
-    rows = [np.flatnonzero(part.in_cells(mask)) for part, mask in zip(sources, (~chosen, chosen), strict=True)]
-    keys = np.concatenate([part.keys[row] for part, row in zip(sources, rows, strict=True)])
-    order = np.argsort(keys)
-    keys = keys[order]
-    if np.any(keys[1:] == keys[:-1]):
-        raise _disagreement()
-
-    def chosen_of(name: str) -> npt.NDArray[Any]:
-        return np.concatenate([getattr(part, name)[row] for part, row in zip(sources, rows, strict=True)])[order]
-
-    start, size = (np.where(chosen[:-1, :-1].ravel(), *pair) for pair in _cells_of(one, other))
-    triangles = np.repeat(start - np.cumsum(size) + size, size) + np.arange(size.sum())
-    nodes = np.concatenate([np.searchsorted(keys, part.keys).astype(np.int32)[part.tile.nodes] for part in sources])
-    wanted = np.concatenate([part.keys[part.tile.nodes] for part in sources])[triangles]
-    nodes = nodes[triangles]
-    if not np.array_equal(keys[np.minimum(nodes, len(keys) - 1)], wanted):
-        raise _disagreement()
-    edges, shifts, own = chosen_of("edges"), chosen_of("shifts"), int(np.searchsorted(keys, BEYOND))
-    fractions, sides = chosen_of("fractions"), chosen_of("sides")
-    return replace(
-        one,
-        edges=edges[:own],
-        fractions=fractions[:own],
-        sides=sides[:own],
-        upward=chosen_of("upward")[:own],
-        nodes=nodes,
-        cells=np.concatenate([[0], np.cumsum(size)]),
-        beyond=np.stack([edges[own:], shifts[own:]], axis=1),
-        beyond_fractions=fractions[own:],
-        beyond_sides=sides[own:],
-    )
-
-
-def _cells_of(one: Tile, other: Tile) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
-    """Return the first triangle over each cell, of the second tile and of the first, and their number, alike."""
-    return (
-        (other.cells[:-1] + len(one.nodes), one.cells[:-1]),
-        (np.diff(other.cells), np.diff(one.cells)),
-    )
-
-
-def _disagreement() -> ReconstructionError:
-    return ReconstructionError(
-        "hair_density: the surface beside a hair is another one without it at this spacing; use a finer spacing"
-    )
-
-
 @dataclass(frozen=True, eq=False)
-class _Vertices:
-    """All vertices that a tile's triangles have, its own first, by rising keys.
+class TilePair:
+    """Two tiles of one lattice, side by side: all vertices of both, those of neighbors last, and their triangles.
 
     Attributes
     ----------
-    tile : Tile
-    edges, shifts, keys : (n,) ndarrays of int64
-        The edge in its own tile, which tile that is (bits: along, across), and a number of both.
-    fractions, sides, upward : (n,) ndarrays
+    one : Tile
+        The first of them.
+    edges, shifts : (v,) ndarrays of int64
+        The edge of each vertex in its own tile, and which tile that is (bits: along, across).
+    fractions, sides, upward : (v,) ndarrays
+    cells : tuple of two (v,) ndarrays of int64
+        The cell that each edge begins in, (nx + 1, ny + 1) of them.
+    of_other : (v,) ndarray of bool
+        Which are the second tile's.
+    names : (v,) ndarray of int64
+        From 0 on, rising: vertices of both tiles on one edge have one.
+    nodes : (m, 3) ndarray of int64
+        Names of the corners of all triangles, the second tile's last.
+    first, count : (2, nx ny) ndarrays of int64
+        First triangle over each cell and number of them, in both tiles.
     """
 
-    tile: Tile
+    one: Tile
     edges: IntArray
     shifts: IntArray
-    keys: IntArray
     fractions: FloatArray
     sides: npt.NDArray[np.uint8]
     upward: BoolArray
+    cells: tuple[IntArray, IntArray]
+    of_other: BoolArray
+    names: IntArray
+    nodes: IntArray
+    first: IntArray
+    count: IntArray
 
     @classmethod
-    def of(cls, tile: Tile) -> "_Vertices":
-        edges = np.concatenate([tile.edges, tile.beyond[:, 0]])
-        shifts = np.concatenate([np.zeros(len(tile.edges), dtype=np.int64), tile.beyond[:, 1]])
-        upward = np.concatenate([tile.upward, np.zeros(len(tile.beyond), dtype=bool)])
-        keys = np.where(shifts == 0, edges, BEYOND + 4 * edges + shifts)
-        fractions = np.concatenate([tile.fractions, tile.beyond_fractions])
-        return cls(tile, edges, shifts, keys, fractions, np.concatenate([tile.sides, tile.beyond_sides]), upward)
+    def of(cls, one: Tile, other: Tile) -> "TilePair":
+        """Put two tiles side by side."""
+        nx, ny, nz = one.lattice.shape
+        tiles, beyond = (one, other), [len(tile.beyond) for tile in (one, other)]
+        edges = np.concatenate([part for tile in tiles for part in (tile.edges, tile.beyond[:, 0])])
+        shifts = np.concatenate([part for tile in tiles for part in (np.zeros_like(tile.edges), tile.beyond[:, 1])])
+        named = np.unique(np.where(shifts == 0, edges, BEYOND + 4 * edges + shifts), return_inverse=True)[1]
+        order, column = np.argsort(named, kind="stable"), edges // (8 * nz)
+        whole = [
+            np.concatenate([part for tile in tiles for part in (getattr(tile, name), getattr(tile, f"beyond_{name}"))])
+            for name in ("fractions", "sides")
+        ]
+        ends = [(tile.upward, np.zeros(more, dtype=bool)) for tile, more in zip(tiles, beyond, strict=True)]
+        upward = np.concatenate([part for both in ends for part in both])
+        start = len(one.edges) + beyond[0]
+        cells = column // ny + nx * (shifts & 1), column % ny + ny * (shifts >> 1)
+        return cls(
+            one,
+            edges[order],
+            shifts[order],
+            whole[0][order],
+            whole[1][order],
+            upward[order],
+            (cells[0][order], cells[1][order]),
+            order >= start,
+            named[order],
+            named[np.concatenate([one.nodes, other.nodes.astype(np.int64) + start])],
+            np.stack([one.cells[:-1], other.cells[:-1] + len(one.nodes)]),
+            np.stack([np.diff(one.cells), np.diff(other.cells)]),
+        )
 
-    def in_cells(self, mask: BoolArray) -> BoolArray:
-        """Return which vertices lie in the cells of a mask (nx + 1, ny + 1); an edge in that of its lower end."""
-        nx, ny, nz = self.tile.lattice.shape
-        column = self.edges // (8 * nz)
-        return np.asarray(mask[column // ny + nx * (self.shifts & 1), column % ny + ny * (self.shifts >> 1)])
+    def mixed(self, chosen: BoolArray) -> Tile:
+        """Return the first tile, but the second one over the chosen cells.
+
+        Parameters
+        ----------
+        chosen : (nx + 1, ny + 1) ndarray of bool
+            Cells of the tile, and the first ones of the tiles after it.
+
+        Raises
+        ------
+        ReconstructionError
+            If the two tiles are not the same at the edge of these cells.
+        """
+        # An edge lies in the cell that begins at its lower end, or between two.
+        rows = np.flatnonzero(chosen[self.cells] == self.of_other)
+        there = np.bincount(self.names[rows], minlength=int(self.names[-1]) + 1)
+        which = chosen[:-1, :-1].ravel()
+        first, count = np.where(which, self.first[1], self.first[0]), np.where(which, self.count[1], self.count[0])
+        triangles = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
+        named = self.nodes[triangles]
+        if there.max() > 1 or not there[named].all():
+            raise ReconstructionError(
+                "hair_density: the surface beside a hair is another one without it at this spacing; use a finer spacing"
+            )
+        nodes = (np.cumsum(there) - 1).astype(np.int32)[named]
+        own, beyond = rows[self.shifts[rows] == 0], rows[self.shifts[rows] > 0]
+        return replace(
+            self.one,
+            edges=self.edges[own],
+            fractions=self.fractions[own],
+            sides=self.sides[own],
+            upward=self.upward[own],
+            nodes=nodes,
+            cells=np.concatenate([[0], np.cumsum(count)]),
+            beyond=np.stack([self.edges[beyond], self.shifts[beyond]], axis=1),
+            beyond_fractions=self.fractions[beyond],
+            beyond_sides=self.sides[beyond],
+        )

@@ -142,17 +142,15 @@ class LaidHairs:
                 jets[side, row] = np.einsum("rij,ir,jr->r", heights, along[a], across[b], optimize=False)
         return chosen, jets
 
-    def low_cells(self, place: tuple[int, int], shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-        """Return which of `shape` cells of a place's tile a lid reaches into: as it is, and if all were removed."""
+    def low_cells(self, place: tuple[int, int], shape: tuple[int, int]) -> BoolArray:
+        """Return which of `shape` cells of the tile in a place a lid reaches into."""
         n, m = self.zones.nodes.tolist()
         p, q = place
-        i, j = np.arange(-1, n + 2) + p * n, np.arange(-1, m + 2) + q * m
-        i, j = np.meshgrid(i, j, indexing="ij")
+        i, j = np.meshgrid(np.arange(-1, n + 2) + p * n, np.arange(-1, m + 2) + q * m, indexing="ij")
         rows, columns, known = self.at(i // n, j // m)
         kinds, i, j = self.kinds[rows, columns], i % n, j % m
-        zone = known & self.zones.low[kinds, i, j]
-        low = zone & self.removed[rows, columns, self.zones.pieces[kinds, i, j]]
-        return _cells(low, shape), _cells(zone, shape)
+        removed = known & self.removed[rows, columns, self.zones.pieces[kinds, i, j]]
+        return _cells(removed & self.zones.low[kinds, i, j], shape)
 
 
 def _groups(zones: HairZones, kinds: IntArray) -> IntArray:

@@ -123,6 +123,7 @@ def find_hairs(texture: TiledField | WangField, longest: float) -> HairZones:
             "hairs: cover most of the patch, so that the surface between them is not seen; leave the map out"
         )
     zone = _widened(covered, REACH)
+    _share(zone, nodes, np.any)
     open_lids = np.array([low - (high - low), high + (high - low)])
     lids = np.empty((2, *zone.shape))
     for side, sign in enumerate((-1.0, 1.0)):
