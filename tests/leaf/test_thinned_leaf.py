@@ -38,7 +38,7 @@ def patch():
     return texture(hairy, tile=TILE, n=31)
 
 
-@pytest.fixture(scope="module", params=["periodic", "wang"])
+@pytest.fixture(scope="module", params=["periodic", pytest.param("wang", marks=pytest.mark.slow)])
 def tiles(request, patch):
     return patch if request.param == "periodic" else WangField(patch.field, seed=2)
 
@@ -81,6 +81,14 @@ def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
     off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
     assert np.quantile(off, 0.97) < ON_SURFACE
     assert off.max() < STEP
+
+
+def test_wang_tiles_fit_where_hairs_are_removed(patch):
+    leaf = on_strip(thinned(WangField(patch.field, seed=2), HALF))
+    made = leaf.plan_mesh(STEP, [[1.0, -2.0], [5.0, 2.0]], closed=True).extract()
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+    assert 0 < leaf.texture.hairs.counts[0] < leaf.texture.hairs.counts[1]
 
 
 def test_every_hair_is_whole_or_gone(tiles, leaf, solid):

@@ -122,7 +122,7 @@ def scattered(leaf):
     return leaf.blade.lift(flat)
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_distances_are_those_to_a_fine_mesh(leaf, scattered, closed):
     """As those of a periodic leaf: but for places to which several feet are near, which the mesh is off by."""
     step = 0.05
@@ -159,6 +159,7 @@ def test_a_remeshed_leaf_has_good_triangles_on_the_field(leaf):
     assert np.mean(smallest_angles(vertices, triangles) < 10) < 0.02
 
 
+@pytest.mark.slow
 def test_tiles_are_remeshed_each_on_its_own_surface(leaf):
     plan = leaf.plan_mesh(0.15, closed=True, remesh_tile=0.18)
     made = plan.extract()
