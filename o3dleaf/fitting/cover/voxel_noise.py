@@ -28,8 +28,9 @@ BLOCKS = 2
 """Blocks along each axis, at even distances."""
 LEAST_VOXELS = 4_000
 """On either side: a correlation is known to two hundredths then."""
-LEAST_NOISE = 0.01
-"""Of the step between the sides: less does not move the surface by a hundredth of its blur."""
+LEAST_NOISE = 0.04
+"""Of the step between the sides: less moves the surface by a tenth of its blur at most, and structure that is finer than
+what tells the sides apart may be as much."""
 CORRELATED = 0.2
 """Of neighbors, more than of voxels three apart, which drift correlates as much: less leads cross-validation astray by
 little. `samples.wheat_ct` has 0.1, a noise after a Gaussian of half a voxel 0.3."""
@@ -49,30 +50,29 @@ class VoxelNoise:
 
     @classmethod
     def of(cls, values: VoxelValues) -> "VoxelNoise | None":
-        """Return the noise of voxels on both sides of a level; None where it is independent, slight or not seen."""
+        """Return the noise of voxels away from a level; None where it is independent, slight or not seen.
+
+        It is that of the quieter side: pockets, and other structure that is finer than what tells the sides apart, add.
+        """
         shape = values.data.shape
-        sums, pairs = (np.zeros((2 * REACH + 1,) * len(shape)) for _ in range(2))
-        means: list[list[FloatArray]] = [[], []]
+        sums, pairs = (np.zeros((2, *(2 * REACH + 1,) * len(shape))) for _ in range(2))
+        totals = np.zeros((2, 2))
         for block in _blocks(shape):
             data = values.data[block].astype(np.float64) - values.isovalue
             above = gaussian_filter(data, BLUR) > 0
-            noise, pure = np.zeros_like(data), np.zeros(data.shape)
-            for side, rows in enumerate((~maximum_filter(above, AROUND), minimum_filter(above, AROUND))):
-                if rows.any():
-                    noise[rows] = data[rows] - data[rows].mean()
-                    pure[rows] = 1.0
-                    means[side].append(np.array([rows.sum(), data[rows].mean()]))
-            sums += _correlated(noise)
-            pairs += _correlated(pure)
-        counts = [sum(each[0] for each in side) for side in means]
-        if min(counts) < LEAST_VOXELS:
+            for side, pure in enumerate((~maximum_filter(above, AROUND), minimum_filter(above, AROUND))):
+                if pure.any():
+                    totals[side] += pure.sum(), data[pure].sum()
+                    sums[side] += _correlated(np.where(pure, data - data[pure].mean(), 0.0))
+                    pairs[side] += _correlated(pure.astype(np.float64))
+        if totals[:, 0].min() < LEAST_VOXELS:
             return None
-        low, high = (np.average([m for _, m in side], weights=[n for n, _ in side]) for side in means)
-        # Of displacements that few pairs have nothing is known.
-        known = pairs > LEAST_VOXELS
-        covariances = np.where(known, sums / np.maximum(pairs, 1.0), 0.0)
-        covariances = (covariances + np.flip(covariances)) / 2
+        low, high = totals[:, 1] / totals[:, 0]
         middle, unit = np.full(len(shape), REACH), np.eye(len(shape), dtype=np.int64)
+        # Of displacements that few pairs have nothing is known.
+        known = np.where(pairs > LEAST_VOXELS, sums / np.maximum(pairs, 1.0), 0.0)
+        covariances = min(known, key=lambda each: float(each[tuple(middle)]))
+        covariances = (covariances + np.flip(covariances)) / 2
         variance = covariances[tuple(middle)]
         if variance <= (LEAST_NOISE * (high - low)) ** 2:
             return None

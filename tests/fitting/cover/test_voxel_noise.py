@@ -41,7 +41,7 @@ def test_covariances_are_those_of_the_filter():
 
 @pytest.mark.parametrize(
     "data",
-    [ball(8.0, width=0.0), ball(8.0, width=0.0, drift=20.0), ball(0.5), ball(0.0), ball(8.0) + STEP, ball(8.0)[:12]],
+    [ball(8.0, width=0.0), ball(8.0, width=0.0, drift=20.0), ball(2.0), ball(0.0), ball(8.0) + STEP, ball(8.0)[:12]],
     ids=["independent", "drift", "slight", "none", "one side", "few voxels"],
 )
 def test_noise_that_cross_validation_can_tell_is_left_to_it(data):
