@@ -29,8 +29,8 @@ BLOCKS = 2
 LEAST_VOXELS = 4_000
 """On either side: a correlation is known to two hundredths then."""
 LEAST_NOISE = 0.04
-"""Of the step between the sides: less moves the surface by a tenth of its blur at most, and structure that is finer than
-what tells the sides apart may be as much."""
+"""Of the step between the sides: less moves the surface by a tenth of its blur at most, and structure that is finer
+than what tells the sides apart may be as much."""
 CORRELATED = 0.2
 """Of neighbors, more than of voxels three apart, which drift correlates as much: less leads cross-validation astray by
 little. `samples.wheat_ct` has 0.1, a noise after a Gaussian of half a voxel 0.3."""
