@@ -1,13 +1,14 @@
 """Measure a leaf of Wang tiles beside the periodic one: time and memory beyond the tiles' own polygonizing, repetition.
 
-    python scripts/bench_wang.py [--spacing 0.024] [--seed 1] [--rounds 2]
+    python scripts/bench_wang.py [--spacing 0.024] [--seed 1] [--rounds 2] [--hairs SHARE]
 
 The leaf is `samples.wheat_scan`, the patch `samples.wheat_ct` (1.68 mm at 24 µm, with noise and drift); both leaves are
 closed solids, written to a PLY file in a temporary folder. Processor time of all threads, the least of the rounds,
 which alternate; the process' largest resident memory, fit included, each leaf in a process of its own. "tiles" is the
 time of polygonizing the tiles, "rest" that of counting and writing. Correlations are of the field, at a height where
 flanks of ridges are, at the same places of tiles a lattice vector apart, over 24 x 24 tiles, less its mean section: 1
-where the surface repeats.
+where the surface repeats. With `--hairs` a map keeps this share of
+the Wang leaf's hairs.
 """
 
 import argparse
@@ -26,12 +27,13 @@ from o3dleaf.leaf.tile_lattice import extract_tiles
 SHIFTS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (4, 4))
 
 
-def measure(kind, spacing, seed):
+def measure(kind, spacing, seed, hairs):
     scan = o3l.samples.wheat_scan(seed=1)[0]
     volume, _ = o3l.samples.wheat_ct(seed=1)
     texture = o3l.create_texture(volume, options=o3l.TextureOptions(tiles=kind, seed=seed))
-    leaf = o3l.create_multiscale_leaf(scan, texture)
-    leaf.plan_mesh(4 * spacing, closed=True)  # compiled, if it was not
+    thinned = o3l.BladeOptions() if hairs is None or kind == "periodic" else o3l.BladeOptions(hair_density=[[hairs]])
+    leaf = o3l.create_multiscale_leaf(scan, texture, blade=thinned)
+    leaf.plan_mesh(spacing, [[50.0, -1.0], [51.0, 1.0]], closed=True)  # compiled, if it was not
     start = time.process_time()
     extract_tiles(leaf, spacing, 0, together=True)
     tiles = time.process_time() - start
@@ -63,15 +65,17 @@ def main():
     parser.add_argument("--spacing", type=float, default=0.024, help="mesh step in mm")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--hairs", type=float, help="share of the Wang leaf's hairs that are kept")
     parser.add_argument("--only", choices=("periodic", "wang"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.only:
-        measure(options.only, options.spacing, options.seed)
+        measure(options.only, options.spacing, options.seed, options.hairs)
         return
     found = {"periodic": [], "wang": []}
     for _ in range(options.rounds):
         for kind, rows in found.items():
             words = [sys.executable, __file__, "--only", kind, f"--spacing={options.spacing}", f"--seed={options.seed}"]
+            words += [] if options.hairs is None else [f"--hairs={options.hairs}"]
             line = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
             rows.append([float(word) for word in line.split()[1:]])
     best = {kind: np.min(rows, axis=0) for kind, rows in found.items()}

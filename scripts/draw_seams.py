@@ -6,6 +6,7 @@ The patch is synthetic (`o3dleaf.samples.wheat_ct`, 1.68 mm at 24 µm, with nois
 `create_texture` does. Both tilings, and sixteen Wang tiles of it, are meshed around a corner where four tiles meet and
 drawn with the same camera, the adaxial side up; ridges run from left to right, a seam along them through the middle.
 The seam energies are printed: of the faces that meet, or of the cuts, by the same measure.
+The Wang tiles are drawn once more, their hairs thinned out by a map.
 """
 
 import argparse
@@ -66,6 +67,10 @@ def main():
     for name, word, tiled in laid:
         title = f"{word}: {tile_of(tiled)[1] / pitch:.2f} ridges a tile"
         draw(tiled, options.spacing, title, options.output / f"seams_{name}.png")
+    middle, half = wang.cell[0, :2] + wang.period, 0.5 * np.array(PIECE)
+    thinned = o3l.ThinnedField(wang, [[1.0], [1.0], [0.0], [0.0]], [middle - half, middle + half], seed=options.seed)
+    title = f"Wang tiles, hairs thinned out from left to right: {thinned.hairs.counts[0]} of {thinned.hairs.counts[1]}"
+    draw(thinned, options.spacing, title, options.output / "hairs_thinned.png")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,6 @@ from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
-from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.leaf.tile_lattice import leaf_lattice
 
@@ -22,9 +21,9 @@ def extract_windows(
     leaf: TexturedBlade, spacing: float, windows: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
 ) -> LabelledMesh:
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
-    if isinstance(leaf.texture, WangField):
+    if leaf.laid is not None:
         raise InputError(
-            "levels: finer windows are set into one periodic tile, not into Wang tiles; mesh a region finer"
+            f"levels: finer windows are set into one periodic tile, not into {leaf.laid}; mesh a region finer"
         )
     lattice, cut = leaf_lattice(leaf, spacing), leaf.cuts_edges
     plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])

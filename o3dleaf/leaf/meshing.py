@@ -1,6 +1,7 @@
 """The mesh of a leaf: one tile polygonized, set down all over the blade, in memory or in a file."""
 
 import time
+from collections.abc import Callable
 from functools import cached_property, partial
 from os import PathLike
 
@@ -25,7 +26,7 @@ from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.reduced import Reduce, reduce_tile
+from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
 from o3dleaf.leaf.texture.wang import WangField
@@ -83,7 +84,11 @@ class MeshPlan:
             # Only whole tiles are reduced: they are kept small.
             self.tile, tiles, self._copies = extract_tiles(leaf, spacing, kind, together=reduce is None)
         with reducing:
-            reduced = None if reduce is None else [reduce_tile(tile, reduce) for tile in tiles.tiles]
+            reduced = (
+                None
+                if reduce is None
+                else [reduce_tile(tile, partial(reduce, kind)) for kind, tile in enumerate(tiles.tiles)]
+            )
         with counting:
             started = time.perf_counter()
             plane = np.array(tiles.lattice.origin[:2]), np.array(tiles.lattice.spacing[:2])
@@ -220,28 +225,31 @@ def require_reduction(simplify: float | None, remesh_tile: float | None) -> None
 
 
 def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
-    """Raise `InputError` for what one periodic tile is needed for, where there are Wang tiles."""
+    """Raise `InputError` for what tiles that repeat are needed for, where there are none, or one tile."""
     cures = {
         "closed": "give frame 'surface'",
         "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
         "remesh_tile": "leave it out, or give simplify",
     }
-    wanted = [name for name, wished in wishes.items() if wished]
-    if wanted and isinstance(leaf.texture, WangField):
+    of_one = {"closed"} if isinstance(leaf.texture, WangField) else set(cures)
+    wanted = [name for name, wished in wishes.items() if wished and name in of_one]
+    if wanted and leaf.laid is not None:
         what = "closed: a solid of frame 'paper'" if wanted[0] == "closed" else f"{wanted[0]}: the surface of a leaf"
-        raise InputError(f"{what} is made of one periodic tile, not of Wang tiles; {cures[wanted[0]]}")
+        raise InputError(f"{what} is made of periodic tiles, not of {leaf.laid}; {cures[wanted[0]]}")
 
 
-def _reducer(leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None) -> Reduce | None:
-    """Return the function that simplifies a tile to a share of its triangles, or remeshes it to an edge length."""
+def _reducer(
+    leaf: TexturedBlade, simplify: float | None, remesh_tile: float | None
+) -> Callable[[int, FloatArray, IntArray], tuple[FloatArray, IntArray]] | None:
+    """Return the function that simplifies the tile of a number to a share of its triangles, or remeshes it."""
     require_reduction(simplify, remesh_tile)
 
-    def simplified(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+    def simplified(_: int, vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
         target = round((simplify or 1.0) * len(triangles))
         return mesh_arrays(simplify_mesh((vertices, triangles), target_triangles=target))
 
-    def remeshed(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
-        mesh = remesh_flat(leaf, vertices, triangles, remesh_tile or 0)
+    def remeshed(kind: int, vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:
+        mesh = remesh_flat(leaf, vertices, triangles, remesh_tile or 0, kind)
         return mesh.places, mesh.triangles
 
     if remesh_tile is not None:

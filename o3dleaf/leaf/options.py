@@ -65,6 +65,11 @@ class BladeOptions:
     thickness : (n, m) array_like or path-like, optional
         Factors of the thickness of the micro-structure, a table or a CSV file of one, laid over the blade: rows along
         it, from base to tip, columns across; see `ThicknessMap`.
+    hair_density : (n, m) array_like or path-like, optional
+        Shares of the micro-structure's hairs that are kept, 0 to 1, a table or a CSV file of one, laid over the blade
+        as `thickness` is; see `ThinnedField`.
+    hair_seed : int
+        Of the hairs that are kept.
     alpha : float, optional
         Of frame "paper": radius of the α-shape, in the scan's unit.
     offset : {"up", "normal"}
@@ -118,6 +123,14 @@ class BladeOptions:
         reads=True,
         needs=("ct",),
     )
+    hair_density: Any = option(
+        None,
+        "CSV table of the shares of hairs to keep, 0 to 1, laid over the leaf: rows along it, from base to tip.",
+        kind=Path,
+        reads=True,
+        needs=("ct",),
+    )
+    hair_seed: Whole = option(0, "Of the hairs that are kept.", needs=("hair_density",))
     alpha: Positive | None = option(
         None, "With frame 'paper': radius of the alpha-shape (chosen from the scan if not given)", unit="scan-unit"
     )

@@ -11,7 +11,7 @@ from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
-from o3dleaf.core.errors import DataWarning, UnitError
+from o3dleaf.core.errors import DataWarning, InputError, UnitError
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
@@ -25,12 +25,13 @@ from o3dleaf.leaf.ct.align import align_blade
 from o3dleaf.leaf.ct.box import inscribed_box
 from o3dleaf.leaf.ct.hairs import find_cut_hairs
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.instancing.tile_set import TilesAhead
+from o3dleaf.leaf.instancing.sets.tile_set import TilesAhead
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.options import BladeOptions, TextureOptions
 from o3dleaf.leaf.paper_pipeline import build_height_map_blade
 from o3dleaf.leaf.parametric.build import build_parametric_blade
 from o3dleaf.leaf.parametric.thickness import as_factors
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField, as_shares
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
@@ -216,22 +217,38 @@ def build_multiscale_leaf(
 ) -> MultiscaleLeaf:
     """Return what `create_multiscale_leaf` does, with `tiles` that will be wanted of it polygonized already.
 
-    These, see `TilesAhead`, are asked for when there is a texture.
+    These, see `TilesAhead`, are asked for when there is a texture. Where hairs are thinned out there are none.
     """
+    options = blade or BladeOptions()
+    if options.hair_density is not None:
+        as_shares(options.hair_density)
+        if isinstance(volume, PatchBlend):
+            raise InputError("hair_density: thins out one patch or Wang tiles, not a blend; leave it out")
     # A volume is refused before the long step. Both sides at once: laying a sheet flat is serial.
     fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
 
     def build_micro() -> tuple[Texture, TilesAhead]:
         field = fit()
-        if tiles is None:
+        if tiles is None or options.hair_density is not None:
             return field, {}
         with stage("polygonize tiles ahead"):
             return field, extract_tiles_ahead(field, unit, tiles())
 
     (micro, ahead), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
-    leaf = MultiscaleLeaf(micro, blade=macro)
+    leaf = MultiscaleLeaf(_with_density(micro, macro, options), blade=macro)
     leaf.tiles = ahead
     return leaf
+
+
+def _with_density(micro: Texture, blade: Blade, options: BladeOptions) -> Texture:
+    """Return the texture with the hairs that are to be kept over a blade."""
+    if options.hair_density is None or not isinstance(micro, TiledField | WangField):
+        return micro
+    with stage("find hairs"):
+        area = blade.outline.bounds * unit_scale(blade.unit, micro.unit)
+        thinned = ThinnedField(micro, options.hair_density, area, seed=options.hair_seed)
+        journal.note(f"hairs: {thinned.hairs.counts[0]:,} of {thinned.hairs.counts[1]:,} are kept")
+    return thinned
 
 
 def _require_size(length: float, unit: str | None, limits: tuple[float, float], name: str, what: str) -> None:

@@ -43,7 +43,7 @@ class LeafTarget:
         """Take a leaf that is cut along an outline in the plane (along, across); the `tile` knows its pockets."""
         self.leaf, self.outline, self.sides = leaf, outline, sides_of(outline)
         nx, ny, nz = tile.lattice.shape
-        self.lattice = tile.lattice
+        self.lattice, self.period = tile.lattice, leaf.period
         self.inside = (tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
         self.tree = shapely.STRtree(shapely.linestrings(self.sides.reshape(-1, 2, 2)))
 
@@ -85,12 +85,13 @@ class LeafTarget:
 
         Where the patch is cut, at its bottom or top, the surface is no wall.
         """
-        shape = np.array(self.inside.shape)
+        shape, tiles = np.array(self.inside.shape), self.period.kinds.shape
         low = np.floor((flat - self.lattice.origin) / self.lattice.spacing).astype(np.int64)
         inside = np.asarray(~np.isin(flat[:, 2], self.leaf.heights))
         for corner in np.ndindex(2, 2, 2):
-            i, j, k = (low + corner).T
-            inside &= self.inside[i % shape[0], j % shape[1], np.clip(k, 0, shape[2] - 1)]
+            cell = low + corner
+            i, j = self.period.cells(cell[:, :2], shape[:2] // tiles).T
+            inside &= self.inside[i, j, np.clip(cell[:, 2], 0, shape[2] - 1)]
         return inside
 
     def _wall_steps(self, points: FloatArray, values: FloatArray, gradients: FloatArray, max_step: float) -> FloatArray:
@@ -164,7 +165,9 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
     return remesh_charted(Charted.of(places, flat, triangles, labels), LeafTarget(leaf, outline, tile), target_edge)
 
 
-def remesh_flat(leaf: TexturedBlade, flat: FloatArray, triangles: IntArray, target_edge: float) -> Charted:
+def remesh_flat(
+    leaf: TexturedBlade, flat: FloatArray, triangles: IntArray, target_edge: float, kind: int = 0
+) -> Charted:
     """Return a tile's mesh remeshed on F = 0 in the plane, its border bit for bit.
 
     Parameters
@@ -174,9 +177,14 @@ def remesh_flat(leaf: TexturedBlade, flat: FloatArray, triangles: IntArray, targ
     triangles : (m, 3) ndarray of int64
     target_edge : float
         In the leaf's unit.
+    kind : int
+        Which tile of a set it is.
     """
     labels = np.zeros(len(triangles), dtype=np.uint8)
-    target = FieldTarget(lambda points: (leaf.values(points), leaf.jets(points, 1)[1]), target_edge / 2)
+    period = leaf.period
+    there, shift = TexturedBlade(period.field, leaf.blade), np.zeros(3)
+    shift[:2] = period.places[kind] * period.tile / leaf.scale
+    target = FieldTarget(lambda points: there.values_and_gradients(points + shift), target_edge / 2)
     return remesh_charted(Charted.of(flat, flat, triangles, labels), target, target_edge)
 
 

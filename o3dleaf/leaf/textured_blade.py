@@ -10,15 +10,17 @@ from o3dleaf.core.checks import FloatArray, as_points
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
-from o3dleaf.leaf.instancing.tile_set import TilesAhead
+from o3dleaf.leaf.instancing.sets.tile_set import TilesAhead
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.patches import PatchBlend
+from o3dleaf.leaf.texture.period import Period, period_of
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang import WangField, WangTorus
 
 BATCH_SIZE = 1 << 17
 """Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
-Texture: TypeAlias = TiledField | PatchBlend | WangField
+Texture: TypeAlias = TiledField | PatchBlend | WangField | WangTorus | ThinnedField
 """A field over the plane that repeats, or that is laid of tiles, in its own unit of length."""
 
 
@@ -32,7 +34,7 @@ class TexturedBlade:
 
     Attributes
     ----------
-    texture : TiledField, PatchBlend or WangField
+    texture : TiledField, PatchBlend, WangField or ThinnedField
     blade : Blade
     scale : float
         Factor from the blade's unit to the texture's.
@@ -87,6 +89,18 @@ class TexturedBlade:
     def is_one_tile(self) -> bool:
         """True where all tiles over the blade are alike, False where several patches are blended along it, or laid."""
         return len({self.texture.tile_key(p) for p in self.tile_rows}) == 1
+
+    @property
+    def period(self) -> Period:
+        """What repeats of the texture, all its hairs there."""
+        return period_of(self.texture.texture if isinstance(self.texture, ThinnedField) else self.texture)
+
+    @property
+    def laid(self) -> str | None:
+        """What its plane is laid of instead of one tile that repeats, in words; None for a tile, or blended patches."""
+        if isinstance(self.texture, ThinnedField):
+            return "hairs that a map thins out"
+        return "Wang tiles" if isinstance(self.texture, WangField) else None
 
     @property
     def bounds(self) -> FloatArray:

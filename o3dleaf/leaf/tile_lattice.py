@@ -3,18 +3,22 @@
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from o3dleaf.core.checks import FloatArray, require_positive
 from o3dleaf.core.errors import O3DLeafError, ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import unit_scale
+from o3dleaf.leaf.instancing.sets.mixed_tile import MixedSet
+from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, Tiles, TilesAhead, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile, require_columns
-from o3dleaf.leaf.instancing.tile_set import MatchingBorders, Tiles, TilesAhead, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.layer import LayerField
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField, WangTorus
+from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 
 LAYERS = 16
@@ -22,6 +26,9 @@ LAYERS = 16
 
 PROBES = 48
 """Places along each axis at which the bottom and the top of a patch are looked at."""
+
+PLACES = 1 << 10
+"""Places whose cells are remembered: a row of them is asked for at a time, and those beside it."""
 
 MIN_CELLS = 64
 """Cells along each axis of what is set down together."""
@@ -56,9 +63,11 @@ def _copies(steps: int, *, together: bool) -> int:
 class PeriodOf:
     """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
 
+    All hairs are there, whatever a map says.
+
     Attributes
     ----------
-    texture : TiledField, PatchBlend, WangField, or a function that returns one
+    texture : TiledField, PatchBlend, WangField, ThinnedField, or a function that returns one
     scale : float
     """
 
@@ -66,9 +75,11 @@ class PeriodOf:
     scale: float
 
     @property
-    def periodic(self) -> Texture | WangTorus:
+    def periodic(self) -> Texture:
         """What repeats."""
         texture = self.texture if isinstance(self.texture, Texture) else self.texture()
+        if isinstance(texture, ThinnedField):
+            texture = texture.texture
         return texture.torus if isinstance(texture, WangField) else texture
 
     def __call__(self, flat: FloatArray) -> FloatArray:
@@ -76,8 +87,25 @@ class PeriodOf:
         return self.periodic(flat * self.scale)
 
 
+@dataclass(frozen=True)
+class PeriodIn:
+    """A field in lengths of `scale` of its unit each."""
+
+    field: Callable[[FloatArray], FloatArray]
+    scale: float
+
+    def __call__(self, flat: FloatArray) -> FloatArray:
+        """Return the (n,) values at (n, 3) points."""
+        return self.field(flat * self.scale)
+
+
 def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together: bool) -> Tiles:
-    """Polygonize what is set down over a blade, or take what was made ahead of it."""
+    """Polygonize what is set down over a blade, or take what was made ahead of it.
+
+    Where hairs are removed by a map, all of them are in the tiles, and none in as many others.
+    """
+    if isinstance(leaf.texture, ThinnedField):
+        return _thinned_tiles(leaf.texture, leaf, spacing, method)
     tiles = leaf.tiles.pop((spacing, method, together), None)
     tiles = tiles or _tiles_of(leaf.texture, leaf.scale, spacing, method, together=together)
     if tiles is None:
@@ -102,32 +130,74 @@ def extract_tiles_ahead(texture: Texture, unit: str | None, wanted: Iterable[tup
 
 
 def _tiles_of(texture: Texture, scale: float, spacing: float, method: int, *, together: bool) -> Tiles | None:
-    """Return the tiles of a texture that is the same over every blade, else None.
-
-    Wang tiles are polygonized on a torus on which each of them lies once, so that what hangs together hangs together
-    over their borders, and then parted.
-    """
+    """Return the tiles of a texture that is the same over every blade, else None."""
     if isinstance(texture, TiledField):
         one = tile_lattice(texture, scale, spacing)
         return _tiles_on(PeriodOf(texture, scale), _repeated(one, together=together), one, method)
-    if not isinstance(texture, WangField):
-        return None
-    one = tile_lattice(texture, scale, spacing)
-    (nx, ny, nz), (p, q) = one.shape, TORUS.shape
-    require_columns(float(nx * ny * KINDS), spacing)
-    lattice = replace(one, shape=(nx * p, ny * q, nz))
-    borders = MatchingBorders((nx, ny), nz, TORUS)
-    whole = extract_tile(PeriodOf(texture, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
-    parts = split_torus(whole, (nx, ny))
-    on_torus = _kind_by(torus_color)
-    kinds = {on_torus(place): part for place, part in parts.items()}
-    return Tiles(whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1)
+    if isinstance(texture, WangField):
+        return _wang_tiles(texture.torus, texture, scale, spacing, method)
+    return None
 
 
 def _tiles_on(values: Callable[[FloatArray], FloatArray], lattice: TileLattice, one: TileLattice, method: int) -> Tiles:
     """Return the tile on a lattice, of a field that repeats after the steps of another one."""
     tile = extract_tile(values, lattice, method, sharpen=one.shape[:2])
     return Tiles(tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1]))
+
+
+def _wang_tiles(torus: LayerField, texture: WangField, scale: float, spacing: float, method: int) -> Tiles:
+    """Polygonize a torus with the tiles of a texture, and part it into them.
+
+    On it each of them lies once, so that what hangs together hangs together over their borders.
+    """
+    one = tile_lattice(texture, scale, spacing)
+    (nx, ny, nz), (p, q) = one.shape, TORUS.shape
+    require_columns(float(nx * ny * KINDS), spacing)
+    lattice = replace(one, shape=(nx * p, ny * q, nz))
+    borders = MatchingBorders((nx, ny), nz, TORUS)
+    whole = extract_tile(PeriodIn(torus, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
+    parts = split_torus(whole, (nx, ny))
+    on_torus = _kind_by(torus_color)
+    kinds = {on_torus(place): part for place, part in parts.items()}
+    return Tiles(whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1)
+
+
+def _thinned_tiles(texture: ThinnedField, leaf: TexturedBlade, spacing: float, method: int) -> Tiles:
+    """Polygonize the tiles with all hairs and with none, or, where cells are larger than hairs are apart, the plane."""
+    base, bare, scale = texture.texture, texture.bare, leaf.scale
+    lattice = tile_lattice(base, scale, spacing)
+    if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
+        return _plane(leaf, lattice, method)
+    if isinstance(base, WangField):
+        whole, full, _ = _wang_tiles(base.torus, base, scale, spacing, method)
+        others = _wang_tiles(bare, base, scale, spacing, method).parts
+    else:
+        period = lattice.shape[:2]
+        whole, other = (extract_tile(PeriodIn(each, scale), lattice, method, sharpen=period) for each in (base, bare))
+        full, others = TileSet.of(whole), TileSet.of(other)
+    shape = lattice.shape[0], lattice.shape[1]
+    # Where all hairs of a tile are removed follows from the tile, as its neighbors' lids beside its borders do.
+    places = [(int(p), int(q)) for p, q in leaf.period.places]
+    most = [bare.hairs.low_cells(place, shape) for place in places]
+
+    @lru_cache(PLACES)
+    def cells(place: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
+        return texture.hairs.low_cells(place, shape), most[full.kind(place)]
+
+    return Tiles(whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1)
+
+
+def _plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> Tiles:
+    """Polygonize all of the plane that the blade covers, as one tile."""
+    first, last = np.floor((leaf.blade.outline.bounds - lattice.origin[:2]) / lattice.period).astype(np.int64)
+    first, count = first - 1, last - first + 3
+    x, y = np.array(lattice.origin[:2]) + first * lattice.period
+    nx, ny, nz = lattice.shape
+    whole = replace(
+        lattice, origin=(float(x), float(y), lattice.origin[2]), shape=(nx * int(count[0]), ny * int(count[1]), nz)
+    )
+    tile = extract_tile(leaf.values, whole, method, sharpen=whole.shape[:2])
+    return Tiles(tile, TileSet.of(tile), 1)
 
 
 def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:
@@ -140,7 +210,7 @@ def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:
     return lambda place: sum(corner(place[0] + a, place[1] + b) << bit for bit, (a, b) in enumerate(CORNERS))
 
 
-def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> TileLattice:
+def tile_lattice(texture: Texture, scale: float, spacing: float) -> TileLattice:
     """Return the lattice of one period: steps in the plane divide it, layers are a whole fraction of the step.
 
     The texture lies within the layers but for the first and the last one.
@@ -165,7 +235,7 @@ def tile_lattice(texture: Texture | WangTorus, scale: float, spacing: float) -> 
     return TileLattice(origin, (*(period / count).tolist(), float(layer)), (*count.tolist(), int(last - first) + 1))
 
 
-def _require_air(texture: Texture | WangTorus) -> None:
+def _require_air(texture: Texture) -> None:
     """Raise `ReconstructionError` where the blade itself is cut by the bottom or the top of its patch."""
     places = (np.arange(PROBES) + 0.5) / PROBES
     plane = np.stack(np.meshgrid(places, places, indexing="ij"), axis=-1).reshape(-1, 2) * texture.period

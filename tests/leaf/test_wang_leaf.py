@@ -1,6 +1,7 @@
 """A leaf of Wang tiles: its mesh lies where G is zero, is closed and streamed; what it lacks is refused by name."""
 
 import numpy as np
+import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
@@ -89,10 +90,7 @@ def test_the_block_of_a_tile_is_the_torus_of_all(leaf):
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: Wang tiles"),
         (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*Wang tiles"),
-        (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*Wang tiles"),
-        (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*Wang tiles"),
     ],
 )
 def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):
@@ -114,3 +112,69 @@ def test_options_give_wang_tiles():
     assert laid.seed == 3
     with pytest.raises(InputError, match="shift"):
         o3l.create_texture(volume, options=o3l.TextureOptions(tiles="wang", shift=0.5))
+
+
+@pytest.fixture(scope="module")
+def scattered(leaf):
+    """World points in and around a part of the strip that holds several tiles."""
+    rng = np.random.default_rng(4)
+    flat = np.column_stack([rng.uniform(1, 7, 1000), rng.uniform(-2.5, 2.5, 1000), rng.uniform(-0.6, 0.6, 1000)])
+    return leaf.blade.lift(flat)
+
+
+@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_distances_are_those_to_a_fine_mesh(leaf, scattered, closed):
+    """As those of a periodic leaf: but for places to which several feet are near, which the mesh is off by."""
+    step = 0.05
+    mesh = o3d.t.geometry.TriangleMesh.from_legacy(leaf.extract_mesh(step, closed=True))
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(mesh)
+    exact = scene.compute_signed_distance(o3d.core.Tensor(scattered.astype(np.float32))).numpy()
+    found = leaf.signed_distance(scattered, closed=closed)
+    off = np.abs(np.abs(found) - np.abs(exact))
+    assert np.quantile(off, 0.9) < 2 * step**2
+    assert off.max() < leaf.index_of(closed=closed).tile.step / 2
+    sure = np.abs(exact) > step**2
+    assert np.array_equal(np.sign(found[sure]), np.sign(exact[sure]))
+
+
+def test_closest_points_lie_on_the_field_and_at_the_distance(leaf, scattered):
+    feet = leaf.closest_points(scattered)
+    assert np.allclose(np.linalg.norm(feet - scattered, axis=1), np.abs(leaf.signed_distance(scattered)))
+    inner = np.abs(leaf.blade.flatten(feet)[:, :2] - [4, 0]) < [3.5, 2.8]
+    feet = feet[inner.all(axis=1)]
+    assert np.abs(leaf(feet) / np.linalg.norm(leaf.gradient(feet), axis=1)).max() < 1e-3
+
+
+def test_a_remeshed_leaf_has_good_triangles_on_the_field(leaf):
+    region, edge = [[1.2, -1.0], [4.6, 1.2]], 0.15
+    made = leaf.plan_mesh(STEP, region, closed=True).extract(remesh=edge)
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    assert np.quantile(off, 0.99) < ON_SURFACE * edge
+    # A window's corners have slivers, as those of a periodic leaf do.
+    assert np.mean(smallest_angles(vertices, triangles) < 10) < 0.02
+
+
+@pytest.mark.slow
+def test_tiles_are_remeshed_each_on_its_own_surface(leaf):
+    plan = leaf.plan_mesh(0.15, closed=True, remesh_tile=0.18)
+    made = plan.extract()
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    assert np.quantile(off, 0.97) < ON_SURFACE
+
+
+def smallest_angles(vertices, triangles):
+    """The smallest angle of each triangle, in degrees."""
+    corner = vertices[triangles]
+    sides = np.stack([corner[:, k - 1] - corner[:, k - 2] for k in range(3)], axis=1)
+    sides /= np.linalg.norm(sides, axis=2, keepdims=True)
+    cosines = -np.einsum("nkj,nkj->nk", sides, np.roll(sides, -1, axis=1))
+    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).min(axis=1)

@@ -109,6 +109,7 @@ ON_LEAF = QUERIES.like(lambda w: w.on_leaf)
 REGION = BOX.like(lambda w: np.array([[2.0, -1.0], [4.0, 1.0]]))
 FACTORS = VALUES.like([[1.0, 0.5], [0.75, 1.25]]).but("one less", "none")
 """A table."""
+SHARES = VALUES.like([[1.0, 0.5], [0.25, 0.0]]).but("one less", "none")
 SIDE = tuple_of(200, 120, whole=True)
 VIEW = OBJECT.like(lambda w: view.View())
 EXTENT = tuple_of(1.0, 0.7, 0.4).without("an array")
@@ -151,6 +152,7 @@ def _fields() -> dict[str, Door]:
         ("TiledField", lambda w: w.texture, QUERIES),
         ("PatchBlend", patch_blend, QUERIES),
         ("WangField", wang_tiles, QUERIES),
+        ("ThinnedField", thinned, QUERIES),
         ("MultiscaleLeaf", leaf, ON_LEAF),
         ("samples.Sphere", lambda w: samples.Sphere(), QUERIES),
         ("samples.Torus", lambda w: samples.Torus(), QUERIES),
@@ -179,6 +181,12 @@ def thickness_map() -> Any:
 def wang_tiles(w: Any) -> Any:
     """Return tiles cut out of a patch."""
     return o3l.WangField(w.texture.field)
+
+
+@cache
+def thinned(w: Any) -> Any:
+    """Return a texture with fewer hairs."""
+    return o3l.ThinnedField(w.texture, [[0.5]], [[0.0, 0.0], [8.0, 2.0]])
 
 
 def on_disk(w: Any) -> Any:
@@ -222,6 +230,8 @@ DOORS: dict[str, Door] = {
         complete_margin=maybe_length,
         rim_radius=maybe_length,
         thickness=FACTORS.later.optional,
+        hair_density=SHARES.later.optional,
+        hair_seed=WHOLE.like(0),
         alpha=maybe_length,
         offset=one_of("up").later,
     ),
@@ -488,6 +498,16 @@ DOORS: dict[str, Door] = {
     ),
     "WangField.kinds": method(wang_tiles, "kinds", places=QUERIES.like(np.array([[0.0, 0.0], [3.0, -4.0]]))),
     "WangField.save": method(wang_tiles, "save", path=SAVED),
+    "ThinnedField": door(
+        o3l.ThinnedField,
+        texture=OBJECT.like(lambda w: w.texture),
+        shares=SHARES,
+        box=REGION,
+        seed=WHOLE.like(0),
+        longest=LENGTH.like(0.1).optional,
+        zones=OBJECT.like(lambda w: thinned(w).zones).optional,
+    ),
+    "ThinnedField.save": method(thinned, "save", path=SAVED),
     "Volume": door(
         o3l.Volume,
         data=VALUES.like(lambda w: w.volume.data)

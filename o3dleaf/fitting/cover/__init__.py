@@ -7,6 +7,7 @@
 `lattice_sample`  some of those balls, without the rest
 `bare_plane`      the plane in one of those
 `voxel_values`    the values of a lattice's voxels, ball by ball
+`voxel_noise`     the noise of voxels, where it is correlated
 `tree`            the tree of boxes that the balls are found by
 `index`           which balls contain a point
 `ball_loops`      the tree, points folded into the box, points sorted into balls

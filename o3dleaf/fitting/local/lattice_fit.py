@@ -6,6 +6,7 @@ and its balls are the columns of one right-hand side. Bare balls share what take
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 from uuid import uuid4
 
@@ -24,6 +25,7 @@ from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.core.resources.scratch import is_held, made_by_rows, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
+from o3dleaf.fitting.cover.voxel_noise import VoxelNoise
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.smoothing_selection import GCV_BALLS, each_ball
 from o3dleaf.fitting.local.splines import LocalSplines
@@ -227,12 +229,18 @@ _latest: dict[str, ClassSolver] = {}
 """The solver of the fit that this worker is at."""
 
 
-def chosen_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> SplineModel:
-    """Return the model with its smoothing chosen, if it is yet to be."""
+def chosen_smoothing(
+    cover: VoxelCover, values: VoxelValues, model: SplineModel, *, two_sides: bool = False
+) -> SplineModel:
+    """Return the model with its smoothing chosen, if it is yet to be.
+
+    Of values with `two_sides`, the isovalue between them, the noise is known where it is correlated.
+    """
     if not isinstance(model.smoothing.value, str):
         return model
+    noise = VoxelNoise.of(values) if two_sides else None
     with single_threaded_blas():
-        return replace(model, smoothing=_choose_smoothing(cover, values, model))
+        return replace(model, smoothing=_choose_smoothing(cover, values, model, noise))
 
 
 def averaged_voxels(cover: VoxelCover, model: SplineModel) -> float:
@@ -263,7 +271,9 @@ def _batches(classes: IntArray, along: IntArray) -> Iterator[IntArray]:
             yield balls[start : start + COLUMNS]
 
 
-def _choose_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Smoothing:
+def _choose_smoothing(
+    cover: VoxelCover, values: VoxelValues, model: SplineModel, noise: VoxelNoise | None
+) -> Smoothing:
     """Return the smoothing that a fixed sample of balls agrees on, by one eigen-decomposition a class."""
     smoothing, power, exponents = model.smoothing, model.kernel.power, model.exponents
     if smoothing.value == "gcv-per-ball":
@@ -273,13 +283,27 @@ def _choose_smoothing(cover: VoxelCover, values: VoxelValues, model: SplineModel
     sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
     batches = list(_batches(cover.classes[sample], sample))
 
-    def of_class(batch: int) -> Spectrum:
+    def of_class(batch: int) -> list[tuple[Spectrum, bool]]:
         balls = sample[batches[batch]]
         number = int(cover.classes[balls[0]])
         voxels = cover.voxels(number)
         points, data = cover.points(number, voxels), values.of(cover.starts[balls], voxels)
-        eigenvalues, coefficients = spectra(points, data, np.ones(len(voxels)), exponents, power)
+        system = np.ones(len(voxels)), exponents, power
+        eigenvalues, coefficients = spectra(points, data, *system)
+        variances = None
+        if noise is not None:
+            # Of the covariances' columns, then of the rows of what comes of them.
+            _, columns = spectra(points, noise.between(voxels), *system)
+            _, both = spectra(points, np.ascontiguousarray(columns.T), *system)
+            variances = np.maximum(np.diag(both), 0.0)
         eigenvalues /= smoothing.scale(len(voxels)) / cover.radii[balls[0]] ** power
-        return Spectrum.pooled(Spectrum(eigenvalues, each, len(voxels)) for each in coefficients)
+        crossed = (data.min(axis=1) < 0) & (data.max(axis=1) > 0)
+        return [
+            (Spectrum(eigenvalues, each, len(voxels), variances), bool(on))
+            for each, on in zip(coefficients, crossed, strict=True)
+        ]
 
-    return smoothing.chosen(Spectrum.pooled(each_ball(of_class, np.arange(len(batches)))))
+    found = list(chain.from_iterable(each_ball(of_class, np.arange(len(batches)))))
+    # Where the noise is known, what is away from the level has nothing more to say.
+    near = [spectrum for spectrum, crossed in found if crossed and noise is not None]
+    return smoothing.chosen(Spectrum.pooled(near or [spectrum for spectrum, _ in found]))

@@ -321,7 +321,7 @@ class PUInterpolant(Blended):
         model = Splines(kernel, degree, smoothing, rho).model(data.ndim)
         if band:
             sample, usual = sample_balls(*sizes, box, lattice.origin, GCV_BALLS)
-            model = chosen_smoothing(sample, voxels, model)
+            model = chosen_smoothing(sample, voxels, model, two_sides=True)
             cover = sample.banded(data, voxels.isovalue, averaged_voxels(usual, model))
             cover = cover.reaching(box[0], box[1], lattice.origin)
             require_room_for_voxels(count, cover)

@@ -55,7 +55,10 @@ class Smoothing:
         return np.array([value * self.scale(int(count)) for value, count in zip(per_ball, counts, strict=True)])
 
     def chosen(self, spectrum: "Spectrum") -> "Smoothing":
-        """Return the smoothing with the value that `choose_by_gcv` takes, and its score."""
+        """Return the smoothing with the value that `choose_by_gcv` takes, or `choose_by_risk`, and its score."""
+        if spectrum.noise is not None:
+            value, score = choose_by_risk(spectrum)
+            return replace(self, value=value, score=score)
         value = choose_by_gcv(spectrum)
         return replace(self, value=value, score=gcv_score(value, spectrum))
 
@@ -133,20 +136,25 @@ class Spectrum:
         e over what the value is multiplied with, and c, on the null space of the tail's transpose.
     count : int
         N, the number of points: n and the ranks of the tails.
+    noise : (n,) ndarray, optional
+        Variances of the coefficients, where the noise of the data is known.
     """
 
     eigenvalues: FloatArray
     coefficients: FloatArray
     count: int
+    noise: FloatArray | None = None
 
     @classmethod
     def pooled(cls, parts: Iterable["Spectrum"]) -> "Spectrum":
         """Return the spectrum of many systems that share one value."""
         spectra = list(parts)
+        known = [part.noise for part in spectra if part.noise is not None]
         return cls(
             np.concatenate([part.eigenvalues for part in spectra]),
             np.concatenate([part.coefficients for part in spectra]),
             sum(part.count for part in spectra),
+            np.concatenate(known) if len(known) == len(spectra) else None,
         )
 
 
@@ -185,6 +193,29 @@ def trial_values(eigenvalues: FloatArray) -> FloatArray:
     if not len(positive):
         raise InputError("smoothing: too few points for 'gcv'; give a number")
     return np.asarray(np.exp(np.linspace(np.log(positive.min() / 10), np.log(positive.max() * 100), GRID)))
+
+
+def choose_by_risk(spectrum: Spectrum) -> tuple[float, float]:
+    r"""Return the smoothing of least error where the noise is known, correlated or not, and the mean square of that.
+
+    .. math:: R = \frac{1}{N} \sum_k \Bigl(\frac{s\,c_k}{e_k+s}\Bigr)^2
+              + \frac{2}{N} \sum_k \frac{e_k\,ν_k}{e_k+s},
+
+    Mallows' Cp (1973) with ν_k the variance of c_k: the mean square error but for what does not depend on s, plus the
+    mean of ν. Of trial values, the largest whose R is above the least one by no more than a degree of freedom costs, as
+    in `choose_by_gcv`.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        With its noise.
+    """
+    noise = np.zeros(1) if spectrum.noise is None else spectrum.noise
+    trials = trial_values(spectrum.eigenvalues)
+    kept = [1 / (1 + spectrum.eigenvalues / value) for value in trials]
+    risks = np.array([np.sum((part * spectrum.coefficients) ** 2 + 2 * (1 - part) * noise) for part in kept])
+    best = int(np.flatnonzero(risks <= risks.min() + 2 * noise.mean())[-1])
+    return float(trials[best]), float(risks[best] / spectrum.count)
 
 
 def choose_by_gcv(spectrum: Spectrum) -> float:

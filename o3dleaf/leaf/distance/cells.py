@@ -48,7 +48,7 @@ class CellTree:
     def build(cls, leaf: TexturedBlade, solid: LeafSolid, tile: TileSamples) -> "CellTree":
         """Lay cells over a solid."""
         corners, at_rim = _cells_in(solid, tile)
-        block = (corners[:, 0] % tile.shape[0]) * tile.shape[1] + corners[:, 1] % tile.shape[1]
+        block = tile.blocks_at(corners)
         kept = tile.bricks[block + 1] > tile.bricks[block]
         corners, at_rim, block = corners[kept], at_rim[kept], block[kept]
         # Neighbors in a row are neighbors on the leaf.

@@ -12,6 +12,7 @@ from o3dleaf.leaf.distance.distance import SurfaceIndex
 from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_grid
 from o3dleaf.leaf.distance.projection import mean_curvature, normals, project
 from o3dleaf.leaf.distance.solid import LeafSolid
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
@@ -35,16 +36,12 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf, or it has Wang tiles: it is of one tile.
+            If several patches are blended along the leaf, or a map thins out its hairs.
         """
         return self.solid_index if closed else self.surface_index
 
     def _build_index(self, *, closed: bool) -> SurfaceIndex:
-        if isinstance(self.texture, WangField):
-            raise InputError(
-                "texture: Wang tiles have no single tile to measure to; extract a mesh and use Open3D's RaycastingScene"
-            )
-        if not self.is_one_tile:
+        if not (self.is_one_tile or isinstance(self.texture, WangField | ThinnedField)):
             raise InputError(
                 "texture: several patches along the leaf have no single tile to measure to; extract a mesh and use "
                 "Open3D's RaycastingScene"
@@ -70,7 +67,7 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf, or it has Wang tiles.
+            If several patches are blended along the leaf, or a map thins out its hairs.
         ReconstructionError
             If it is to be closed, and air reaches through the blade.
         """

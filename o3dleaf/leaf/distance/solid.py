@@ -14,7 +14,10 @@ from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import in_polygon
 from o3dleaf.leaf.distance.search_loops import look_up
 from o3dleaf.leaf.instancing.runs import find_runs, solidify
+from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
+from o3dleaf.leaf.texture.corners import TORUS
+from o3dleaf.leaf.texture.period import Period
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 Bools = npt.NDArray[np.bool_]
@@ -28,17 +31,24 @@ class FilledLattice:
     ----------
     origin, steps : (3,) ndarrays
         Of the lattice, in the leaf's unit.
+    period : Period
+        What repeats, in lengths of `scale` of these.
+    scale : float
     codes : (nx, ny, nz) uint8 ndarray
         1 where F > 0, plus 2 where the filled leaf is.
     """
 
     origin: FloatArray
     steps: FloatArray
+    period: Period
+    scale: float
     codes: npt.NDArray[np.uint8]
 
     @classmethod
-    def fill(cls, origin: FloatArray, steps: FloatArray, positive: Bools) -> "FilledLattice":
-        """Fill the pockets of a period of samples (nx, ny, nz).
+    def fill(
+        cls, origin: FloatArray, steps: FloatArray, positive: Bools, period: Period, scale: float
+    ) -> "FilledLattice":
+        """Fill the pockets of a period of samples (nx, ny, nz); those beside borders of one kind are alike.
 
         Raises
         ------
@@ -46,9 +56,15 @@ class FilledLattice:
             If the air above and below hang together.
         """
         nx, ny, nz = positive.shape
-        runs = solidify((nx, ny, nz), *find_runs(positive.reshape(-1, nz)))
+        columns, alike = positive.reshape(-1, nz), None
+        if period.color is not None:
+            tiles = period.kinds.shape
+            alike = MatchingBorders((nx // tiles[0], ny // tiles[1]), nz, TORUS).columns(np.arange(nx * ny))
+            columns = columns[alike]
+        runs = solidify((nx, ny, nz), *find_runs(columns), alike)
         inside = runs.expand(np.arange(nx * ny)).reshape(positive.shape) == INSIDE
-        return cls(origin, steps, positive + 2 * inside.astype(np.uint8))
+        codes = columns.reshape(positive.shape) + 2 * inside.astype(np.uint8)
+        return cls(origin, steps, period, scale, codes)
 
     def is_crossed_at(self, vertices: FloatArray) -> Bools:
         """Return which vertices (n, 3) on edges of the lattice, in steps from `origin`, lie on the filled leaf."""
@@ -63,7 +79,9 @@ class FilledLattice:
         """
         values = leaf.values(flat)
         inside = np.empty(len(flat), dtype=bool)
-        look_up((flat - self.origin) / self.steps, values, self.codes, inside)
+        plane = self.period.points(flat[:, :2] * self.scale) / self.scale
+        places = (np.column_stack([plane, flat[:, 2]]) - self.origin) / self.steps
+        look_up(places, values, self.codes, inside)
         return np.where(inside, np.abs(values), -np.abs(values))
 
     def _codes_at(self, places: IntArray) -> npt.NDArray[np.uint8]:

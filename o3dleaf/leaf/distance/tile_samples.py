@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.parallel import blocks
@@ -15,6 +15,8 @@ from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.projection import BATCH_SIZE
 from o3dleaf.leaf.distance.search_loops import TileArrays
 from o3dleaf.leaf.distance.solid import FilledLattice
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.period import Period
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.isosurface.polygonize import polygonize
 
@@ -45,6 +47,8 @@ class TileSamples:
 
     Attributes
     ----------
+    period : Period
+        What repeats, in the texture's unit.
     origin, cell : (2,) ndarrays
         Corner of the tile and sides of a block in the plane, in the leaf's unit.
     shape : (2,) tuple of int
@@ -65,6 +69,7 @@ class TileSamples:
         The air that is enclosed, if pockets were filled.
     """
 
+    period: Period
     origin: FloatArray
     cell: FloatArray
     shape: tuple[int, int]
@@ -85,11 +90,17 @@ class TileSamples:
         ReconstructionError
             If the texture has no surface, or pockets cannot be filled: air reaches through the blade.
         """
-        low, period = leaf.texture.cell[0] / leaf.scale, leaf.texture.period / leaf.scale
-        step = _step(leaf)
-        points, filled = _surface_points(leaf, step, closed=closed)
-        shape = np.maximum(np.round(period / max(_straight_cell(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
-        cell = period / shape
+        if isinstance(leaf.texture, ThinnedField):
+            raise InputError(
+                "texture: distances are to all hairs or none, not to those that a map keeps; extract a mesh and use "
+                "Open3D's RaycastingScene"
+            )
+        period = leaf.period
+        low, size, tiles = leaf.texture.cell[0] / leaf.scale, period.tile / leaf.scale, np.array(period.kinds.shape)
+        step = _step(leaf, float(period.tile.prod() * tiles.prod()))
+        points, filled = _surface_points(TexturedBlade(period.field, leaf.blade), period, step, closed=closed)
+        count = np.maximum(np.round(size / max(_straight_cell(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
+        cell, shape = size / count, count * tiles
         relative = points - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
         relative[:, :2] -= (where + 0.5) * cell
@@ -108,6 +119,7 @@ class TileSamples:
         bounds = [merge.reduceat(ends, bricks[some]) for merge, ends in ((np.minimum, least), (np.maximum, most))]
         extents[some] = _as_boxes(*bounds)
         return cls(
+            period,
             low[:2],
             cell,
             (int(shape[0]), int(shape[1])),
@@ -119,6 +131,12 @@ class TileSamples:
             np.ascontiguousarray(samples.T),
             filled,
         )
+
+    def blocks_at(self, corners: IntArray) -> IntArray:
+        """Return the blocks that cells (n, 2) of the plane show, counted from the period's corner."""
+        count = np.array(self.shape) // self.period.kinds.shape
+        i, j = self.period.cells(corners, count).T
+        return np.asarray(i * self.shape[1] + j)
 
     @property
     def arrays(self) -> TileArrays:
@@ -132,13 +150,10 @@ def _as_boxes(low: Singles, high: Singles) -> Singles:
     return np.stack([(low + high) / 2, half], axis=1)
 
 
-def _step(leaf: TexturedBlade) -> float:
+def _step(leaf: TexturedBlade, area: float) -> float:
     """Return half the distance of the texture's data, or more where that would make too many samples."""
-    covers = [patch.cover for patch in leaf.texture.patches]
-    volume = min(4.19 * radius**3 / max(count, 1.0) for radius, count in (cover.typical for cover in covers))
     # A rough surface with pockets has some four times the tile's area on each of its faces.
-    area = 8 * float(leaf.texture.period.prod())
-    return float(max(0.5 * volume ** (1 / 3), np.sqrt(area / MAX_SAMPLES)) / leaf.scale)
+    return float(max(0.5 * leaf.texture.data_distance, np.sqrt(8 * area / MAX_SAMPLES)) / leaf.scale)
 
 
 def _straight_cell(leaf: TexturedBlade, step: float) -> float:
@@ -158,11 +173,15 @@ def _least_cell(leaf: TexturedBlade) -> float:
     return float(np.sqrt(np.ptp(leaf.blade.outline.bounds, axis=0).prod() / MAX_CELLS))
 
 
-def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[FloatArray, FilledLattice | None]:
+def _surface_points(
+    leaf: TexturedBlade, period: Period, step: float, *, closed: bool
+) -> tuple[FloatArray, FilledLattice | None]:
     """Return points (n, 3) of F = 0 over one period: the vertices of marching cubes, moved onto it."""
     low, high = leaf.texture.cell / leaf.scale
-    counts = np.ceil((high - low) / step).astype(np.int64)
-    steps = (high - low) / counts
+    size, tiles = np.append(period.tile / leaf.scale, high[2] - low[2]), np.array([*period.kinds.shape, 1])
+    counts = np.ceil(size / step).astype(np.int64)
+    steps = size / counts
+    counts *= tiles
     positive = np.empty((*counts[:2], counts[2] + 3), dtype=bool) if closed else None
     with progress.silent():
         parts = [_slab_vertices(leaf, low, steps, counts, slab, positive) for slab in blocks(int(counts[0]), SLAB)]
@@ -173,7 +192,7 @@ def _surface_points(leaf: TexturedBlade, step: float, *, closed: bool) -> tuple[
         )
     # Half a spacing of its data beyond the patch all is air: the lattice has a layer below it.
     origin = low - steps * [0, 0, 1]
-    filled = None if positive is None else FilledLattice.fill(origin, steps, positive)
+    filled = None if positive is None else FilledLattice.fill(origin, steps, positive, period, leaf.scale)
     if filled is not None:
         vertices = vertices[filled.is_crossed_at(vertices)]
     points = origin + vertices * steps

@@ -17,8 +17,8 @@ from o3dleaf.leaf.instancing.components import UPPER, PlacedTile, label_sides, s
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import VertexNumbers
 from o3dleaf.leaf.instancing.reduced import ReducedTile
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.leaf.instancing.tile_set import TileSet
 from o3dleaf.leaf.instancing.windows import Place, PlacedRows, TilePlacer, map_in_threads
 from o3dleaf.surface.mesh.topology import label_nodes
 
@@ -261,8 +261,8 @@ class Assembly:
         """Return the numbers of a tile's own vertices; whole tiles share what they can."""
         keeps_all = self._keeps_all(place)
         start = self._starts[place][0]
-        if placed.placement.is_whole and keeps_all:
-            kind = self.tiles.kind(place)
+        kind = placed.kind
+        if kind is not None and keeps_all:
             if kind not in self._whole_rank:
                 self._whole_rank[kind] = _rank(placed.vertex_components >= 0)
             return VertexNumbers(self._whole_rank[kind], start)

@@ -20,11 +20,15 @@ FACE_SHARE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class PlacedTile:
-    """A placement and the component of each node, numbered from 0 in this place; −1: not there."""
+    """A placement and the component of each node, numbered from 0 in this place; −1: not there.
+
+    Where it is all of a tile that lies in other places too, `kind` tells which.
+    """
 
     placement: Placement
     components: npt.NDArray[np.int32]
     count: int
+    kind: int | None = None
 
     @property
     def vertex_components(self) -> npt.NDArray[np.int32]:

@@ -10,7 +10,7 @@ from o3dleaf.leaf.instancing.cut.cut_tile import place_cut
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
 from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
-from o3dleaf.leaf.instancing.tile_set import TileSet
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 
 Place = tuple[int, int]
 """Number of a tile along and across."""
@@ -79,17 +79,17 @@ class TilePlacer:
 
     def _place(self, place: Place) -> PlacedTile | None:
         """Return the tile in one place with its components; those of a whole tile are found once."""
-        kind = self.tiles.kind(place)
-        placement = self._placed_alone(self.tiles.tiles[kind], self.footprint, place)
+        tile, kind = self.tiles.at(place)
+        placement = self._placed_alone(tile, self.footprint, place)
         if placement is None:
             return None
-        if not placement.is_whole:
+        if not placement.is_whole or kind is None:
             return find_components(placement)
         if self.reduced is not None:
             placement = place_reduced(placement, self.reduced[kind])
         if kind not in self._whole:
             self._whole[kind] = find_components(placement)
-        return PlacedTile(placement, self._whole[kind].components, self._whole[kind].count)
+        return PlacedTile(placement, self._whole[kind].components, self._whole[kind].count, kind)
 
 
 def map_in_threads(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

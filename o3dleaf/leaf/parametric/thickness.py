@@ -1,6 +1,5 @@
 """The factor of a blade's thickness, from a map that the user gives: thin at the tip, thick along the midrib."""
 
-import csv
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
@@ -8,15 +7,13 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import NdBSpline
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_bounds, as_floats, as_points, require_file
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.checks import FloatArray, as_bounds
+from o3dleaf.leaf.texture.table_map import TableMap, as_table
 
 LIMITS = (0.01, 100.0)
 """Factors between which a map is one of thickness."""
-DEGREE = 3
 
 
 class Thickness(Protocol):
@@ -62,27 +59,15 @@ class ThicknessMap:
 
     def values(self, uv: npt.ArrayLike) -> FloatArray:
         """Return τ (n,) at (n, 2) points of the plane."""
-        return np.asarray(self._spline(self._places(uv)[0]))
+        return self._map.values(uv)
 
     def jet(self, uv: npt.ArrayLike) -> FloatArray:
         """Return τ, ∂τ/∂u and ∂τ/∂v (n, 3) at (n, 2) points of the plane."""
-        places, density = self._places(uv)
-        slopes = [self._spline(places, nu=nu) * density[:, axis] for axis, nu in enumerate(((1, 0), (0, 1)))]
-        return np.stack([self._spline(places), *slopes], axis=1)
+        return self._map.jet(uv)
 
     @cached_property
-    def _spline(self) -> NdBSpline:
-        # A row of nodes beyond each edge, as high as the edge: level there.
-        factors = np.pad(np.asarray(self.factors, dtype=np.float64), 2, mode="edge")
-        knots = tuple(np.arange(count + DEGREE + 1) - 4.0 for count in factors.shape)
-        return NdBSpline(knots, factors, DEGREE)
-
-    def _places(self, uv: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return points of the plane in steps of the table, and steps over lengths: 0 where they lie beyond it."""
-        (low, high), plane = np.asarray(self.bounds), as_points(uv, "uv", dim=2)
-        steps = (np.array(np.shape(self.factors)) - 1) / (high - low)
-        within = (plane >= low) & (plane <= high)
-        return (np.clip(plane, low, high) - low) * steps, np.where(within, steps, 0.0)
+    def _map(self) -> TableMap:
+        return TableMap(np.asarray(self.factors), np.asarray(self.bounds))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,27 +94,4 @@ class ThicknessProduct:
 
 def as_factors(table: npt.ArrayLike | str | PathLike[str], name: str) -> FloatArray:
     """Return a table of factors (n, m), given or read from a CSV file, or raise `InputError`."""
-    factors = as_floats(read_table(table, name) if isinstance(table, str | PathLike) else table, name)
-    if factors.ndim != 2 or factors.size == 0:
-        raise InputError(f"{name}: has shape {factors.shape}; give a table, its rows along the leaf")
-    if not (factors.min() >= LIMITS[0] and factors.max() <= LIMITS[1]):
-        raise InputError(
-            f"{name}: has factors from {factors.min():g} to {factors.max():g}; give numbers from {LIMITS[0]} to "
-            f"{LIMITS[1]:g}, 1 for the thickness of the patch"
-        )
-    return factors
-
-
-def read_table(path: str | PathLike[str], name: str) -> list[list[float]]:
-    """Return the rows of numbers of a CSV file, or raise `InputError`."""
-    file = require_file(path)
-    try:
-        with file.open(newline="") as stream:
-            rows = [[float(word) for word in row] for row in csv.reader(stream) if row]
-    except (ValueError, csv.Error) as cause:
-        raise InputError(
-            f"{name}: {file.name} is no table of numbers ({cause}); give rows of numbers, by commas"
-        ) from cause
-    if len({len(row) for row in rows}) != 1:
-        raise InputError(f"{name}: {file.name} has rows of different lengths, or none; give a table")
-    return rows
+    return as_table(table, name, LIMITS, "1 for the thickness of the patch")

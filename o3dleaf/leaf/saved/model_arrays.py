@@ -25,6 +25,8 @@ from o3dleaf.leaf.macro.height import HeightMap
 from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
@@ -144,6 +146,12 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "labels": _whole("16", "n", "m", most="k+-1"),
         "energy": _floats("3"),
     },
+    HairZones: {
+        "lids": _floats("2", "t", "n", "m"),
+        "pieces": _whole("t", "n+1", "m+1", least=-1),
+        "open_lids": _floats("2"),
+    },
+    ThinnedField: {"shares": _floats("p", "q"), "box": _floats("2", "2")},
     ThicknessMap: {"factors": _floats("n", "m"), "bounds": _floats("2", "2")},
     LocalPolynomials: {"tails": _floats("k", "q"), "exponents": EXPONENTS, "ranks": _whole("k")},
     LocalPotentials: {
@@ -298,6 +306,11 @@ def _check_quilt(quilt: Quilt) -> None:
         raise InputError("Quilt: its tiles have no nodes, or no size")
 
 
+def _check_zones(zones: HairZones) -> None:
+    if zones.pieces.max() >= zones.pieces[0].size:
+        raise InputError("HairZones: has more pieces than nodes")
+
+
 def _check_wang(field: Any) -> None:
     if not isinstance(field.quilt, Quilt) or field.quilt.sources.max() >= len(field.fields):
         raise InputError("WangField: its tiles show patches that it does not have")
@@ -313,6 +326,7 @@ RELATIONS: tuple[tuple[Any, Callable[[Any], None]], ...] = (
     (RBFInterpolant, _check_single),
     (LeafFrame, _check_frame),
     (Quilt, _check_quilt),
+    (HairZones, _check_zones),
     (WangField, _check_wang),
 )
 """What holds between the arrays of an object, or its parts, of each class."""

@@ -34,6 +34,8 @@ from o3dleaf.leaf.parametric.splines import VectorSplines
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap
 from o3dleaf.leaf.saved.model_arrays import check_model, stored_index
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.hairs.zones import HairZones
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.quilt import Quilt
 from o3dleaf.leaf.texture.tiling import TiledField
@@ -47,6 +49,7 @@ CLASSES: dict[str, Callable[..., Any]] = {
         ChartSurface,
         Cover,
         HeightMap,
+        HairZones,
         HeightMapBlade,
         Hole,
         LeafFrame,
@@ -67,6 +70,7 @@ CLASSES: dict[str, Callable[..., Any]] = {
         Shaped,
         Smoothing,
         ThicknessMap,
+        ThinnedField,
         TiledField,
         VectorSplines,
         WangField,
@@ -95,7 +99,7 @@ def load(path: str | PathLike[str]) -> Any:
 
 
 def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend | WangField:
-    """Return the texture of a model file: of a texture, or of a leaf that has it.
+    """Return the texture of a model file: of a texture, or of a leaf that has it, with all its hairs.
 
     Raises
     ------
@@ -104,6 +108,8 @@ def load_texture(path: str | PathLike[str]) -> TiledField | PatchBlend | WangFie
     """
     model = load(path)
     texture = model.texture if isinstance(model, MultiscaleLeaf) else model
+    if isinstance(texture, ThinnedField):
+        texture = texture.texture
     if not isinstance(texture, TiledField | PatchBlend | WangField):
         raise InputError(f"{path}: contains a {type(model).__name__}, no micro-structure; give one that `patch` wrote")
     return texture

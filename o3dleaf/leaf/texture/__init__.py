@@ -12,4 +12,7 @@
 `quilt`       what each node of each Wang tile shows, and its smooth weight
 `quilting`    Wang tiles cut out of patches
 `wang`        Wang tiles laid over the plane without repetition
+`period`      what repeats of a texture, and which part of it lies where
+`table_map`   a smooth function over the plane, from a table
+`hairs`       hairs, thinned out as a map wants it
 """

@@ -47,6 +47,12 @@ class LayerField(Blended):
         """How steeply F falls above and below its patches: value over length, in `unit`."""
         return max(_steepness(patch) for patch in self.patches)
 
+    @property
+    def data_distance(self) -> float:
+        """The distance of the patches' data, of the finest: the side of the cube that a point has to itself."""
+        typical = (patch.cover.typical for patch in self.patches)
+        return float(min(4.19 * radius**3 / max(count, 1.0) for radius, count in typical) ** (1 / 3))
+
     def stacked_jets(self, queries: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
         """Return the jets, a column each, to derivatives of `level` at checked (n, d) points."""
         low, high = self.index.domain

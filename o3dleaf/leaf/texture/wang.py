@@ -200,6 +200,15 @@ class WangTorus(LayerField):
         """The fitted patches that it is made of."""
         return self.fields
 
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the points."""
+        return self.fields[0].unit
+
+    def tile_key(self, p: int) -> Hashable:  # noqa: ARG002 - all periods are alike
+        """Return the same key for every period p along."""
+        return 0
+
 
 @dataclass(frozen=True, eq=False)
 class QuiltedTiles:

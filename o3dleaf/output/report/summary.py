@@ -21,6 +21,7 @@ from o3dleaf.leaf.macro.robust import RobustChoice
 from o3dleaf.leaf.meshing import MeshPlan
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.corners import KINDS
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
@@ -124,6 +125,10 @@ def _texture_summary(leaf: MultiscaleLeaf) -> dict[str, Any]:
     texture = leaf.texture
     fits = [_fit_summary(patch.local) for patch in texture.patches]
     table = {"unit": texture.unit, "period": texture.period.tolist(), "fit": fits[0] if len(fits) == 1 else fits}
+    if isinstance(texture, ThinnedField):
+        kept, hairs = texture.hairs.counts
+        table |= {"hairs": hairs, "hairs_kept": kept, "hair_seed": texture.seed}
+        texture = texture.texture
     if isinstance(texture, WangField):
         table |= {"wang_tiles": KINDS, "seed": texture.seed, "seam_energy": texture.seam_energy().total}
     return table

@@ -13,9 +13,9 @@ from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.components import RIM
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
+from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
-from o3dleaf.leaf.instancing.tile_set import MatchingBorders, TileSet, split_torus
 from o3dleaf.leaf.texture.corners import KINDS, SIDE, TORUS, kinds_of, seeded, torus_color
 from tile_fields import PERIOD, WIDE, layer, outline, solid_layer
 from tolerances import FADE_TWIN, ON_SURFACE

@@ -111,8 +111,8 @@ def test_a_table_is_read_from_a_file(tmp_path):
         ("1,2\n3\n", "different lengths"),
         ("a,b\n", "no table of numbers"),
         ("\n\n", "or none"),
-        ("1,nan\n", "factors from nan"),
-        ("1,0\n", "factors from 0 to 1"),
+        ("1,nan\n", "numbers from nan"),
+        ("1,0\n", "numbers from 0 to 1"),
     ],
 )
 def test_what_is_no_table_of_factors_is_refused(tmp_path, text, match):

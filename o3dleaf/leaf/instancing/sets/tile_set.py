@@ -32,6 +32,11 @@ class TileSet:
         """Return the set of a tile that lies everywhere; a set as it is."""
         return tile if isinstance(tile, TileSet) else cls((tile,), lambda _: 0)
 
+    def at(self, place: tuple[int, int]) -> tuple[Tile, int | None]:
+        """Return the tile in a place, and which of `tiles` it is; None: none of them, and in no other place."""
+        kind = self.kind(place)
+        return self.tiles[kind], kind
+
     @property
     def lattice(self) -> TileLattice:
         """The lattice of every tile."""
