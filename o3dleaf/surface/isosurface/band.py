@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.checks import FloatArray, box_of, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
@@ -87,7 +87,7 @@ class Band:
         cls, points: FloatArray, field: Field, level: float, step: FloatArray, box: FloatArray | None = None
     ) -> "Band":
         """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
-        low, high = points.min(axis=0) / step, points.max(axis=0) / step
+        low, high = box_of(points) / step
         quarter = 1 << loops.BITS - 2
         if np.any(high - low > quarter):
             raise InputError(
@@ -282,7 +282,8 @@ class Band:
 
     def _is_outside(self, box: FloatArray, points: FloatArray) -> BoolArray:
         margin = MARGIN * self.step
-        return np.asarray(((points < box[0] + margin) | (points > box[1] - margin)).any(axis=1))
+        x, y, z = ((points < box[0] + margin) | (points > box[1] - margin)).T  # NumPy's any along rows takes ten times
+        return np.asarray(x | y | z)
 
     def _cut(self, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
         """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.
