@@ -65,18 +65,19 @@ class RememberedField:
         answers = self._jets.recall(as_points(points, dim=3), self._jet)
         return answers[:, 0], answers[:, 1:]
 
-    def changed(self, field: Field, same: Callable[[FloatArray], BoolArray]) -> "RememberedField":
+    def changed(self, field: Field, where: Callable[[FloatArray], BoolArray]) -> "RememberedField":
         """Return another field with this one's memory of the places where both are the same, which is given up here.
 
         Parameters
         ----------
         field : Field
-        same : callable
-            ``same(places) -> mask`` of the places (n, 3) where both say the same, to the last bit.
+        where : callable
+            ``where(places) -> mask`` of the places (n, 3) at which the fields may differ; elsewhere they say the same,
+            to the last bit.
         """
         other = RememberedField(field)
         for memory in (self._values, self._jets):
-            memory.forget(same)
+            memory.forget(where)
         other._values, other._jets = self._values, self._jets
         return other
 
@@ -117,10 +118,11 @@ class _Memory:
         self._add(bits[new], answers[new])
         return answers
 
-    def forget(self, same: Callable[[FloatArray], BoolArray]) -> None:
-        """Ask again where a field is not the same."""
-        self.stale[: self.count] |= ~same(self.places[: self.count].view(np.float64))
-        self._index()
+    def forget(self, where: Callable[[FloatArray], BoolArray]) -> None:
+        """Ask again where a field has changed."""
+        self.stale[: self.count] |= where(self.places[: self.count].view(np.float64))
+        if not len(self.table):
+            self._index()
 
     def _add(self, places: IntArray, answers: FloatArray) -> None:
         first, last = self.count, min(self.count + len(places), MAX_PLACES)

@@ -12,14 +12,13 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, require_triangles
-from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
 from o3dleaf.surface.reconstruction.extract import extract_near
-from o3dleaf.surface.reconstruction.overshoots import NO_SITES, FreeSites, Surroundings
+from o3dleaf.surface.reconstruction.overshoots import NO_SITES, WIDE, FreeSites, Surroundings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
 Closed = Literal["auto"] | bool
@@ -75,29 +74,32 @@ def follow_surface(
     mesh = extract_near(asked, cloud, spacing)
     if around is None or not isinstance(field.local, RefittableFits):
         return Followed(field, asked, mesh)
-    data, known, places, wide, looking = None, NO_SITES, 0, True, around
+    data, known, places, looking = None, NO_SITES, 0, around
+    anew, far = _everywhere, np.empty((0, 3))
     with progress.silent():
         for _ in range(ROUNDS):
-            rows, wide = _overshoots(mesh, looking)
-            if not len(rows):
-                break
             vertices, triangles = require_triangles(mesh)
-            sites = looking.sites(asked, vertices[rows])
+            rows = np.flatnonzero(anew(vertices))  # elsewhere the surface is as far as it was
+            rows = rows[looking.is_far(vertices[rows])]
+            far = np.concatenate([vertices[rows], far[~anew(far)]])
+            over = looking.overshooting(far)
+            sites = looking.sites(asked, far[over]) if over.any() else NO_SITES
             if not len(sites.sites):
                 break
-            places = max(places, _count_places(triangles, rows, len(vertices)))
+            places = max(places, _count_places(triangles, rows[over[: len(rows)]], len(vertices)))
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
-            before, field = field, field.with_points(data, len(sites.sites))
-            asked = asked.changed(field, partial(_is_apart, before.index, sites.sites))
+            changed, field = partial(field.index.share_ball, sites.sites), field.with_points(data, len(sites.sites))
+            asked = asked.changed(field, changed)
             mesh = extract_near(asked, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
-            looking = replace(looking, everywhere=False)  # gaps are closed once
-    return Followed(field, asked, mesh, places, not wide and cloud.branchings is None)
+            anew = _everywhere if looking.everywhere else changed
+            looking = replace(looking, everywhere=False) if looking.everywhere else looking  # gaps are closed once
+    return Followed(field, asked, mesh, places, not around.is_far(far, WIDE).any() and cloud.branchings is None)
 
 
-def _is_apart(index: BallIndex, sites: FloatArray, places: FloatArray) -> BoolArray:
-    """Return which places (n, 3) lie in no ball that contains one of the sites."""
-    return ~index.share_ball(sites, places)
+def _everywhere(places: FloatArray) -> BoolArray:
+    """Return that all places (n, 3) are meant."""
+    return np.ones(len(places), dtype=bool)
 
 
 def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.TriangleMesh) -> tuple[str, bool]:
@@ -119,15 +121,6 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
     if around.closing:
         return f"{opened}, around gaps in data that close around else; closed=True closes them", True
     return f"{opened}; its data are a sheet: winding number {around.level:.2f} on them, ½ on a closed one", False
-
-
-def _overshoots(mesh: o3d.geometry.TriangleMesh, around: Surroundings) -> tuple[IntArray, bool]:
-    """Return the rows of the vertices that overshoot the data, and whether any is so far that trimming cuts."""
-    vertices = require_triangles(mesh)[0]
-    far, wide = around.far(vertices)
-    if not len(far) or not around.closing:
-        return far[:0], wide
-    return far[around.overshooting(vertices[far])], wide
 
 
 def _count_places(triangles: IntArray, rows: IntArray, count: int) -> int:
