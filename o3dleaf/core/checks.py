@@ -145,7 +145,7 @@ def require_reach(local: FloatArray, name: str) -> FloatArray:
 
 
 def box_of(points: FloatArray) -> FloatArray:
-    """Return the lower and the upper corner (2, d) of points (n, d): column by column, many times as fast as by rows."""
+    """Return the lower and the upper corner (2, d) of points (n, d), by columns: many times as fast as by rows."""
     return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as attribute
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,16 @@ def _distinct(keys: IntArray) -> IntArray:
     return keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
 
 
+class Crossing(NamedTuple):
+    """Crossed cells, (c, 8) rows of corners and (c,) codes, and their edges, with a vertex (v, 3) on each."""
+
+    corners: CornerArray
+    codes: CodeArray
+    numbering: Numbering
+    edges: CrossedEdges
+    vertices: FloatArray
+
+
 @dataclass
 class Band:
     """The points and cells of a lattice that have been visited; `band_loops` says how they are stored.
@@ -67,6 +77,10 @@ class Band:
         cells, and rows in use.
     crossed : list of (corners, codes)
         The cells that the surface crosses, wave by wave.
+    visited : (c,) ndarray
+        Rising keys of the cells that were visited before the field changed.
+    edges : Crossing or None
+        What all crossed cells make, once it was asked for.
     """
 
     field: Field
@@ -81,6 +95,8 @@ class Band:
     known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
     count: int = 0
     crossed: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
+    visited: IntArray = attribute(default_factory=lambda: np.empty(0, dtype=np.int64))
+    edges: "Crossing | None" = None
 
     @classmethod
     def around(
@@ -112,8 +128,20 @@ class Band:
         return _distinct(keys)
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
-        """Return the cells whose centers pass a test."""
-        return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
+        """Return the cells whose centers pass a test; what was visited before the field changed has passed it."""
+        if allowed is None or not len(cells):
+            return cells
+        passed = np.isin(cells, self.visited, assume_unique=True) if len(self.visited) else np.zeros(len(cells), bool)
+        passed[~passed] = allowed(self.positions(cells[~passed], 0.5))
+        return cells[passed]
+
+    def change(self, field: Field, where: Callable[[FloatArray], BoolArray]) -> None:
+        """Take another field, and ask it at the points `where` it may differ; no cell is visited any more."""
+        self.field, self.visited = field, np.sort(self.keys[: self.count][self.known[: self.count]])
+        points = self.positions(self.keys[: self.count])
+        rows = np.flatnonzero(where(points))
+        self.values[rows] = self._ask(points[rows])
+        self.known[:], self.crossed, self.edges = False, [], None
 
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
         """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
@@ -168,14 +196,11 @@ class Band:
         """Return vertices and triangles by the keys of points and cells, made manifold where a band `ends`."""
         finding, sharpening, joining = progress.split(*SHARES)
         with finding:
-            corners, codes = (np.concatenate(part) for part in zip(*self.crossed, strict=True))
-            order = np.argsort(self.keys[corners[:, 0]])
-            corners, codes = corners[order], codes[order]
-            numbering, many = self._number(corners, codes)
-            edges = self._cross_edges(corners, codes, numbering, many)
-            vertices = self._place(edges)
+            corners, codes, numbering, edges, vertices = self.crossing()
+            many = len(vertices)
         with sharpening:
             if sharpen:
+                self.edges = None  # fractions are moved in place
                 self._sharpen(edges, vertices)
                 vertices = self._place(edges)
             if self.box is not None:
@@ -192,6 +217,17 @@ class Band:
         cells[:many] = 0
         loops.count_cells(corners, codes, numbering, cells)
         return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
+
+    def crossing(self) -> "Crossing":
+        """Return the crossed cells and edges by their keys, with vertices where the field is linear along an edge."""
+        if self.edges is None:
+            corners, codes = (np.concatenate(part) for part in zip(*self.crossed, strict=True))
+            order = np.argsort(self.keys[corners[:, 0]])
+            corners, codes = corners[order], codes[order]
+            numbering, many = self._number(corners, codes)
+            edges = self._cross_edges(corners, codes, numbering, many)
+            self.edges = Crossing(corners, codes, numbering, edges, self._place(edges))
+        return self.edges
 
     def _cross_edges(self, corners: CornerArray, codes: CodeArray, numbering: Numbering, many: int) -> CrossedEdges:
         """Return the edges of cells that the surface crosses, by vertex."""

@@ -1,15 +1,18 @@
 """The surface of a field near the data that it was fitted to, as a mesh."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import require_positive
+from o3dleaf.core.checks import FloatArray, as_step, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
-from o3dleaf.core.mesh_arrays import build_mesh, require_triangles
+from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
-from o3dleaf.surface.isosurface.isosurface import extract_isosurface
+from o3dleaf.surface.isosurface.continuation import Continuation
 from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.reconstruction.branch_cut import cut_at_branchings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
@@ -22,37 +25,57 @@ PER_POINT = 3.0
 """Triangles for each point of a mesh whose step is the cloud's spacing."""
 
 
-def extract_near(
-    field: PUInterpolant | RememberedField,
-    cloud: CloudLike,
-    spacing: float | None = None,
-    *,
-    within: Mask | None = None,
-) -> o3d.geometry.TriangleMesh:
-    """Return the surface of a field as far as four spacings beyond its data, with the field's creases as edges.
+@dataclass
+class NearSurface:
+    """The surface of a field near its data, followed, and followed again where the field changes.
 
-    Where sheets of the data branch it is cut: they end beside the line along which they meet.
-
-    Parameters
+    Attributes
     ----------
-    field : PUInterpolant, or its memory
-    cloud : OrientedCloud, or what `OrientedCloud.of` makes one of
-        The data.
-    spacing : float, optional
-        Step of the lattice that the mesh is made on, in the cloud's unit; left out, see `mesh_step`.
-    within : callable, optional
-        ``within(places) -> mask``: where the surface is followed, in place of four spacings.
+    data : OrientedCloud
+    followed : Continuation
+    creased : bool
+        Whether the field has creases.
     """
-    data = OrientedCloud.of(cloud)
-    step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
-    fitted = field.field if isinstance(field, RememberedField) else field
-    creased = isinstance(fitted, PUInterpolant) and isinstance(fitted.local, LocalCreasedSplines)
-    require_positive(step, "spacing")
-    mask = distance_mask(data) if within is None else within
-    mesh = extract_isosurface(field, step, seeds=data.points, within=mask, features=creased)
-    if data.branchings is None:
-        return mesh
-    return build_mesh(*cut_at_branchings(*require_triangles(mesh), data, data.branchings))
+
+    data: OrientedCloud
+    followed: Continuation
+    creased: bool
+
+    @classmethod
+    def of(cls, field: PUInterpolant | RememberedField, cloud: CloudLike, spacing: float | None) -> "NearSurface":
+        """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
+        data = OrientedCloud.of(cloud)
+        step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
+        steps = as_step(require_positive(step, "spacing"))
+        fitted = field.field if isinstance(field, RememberedField) else field
+        creased = isinstance(fitted, PUInterpolant) and isinstance(fitted.local, LocalCreasedSplines)
+        seeds, box = data.points, field.bounds
+        return cls(data, Continuation.of(field, steps, seeds, 0.0, within=distance_mask(data), box=box), creased)
+
+    @property
+    def step(self) -> float:
+        """Step of the lattice."""
+        return float(self.followed.band.step[0])
+
+    def change(
+        self,
+        field: PUInterpolant | RememberedField,
+        where: Callable[[FloatArray], BoolArray],
+        within: Mask | None = None,
+    ) -> None:
+        """Follow the surface of a field that differs where ``where(places)`` says, see `Continuation.change`."""
+        self.followed.change(field, where, within)
+
+    def vertices(self) -> FloatArray:
+        """Return where the surface crosses the lattice (n, 3), before its vertices are sharpened."""
+        return self.followed.band.crossing().vertices
+
+    def mesh(self) -> o3d.geometry.TriangleMesh:
+        """Return the surface with the creases of the field as edges, cut beside the lines along which sheets meet."""
+        mesh = self.followed.draw(sharpen=True, features=self.creased)
+        if self.data.branchings is not None:
+            mesh = cut_at_branchings(*mesh, self.data, self.data.branchings)
+        return build_mesh(*mesh)
 
 
 def mesh_step(spacing: float, count: int) -> float:

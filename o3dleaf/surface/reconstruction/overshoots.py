@@ -16,7 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.reconstruction.proximity import data_around, nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 
 FAR = 1.5
@@ -93,8 +93,7 @@ class Surroundings:
 
     def is_far(self, places: FloatArray, than: float = FAR) -> BoolArray:
         """Return which places (n, 3) are farther from the data than so many of their spacings."""
-        distance, nearest = data_around(self.data, places)
-        return np.asarray(distance > than * self.data.point_spacing[nearest])
+        return ~distance_mask(self.data, factor=than)(places)
 
     def overshooting(self, places: FloatArray) -> BoolArray:
         """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""
