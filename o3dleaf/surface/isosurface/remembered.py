@@ -22,8 +22,8 @@ MAX_STARTS = 64
 class RememberedField:
     """A field of three dimensions that keeps its values with gradients, and is asked anew where they are not known.
 
-    Values alone are asked every time: who follows a surface has them at hand (`Band`). Answers are those of the field, to the last bit: places are the same if all bits of their coordinates are. Work that
-    is to be resumed keeps them.
+    Values alone are asked every time: who follows a surface has them at hand (`Band`). Answers are those of the field,
+    to the last bit: places are the same if all bits of their coordinates are. Work that is to be resumed keeps them.
 
     Parameters
     ----------

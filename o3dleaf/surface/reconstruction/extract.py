@@ -19,6 +19,9 @@ from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
 MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
+NOISY_STEP = 0.8
+"""The same where noise is a third of the spacing or more: what shorter chords would show is noise. Of folds, fins and
+bumps, a torus and a horse, surfaces in steps of 0.8 are nearer to the truth than in steps of 0.6, by one percent."""
 MAX_TRIANGLES = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
@@ -45,8 +48,10 @@ class NearSurface:
     def of(cls, field: PUInterpolant | RememberedField, cloud: CloudLike, spacing: float | None) -> "NearSurface":
         """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
         data = OrientedCloud.of(cloud)
-        step = mesh_step(float(np.median(data.point_spacing)), len(data)) if spacing is None else spacing
-        steps = as_step(require_positive(step, "spacing"))
+        if spacing is None:
+            noise = data.noise / data.spacing if data.is_measurable else 0.0
+            spacing = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
+        steps = as_step(require_positive(spacing, "spacing"))
         fitted = field.field if isinstance(field, RememberedField) else field
         creased = isinstance(fitted, PUInterpolant) and isinstance(fitted.local, LocalCreasedSplines)
         seeds, box = data.points, field.bounds
@@ -78,9 +83,11 @@ class NearSurface:
         return build_mesh(*mesh)
 
 
-def mesh_step(spacing: float, count: int) -> float:
+def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """Return the step of the mesh of a cloud of `count` points 1/√(points per unit area) = `spacing` apart.
 
-    It is 0.6 spacings; where that would make more than 200,000 triangles, more, but not more than one spacing.
+    It is 0.6 spacings, with a `noise` of so many spacings 0.6 (1 + noise), up to 0.8; where that would make more than
+    200,000 triangles, more, but not more than one spacing.
     """
-    return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), MIN_STEP, 1.0))
+    least = min(MIN_STEP * (1 + noise), NOISY_STEP)
+    return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))

@@ -325,10 +325,11 @@ def test_a_step_may_return_any_cloud(sphere, surface):
 
 
 def test_the_step_of_the_mesh():
-    """0.6 spacings of a small cloud, one of a large one, and 200,000 triangles between."""
+    """0.6 spacings of a small cloud, more under noise, one of a large one, and 200,000 triangles between."""
     assert mesh_step(2.0, 5_000) == pytest.approx(1.2)
     assert mesh_step(2.0, 5_000_000) == pytest.approx(2.0)
     assert 1.2 < mesh_step(2.0, 40_000) < 2.0
+    assert 1.2 < mesh_step(2.0, 5_000, 0.1) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
 
 
 @pytest.mark.parametrize(
