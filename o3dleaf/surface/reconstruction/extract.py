@@ -10,6 +10,7 @@ from o3dleaf.core.checks import FloatArray, as_step, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.creases.creased_splines import LocalCreasedSplines
 from o3dleaf.surface.isosurface.continuation import Continuation
@@ -20,8 +21,8 @@ from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
 NOISY_STEP = 0.8
-"""The same where noise is a third of the spacing or more: what shorter chords would show is noise. Of folds, fins and
-bumps, a torus and a horse, surfaces in steps of 0.8 are nearer to the truth than in steps of 0.6, by one percent."""
+"""The same where noise is half of the spacing or more: what shorter chords would show is noise. Of folds, fins, bumps,
+a torus and a horse, surfaces in steps of 0.8 are nearer to the truth than in steps of 0.6, by one percent."""
 MAX_TRIANGLES = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
@@ -86,8 +87,8 @@ class NearSurface:
 def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """Return the step of the mesh of a cloud of `count` points 1/√(points per unit area) = `spacing` apart.
 
-    It is 0.6 spacings, with a `noise` of so many spacings 0.6 (1 + noise), up to 0.8; where that would make more than
+    It is 0.6 spacings, and grows with a `noise` of more than 0.1 spacings up to 0.8; where that would make more than
     200,000 triangles, more, but not more than one spacing.
     """
-    least = min(MIN_STEP * (1 + noise), NOISY_STEP)
+    least = min(MIN_STEP * (1 + max(noise - CLEAN, 0.0)), NOISY_STEP)
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))

@@ -329,7 +329,8 @@ def test_the_step_of_the_mesh():
     assert mesh_step(2.0, 5_000) == pytest.approx(1.2)
     assert mesh_step(2.0, 5_000_000) == pytest.approx(2.0)
     assert 1.2 < mesh_step(2.0, 40_000) < 2.0
-    assert 1.2 < mesh_step(2.0, 5_000, 0.1) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
+    assert mesh_step(2.0, 5_000, 0.05) == mesh_step(2.0, 5_000)
+    assert 1.2 < mesh_step(2.0, 5_000, 0.2) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
 
 
 @pytest.mark.parametrize(
