@@ -64,7 +64,7 @@ def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
     tree, wider = cKDTree(points), dict[int, IntArray]()
     octaves = np.floor(np.log2(cover.radii[few]))
 
-    @cache
+    @cache  # an octave has cells of the sides that its neighbors have
     def thinned(side: float) -> tuple[IntArray, cKDTree]:
         one = _one_of_each_cell(points, side)
         return one, cKDTree(points[one])

@@ -19,7 +19,7 @@ PATCHES = tuple(16 * 2**step for step in range(13))
 noise of 32 spacings."""
 MAX_POINTS = 256
 """Points that the residual of a patch is found from: of larger ones those among every second, fourth, ... of the cloud.
-σ of a place is known to 4 %, half as well as the median of all places needs."""
+They tell σ at a place to 4 %; the median of all places is off by as much."""
 WIDE = 4.5
 """Standard deviations of the noise that the radius of a patch must have: in narrower ones the plane follows noise."""
 LEAST = 12

@@ -78,7 +78,7 @@ class Band:
     crossed : list of (corners, codes)
         The cells that the surface crosses, wave by wave.
     visited : (c,) ndarray
-        Rising keys of the cells that were visited before the field changed.
+        Rising keys of the cells that were visited before the field changed, and are allowed.
     edges : Crossing or None
         What all crossed cells make, once it was asked for.
     """
@@ -128,16 +128,20 @@ class Band:
         return _distinct(keys)
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
-        """Return the cells whose centers pass a test; what was visited before the field changed has passed it."""
+        """Return the cells whose centers pass a test; those `visited` have passed it."""
         if allowed is None or not len(cells):
             return cells
         passed = np.isin(cells, self.visited, assume_unique=True) if len(self.visited) else np.zeros(len(cells), bool)
         passed[~passed] = allowed(self.positions(cells[~passed], 0.5))
         return cells[passed]
 
-    def change(self, field: Field, where: Callable[[FloatArray], BoolArray]) -> None:
-        """Take another field, and ask it at the points `where` it may differ; no cell is visited any more."""
-        self.field, self.visited = field, np.sort(self.keys[: self.count][self.known[: self.count]])
+    def change(self, field: Field, where: Callable[[FloatArray], BoolArray], *, passed: bool) -> None:
+        """Take another field, and ask it at the points `where` it may differ; no cell is visited any more.
+
+        `passed` says whether all that were have passed the test of cells, and need not pass it again.
+        """
+        self.field, visited = field, self.keys[: self.count][self.known[: self.count]]
+        self.visited = np.sort(visited) if passed else visited[:0]
         points = self.positions(self.keys[: self.count])
         rows = np.flatnonzero(where(points))
         self.values[rows] = self._ask(points[rows])
@@ -197,10 +201,9 @@ class Band:
         finding, sharpening, joining = progress.split(*SHARES)
         with finding:
             corners, codes, numbering, edges, vertices = self.crossing()
-            many = len(vertices)
+            self.edges, many = None, len(vertices)  # what follows moves them in place
         with sharpening:
             if sharpen:
-                self.edges = None  # fractions are moved in place
                 self._sharpen(edges, vertices)
                 vertices = self._place(edges)
             if self.box is not None:

@@ -66,13 +66,16 @@ class Continuation:
     band : Band
     seeds : (n, 3) ndarray
         One in a block of cells.
-    within : Within or None
-        Where cells are allowed, as of `extract_isosurface`.
+    allowed : callable or None
+        The test of the centers of cells, (n, 3).
+    trusting : bool
+        Whether the cells of seeds are taken without it.
     """
 
     band: Band
     seeds: FloatArray
-    within: Within | None
+    allowed: Callable[[FloatArray], BoolArray] | None
+    trusting: bool
 
     @classmethod
     def of(
@@ -86,9 +89,10 @@ class Continuation:
         box: FloatArray | None = None,
     ) -> "Continuation":
         """Follow the surface, as `continue_from_seeds` does."""
-        continued = cls(Band.around(seeds, field, level, step, box), _thin(seeds, step), within)
-        continued.band.expected = POINTS_PER_SEED * len(continued.seeds)
-        continued._follow(_as_test(within, seeds))
+        thin, allowed = _thin(seeds, step), _as_test(within, seeds)
+        continued = cls(Band.around(seeds, field, level, step, box), thin, allowed, not callable(within))
+        continued.band.expected = POINTS_PER_SEED * len(thin)
+        continued._follow()
         return continued
 
     def change(
@@ -107,25 +111,25 @@ class Continuation:
         within : callable, optional
             In place of what was allowed, which it allows too.
         """
-        self.within = self.within if within is None else within
-        self.band.change(field, where)
-        self._follow(_as_test(self.within, self.seeds))
+        self.allowed = self.allowed if within is None else _as_test(within, self.seeds)
+        self.band.change(field, where, passed=not self.trusting)
+        self._follow()
 
     def draw(self, *, sharpen: bool, features: bool) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles."""
-        return self.band.draw(sharpen=sharpen, ends=self.within is not None, features=features)
+        return self.band.draw(sharpen=sharpen, ends=self.allowed is not None, features=features)
 
-    def _follow(self, allowed: Callable[[FloatArray], BoolArray] | None) -> None:
+    def _follow(self) -> None:
         """Visit the cells that seeds lead to."""
         band, seeding, growing = self.band, *progress.split(*SHARES[:2])
         with seeding:
             moved = _toward_zero(band.field, self.seeds, band.level, TOLERANCE * float(band.step.min()))
             cells = band.cells_of(moved if band.box is None else np.clip(moved, *band.box))
-            if callable(self.within):
-                cells = band.only(cells, allowed)
+            if not self.trusting:
+                cells = band.only(cells, self.allowed)
         with growing:
             while len(cells):
-                cells = band.only(band.advance(cells), allowed)
+                cells = band.only(band.advance(cells), self.allowed)
         if not band.crossed:
             raise ReconstructionError(
                 f"seeds: none of {len(self.seeds)} leads to a cell that the surface {band.level:g} crosses; give "

@@ -31,7 +31,7 @@ def beside(places):
     return places[:, 0] > 0.3
 
 
-@pytest.mark.parametrize("within", [None, lambda places: places[:, 2] < 0.4])
+@pytest.mark.parametrize("within", [None, lambda places: places[:, 2] < 0.4, 2.2])
 @pytest.mark.parametrize(
     ("before", "after"), [((-1.0, 0.5), (0.2, 0.5)), ((0.2, 0.5), (-1.0, 0.5)), ((0.2, 0.5), (0.2, 0.4))]
 )
