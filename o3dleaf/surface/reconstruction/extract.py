@@ -9,6 +9,7 @@ import open3d as o3d
 from o3dleaf.core.checks import FloatArray, as_step, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
+from o3dleaf.core.trees import query
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
@@ -22,7 +23,12 @@ MIN_STEP = 0.6
 """Mesh step over the cloud's spacing: of few points the surface between is known better than such triangles show."""
 NOISY_STEP = 0.8
 """The same where noise is half of the spacing or more: what shorter chords would show is noise. Of folds, fins, bumps,
-a torus and a horse, surfaces in steps of 0.8 are nearer to the truth than in steps of 0.6, by one percent."""
+tori and a horse, surfaces in steps of 0.8 are nearer to the truth than in steps of 0.6, by one percent."""
+NEAREST, OPPOSITE, THIN = 12, -0.5, 0.2
+"""Share of the points that have one of the other side of a thin part, by the cosine of their normals, among so many
+nearest ones, beyond which the step is that of a clean cloud: longer ones join the sides of noisy fins more often."""
+SAMPLE_SIZE = 1000
+"""Points that are looked at for it."""
 MAX_TRIANGLES = 200_000
 """Triangles beyond which the mesh step grows, up to the cloud's spacing."""
 PER_POINT = 3.0
@@ -50,7 +56,7 @@ class NearSurface:
         """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
         data = OrientedCloud.of(cloud)
         if spacing is None:
-            noise = data.noise / data.spacing if data.is_measurable else 0.0
+            noise = data.noise / data.spacing if data.is_measurable and not _is_thin(data) else 0.0
             spacing = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
         steps = as_step(require_positive(spacing, "spacing"))
         fitted = field.field if isinstance(field, RememberedField) else field
@@ -92,3 +98,11 @@ def mesh_step(spacing: float, count: int, noise: float = 0.0) -> float:
     """
     least = min(MIN_STEP * (1 + max(noise - CLEAN, 0.0)), NOISY_STEP)
     return spacing * float(np.clip(np.sqrt(PER_POINT * count / MAX_TRIANGLES), least, 1.0))
+
+
+def _is_thin(data: OrientedCloud) -> bool:
+    """Return whether a good part of the data is so thin that the nearest points are of both sides."""
+    normals, rows = data.require_normals(), np.arange(0, len(data), max(1, len(data) // SAMPLE_SIZE))
+    near = query(data.tree, data.points[rows], k=min(NEAREST, len(data)))[1]
+    across = np.einsum("ija,ia->ij", normals[near], normals[rows]) < OPPOSITE
+    return bool(across.any(axis=1).mean() > THIN)
