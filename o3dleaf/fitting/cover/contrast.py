@@ -5,11 +5,12 @@ the cluster's noise: a slope known from a tenth of the ball, and a bend from its
 """
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks import FloatArray, box_of
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -60,18 +61,28 @@ def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
     if MOST * least < FEWEST * terms or not len(spacing) or spacing.max() < CONTRAST * spacing.min():
         return cover
     few = np.flatnonzero(_occupied(points, cover) < min(TIMES * terms, MOST * least))
-    rows, tree = np.split(cover.members, cover.offsets[1:-1]), cKDTree(points)
+    tree, wider = cKDTree(points), dict[int, IntArray]()
     octaves = np.floor(np.log2(cover.radii[few]))
+
+    @cache  # an octave has cells of the sides that its neighbors have
+    def thinned(side: float) -> tuple[IntArray, cKDTree]:
+        one = _one_of_each_cell(points, side)
+        return one, cKDTree(points[one])
+
     for octave in np.unique(octaves):
         some = few[octaves == octave]
-        thin = [_one_of_each_cell(points, side * 2.0**octave) for side in SIDES]
-        levels = [level[_nearest(points[level], cover.centers[some], int(SHARE * least))] for level in thin]
-        probes = np.stack([rows[k][len(rows[k]) * np.arange(PROBES) // PROBES] for k in some])
-        inner = np.median(_gaps(tree, points[probes]), axis=1)
+        thin = [thinned(side * 2.0**octave) for side in SIDES]
+        levels = [level[_nearest(among, cover.centers[some], int(SHARE * least))] for level, among in thin]
+        probes = cover.offsets[some, np.newaxis] + cover.counts[some, np.newaxis] * np.arange(PROBES) // PROBES
+        inner = np.median(_gaps(tree, points[cover.members[probes]]), axis=1)
         outer = np.max([np.median(_gaps(tree, points[near]), axis=1) for near in levels], axis=0)
         around = np.hstack(levels)
         for k in np.flatnonzero(outer > CONTRAST * inner):
-            rows[some[k]] = np.union1d(rows[some[k]], around[k])
+            own = cover.members[cover.offsets[some[k]] : cover.offsets[some[k] + 1]]
+            wider[int(some[k])] = np.union1d(own, around[k])
+    if not wider:
+        return cover
+    rows = [wider.get(k, own) for k, own in enumerate(np.split(cover.members, cover.offsets[1:-1]))]
     offsets = np.concatenate([[0], np.cumsum([len(each) for each in rows])])
     return replace(cover, offsets=offsets, members=np.concatenate(rows))
 
@@ -91,8 +102,8 @@ def _occupied(points: FloatArray, cover: Cover) -> IntArray:
 
 def _one_of_each_cell(points: FloatArray, side: float) -> IntArray:
     """Return the first point of each cell, (k,)."""
-    cells = np.floor((points - points.min(axis=0)) / side)
-    width = cells.max(axis=0) + 1
+    low, high = box_of(points)
+    cells, width = np.floor((points - low) / side), np.floor((high - low) / side) + 1
     if not np.prod(width) < 2.0**62:
         return np.asarray(np.sort(np.unique(cells, axis=0, return_index=True)[1]), dtype=np.int64)
     key = np.zeros(len(points), dtype=np.int64)  # one number a cell: found in a tenth of the time
@@ -101,9 +112,9 @@ def _one_of_each_cell(points: FloatArray, side: float) -> IntArray:
     return np.asarray(np.sort(np.unique(key, return_index=True)[1]), dtype=np.int64)
 
 
-def _nearest(points: FloatArray, places: FloatArray, count: int) -> IntArray:
-    """Return the numbers (n, count) of the points, if there are so many, that are nearest to each place."""
-    found = cKDTree(points).query(places, k=np.arange(1, min(max(count, 1), len(points)) + 1))[1]
+def _nearest(tree: cKDTree, places: FloatArray, count: int) -> IntArray:
+    """Return the numbers (n, count) of the points of a tree, if there are so many, nearest to each place."""
+    found = tree.query(places, k=np.arange(1, min(max(count, 1), tree.n) + 1))[1]
     return np.asarray(found, dtype=np.int64)
 
 

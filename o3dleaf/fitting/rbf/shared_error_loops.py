@@ -41,10 +41,12 @@ def shifted_solutions(matrix, right, shifts):
             share = link / pivots[i] if step > 0 else 1.0
             pivots[i] = middle + shifts[i] - (share * link if step > 0 else 0.0)
             heights[i] *= -share
-            direction, solution = directions[i], solutions[i]
+            direction, solution, height = directions[i], solutions[i], heights[i]
+            scale, rest = 1.0 / pivots[i], link / pivots[i]  # divisions take as long as all else
             for j in range(size):
-                direction[j] = (vector[j] - link * direction[j]) / pivots[i]
-                solution[j] += heights[i] * direction[j]
+                moved = scale * vector[j] - rest * direction[j]
+                direction[j] = moved
+                solution[j] += height * moved
         for j in range(size):
             image[j] -= middle * vector[j] + link * before[j]
         link = math.sqrt(dot(image, image, size))

@@ -154,7 +154,7 @@ class OrientedCloud:
         only neighbors of the same side count, at some hundred places. Points at random come out 4 % too close, a square
         lattice 6 % too wide.
         """
-        sided = self.normals is not None and len(self) >= PATCHES[0] and self.measured.known
+        sided = self.normals is not None and self.is_measurable
         spacing = float(np.nanmedian(self.measured.spacing if sided else self.surfels.spacing))
         if not spacing > 0:
             raise InputError("cloud: most points lie on a line or in one place; give the points of a surface")
@@ -176,6 +176,11 @@ class OrientedCloud:
         if not self.measured.known:
             raise InputError("cloud: most neighborhoods are no piece of a surface, however large; is this a volume?")
         return float(np.nanmedian(self.measured.noise))
+
+    @property
+    def is_measurable(self) -> bool:
+        """Whether the points are enough, and most of them on a surface, so that their noise can be measured."""
+        return len(self) >= PATCHES[0] and self.measured.known
 
     @cached_property
     def measured(self) -> Places:

@@ -28,7 +28,7 @@ from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
-from o3dleaf.surface.cloud.noise import CLEAN, PATCHES
+from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.normals import plane_normals
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
@@ -229,8 +229,7 @@ def _cut_out(cloud: OrientedCloud, cut: npt.NDArray[np.bool_]) -> OrientedCloud:
 def _by_side(cloud: OrientedCloud) -> OrientedCloud:
     """Return a cloud with what is known of it by its sides: its spacing and, where there is noise, its normals."""
     _ = cloud.spacing
-    known = len(cloud) >= PATCHES[0] and cloud.measured.known
-    if not known or not CLEAN * cloud.spacing < cloud.noise <= cloud.spacing:
+    if not cloud.is_measurable or not CLEAN * cloud.spacing < cloud.noise <= cloud.spacing:
         return cloud  # of more noise, sixteen points have no plane: normals will be averaged with the points
     normals = plane_normals(cloud.points, cloud.require_normals(), cloud.neighbors.row, cloud.noise)
     if normals is cloud.normals:

@@ -7,7 +7,7 @@
 `crease_edges`       sharp edges between tangent planes
 `band`               cells that grow across the faces a surface crosses
 `continuation`       a surface followed from seeds
-`remembered`         a field that is asked once at each place
+`remembered`         a field that is asked for its gradient once at each place
 `isosurface`         `extract_isosurface`: any field, over a box or from seeds
 `cell_loops`         one cell: marching cubes and tetrahedra
 `polygonize_loops`   a lattice, plane by plane

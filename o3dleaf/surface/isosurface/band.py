@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field as attribute
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.checks import FloatArray, box_of, require_finite
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
@@ -48,6 +48,16 @@ def _distinct(keys: IntArray) -> IntArray:
     return keys[np.append(True, keys[1:] != keys[:-1])] if len(keys) else keys
 
 
+class Crossing(NamedTuple):
+    """Crossed cells, (c, 8) rows of corners and (c,) codes, and their edges, with a vertex (v, 3) on each."""
+
+    corners: CornerArray
+    codes: CodeArray
+    numbering: Numbering
+    edges: CrossedEdges
+    vertices: FloatArray
+
+
 @dataclass
 class Band:
     """The points and cells of a lattice that have been visited; `band_loops` says how they are stored.
@@ -67,6 +77,10 @@ class Band:
         cells, and rows in use.
     crossed : list of (corners, codes)
         The cells that the surface crosses, wave by wave.
+    visited : (c,) ndarray
+        Rising keys of the cells that were visited before the field changed, and are allowed.
+    edges : Crossing or None
+        What all crossed cells make, once it was asked for.
     """
 
     field: Field
@@ -81,13 +95,15 @@ class Band:
     known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
     count: int = 0
     crossed: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
+    visited: IntArray = attribute(default_factory=lambda: np.empty(0, dtype=np.int64))
+    edges: "Crossing | None" = None
 
     @classmethod
     def around(
         cls, points: FloatArray, field: Field, level: float, step: FloatArray, box: FloatArray | None = None
     ) -> "Band":
         """Return an empty band whose keys reach far beyond the points; the same for most clouds, as is their order."""
-        low, high = points.min(axis=0) / step, points.max(axis=0) / step
+        low, high = box_of(points) / step
         quarter = 1 << loops.BITS - 2
         if np.any(high - low > quarter):
             raise InputError(
@@ -112,8 +128,24 @@ class Band:
         return _distinct(keys)
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
-        """Return the cells whose centers pass a test."""
-        return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
+        """Return the cells whose centers pass a test; those `visited` have passed it."""
+        if allowed is None or not len(cells):
+            return cells
+        passed = np.isin(cells, self.visited, assume_unique=True) if len(self.visited) else np.zeros(len(cells), bool)
+        passed[~passed] = allowed(self.positions(cells[~passed], 0.5))
+        return cells[passed]
+
+    def change(self, field: Field, where: Callable[[FloatArray], BoolArray], *, passed: bool) -> None:
+        """Take another field, and ask it at the points `where` it may differ; no cell is visited any more.
+
+        `passed` says whether all that were have passed the test of cells, and need not pass it again.
+        """
+        self.field, visited = field, self.keys[: self.count][self.known[: self.count]]
+        self.visited = np.sort(visited) if passed else visited[:0]
+        points = self.positions(self.keys[: self.count])
+        rows = np.flatnonzero(where(points))
+        self.values[rows] = self._ask(points[rows])
+        self.known[:], self.crossed, self.edges = False, [], None
 
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
         """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""
@@ -168,12 +200,8 @@ class Band:
         """Return vertices and triangles by the keys of points and cells, made manifold where a band `ends`."""
         finding, sharpening, joining = progress.split(*SHARES)
         with finding:
-            corners, codes = (np.concatenate(part) for part in zip(*self.crossed, strict=True))
-            order = np.argsort(self.keys[corners[:, 0]])
-            corners, codes = corners[order], codes[order]
-            numbering, many = self._number(corners, codes)
-            edges = self._cross_edges(corners, codes, numbering, many)
-            vertices = self._place(edges)
+            corners, codes, numbering, edges, vertices = self.crossing()
+            self.edges, many = None, len(vertices)  # what follows moves them in place
         with sharpening:
             if sharpen:
                 self._sharpen(edges, vertices)
@@ -192,6 +220,17 @@ class Band:
         cells[:many] = 0
         loops.count_cells(corners, codes, numbering, cells)
         return trim_to_manifold(vertices, triangles, cells < 4) if (cells < 4).any() else (vertices, triangles)
+
+    def crossing(self) -> "Crossing":
+        """Return the crossed cells and edges by their keys, with vertices where the field is linear along an edge."""
+        if self.edges is None:
+            corners, codes = (np.concatenate(part) for part in zip(*self.crossed, strict=True))
+            order = np.argsort(self.keys[corners[:, 0]])
+            corners, codes = corners[order], codes[order]
+            numbering, many = self._number(corners, codes)
+            edges = self._cross_edges(corners, codes, numbering, many)
+            self.edges = Crossing(corners, codes, numbering, edges, self._place(edges))
+        return self.edges
 
     def _cross_edges(self, corners: CornerArray, codes: CodeArray, numbering: Numbering, many: int) -> CrossedEdges:
         """Return the edges of cells that the surface crosses, by vertex."""
@@ -282,7 +321,8 @@ class Band:
 
     def _is_outside(self, box: FloatArray, points: FloatArray) -> BoolArray:
         margin = MARGIN * self.step
-        return np.asarray(((points < box[0] + margin) | (points > box[1] - margin)).any(axis=1))
+        x, y, z = ((points < box[0] + margin) | (points > box[1] - margin)).T  # NumPy's any along rows takes ten times
+        return np.asarray(x | y | z)
 
     def _cut(self, box: FloatArray, edges: CrossedEdges, vertices: FloatArray) -> None:
         """Move the vertices on edges that leave the box onto its faces, or to the level where that comes before.

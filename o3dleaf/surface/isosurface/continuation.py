@@ -1,6 +1,7 @@
 """Continuation: the cells that a surface crosses, followed from seeds across their faces."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -49,26 +50,91 @@ def continue_from_seeds(
 
     They are closed where a `box` (2, 3) cuts them.
     """
-    allowed = _as_test(within, seeds)
-    band = Band.around(seeds, field, level, step, box)
-    seeding, growing, drawing = progress.split(*SHARES)
-    with seeding:
-        thin = _thin(seeds, step)
-        band.expected = POINTS_PER_SEED * len(thin)
-        moved = _toward_zero(field, thin, level, TOLERANCE * float(step.min()))
-        cells = band.cells_of(moved if box is None else np.clip(moved, *box))
-        if callable(within):
-            cells = band.only(cells, allowed)
-    with growing:
-        while len(cells):
-            cells = band.only(band.advance(cells), allowed)
-    if not band.crossed:
-        raise ReconstructionError(
-            f"seeds: none of {len(seeds)} leads to a cell that the surface {level:g} crosses; give points near it, "
-            "or a finer spacing"
-        )
+    following, drawing = progress.split(sum(SHARES[:2]), SHARES[2])
+    with following:
+        continued = Continuation.of(field, step, seeds, level, within=within, box=box)
     with drawing:
-        return band.draw(sharpen=sharpen, ends=allowed is not None, features=features)
+        return continued.draw(sharpen=sharpen, features=features)
+
+
+@dataclass
+class Continuation:
+    """The cells that the parts of a level set cross which seeds lie on, followed again where the field changes.
+
+    Attributes
+    ----------
+    band : Band
+    seeds : (n, 3) ndarray
+        One in a block of cells.
+    allowed : callable or None
+        The test of the centers of cells, (n, 3).
+    trusting : bool
+        Whether the cells of seeds are taken without it.
+    """
+
+    band: Band
+    seeds: FloatArray
+    allowed: Callable[[FloatArray], BoolArray] | None
+    trusting: bool
+
+    @classmethod
+    def of(
+        cls,
+        field: Field,
+        step: FloatArray,
+        seeds: FloatArray,
+        level: float,
+        *,
+        within: Within | None,
+        box: FloatArray | None = None,
+    ) -> "Continuation":
+        """Follow the surface, as `continue_from_seeds` does."""
+        thin, allowed = _thin(seeds, step), _as_test(within, seeds)
+        continued = cls(Band.around(seeds, field, level, step, box), thin, allowed, not callable(within))
+        continued.band.expected = POINTS_PER_SEED * len(thin)
+        continued._follow()
+        return continued
+
+    def change(
+        self,
+        field: Field,
+        where: Callable[[FloatArray], BoolArray],
+        within: Callable[[FloatArray], npt.NDArray[np.bool_]] | None = None,
+    ) -> None:
+        """Follow the surface of another field, to the last bit as `of` would.
+
+        Parameters
+        ----------
+        field : Field
+        where : callable
+            ``where(places) -> mask`` of the places (n, 3) at which the fields may differ; elsewhere they say the same.
+        within : callable, optional
+            In place of what was allowed, which it allows too.
+        """
+        self.allowed = self.allowed if within is None else _as_test(within, self.seeds)
+        self.band.change(field, where, passed=not self.trusting)
+        self._follow()
+
+    def draw(self, *, sharpen: bool, features: bool) -> tuple[FloatArray, IntArray]:
+        """Return vertices and triangles."""
+        return self.band.draw(sharpen=sharpen, ends=self.allowed is not None, features=features)
+
+    def _follow(self) -> None:
+        """Visit the cells that seeds lead to."""
+        band, seeding, growing = self.band, *progress.split(*SHARES[:2])
+        with seeding:
+            moved = _toward_zero(band.field, self.seeds, band.level, TOLERANCE * float(band.step.min()))
+            cells = band.cells_of(moved if band.box is None else np.clip(moved, *band.box))
+            if not self.trusting:
+                cells = band.only(cells, self.allowed)
+        with growing:
+            while len(cells):
+                cells = band.only(band.advance(cells), self.allowed)
+        if not band.crossed:
+            raise ReconstructionError(
+                f"seeds: none of {len(self.seeds)} leads to a cell that the surface {band.level:g} crosses; give "
+                "points near it, or a finer spacing"
+            )
 
 
 def _as_test(within: Within | None, seeds: FloatArray) -> Callable[[FloatArray], BoolArray] | None:

@@ -1,4 +1,4 @@
-"""A field that is asked once at each place: a surface that is followed again, after a change here or there."""
+"""A field that is asked for its gradient once at each place: for creases, and again for the normals of a mesh."""
 
 from collections.abc import Callable
 
@@ -13,17 +13,17 @@ from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.surface.isosurface import remembered_loops as loops
 
 MAX_PLACES = 1 << 20
-"""Places that are kept of values, and of gradients: a hundred megabytes in all. What comes after is asked again."""
+"""Places that are kept: sixty megabytes. What comes after is asked again."""
 
 MAX_STARTS = 64
 """Latest batches of places that another may repeat."""
 
 
 class RememberedField:
-    """A field of three dimensions that keeps what it said at each place, and is asked anew where it is not known.
+    """A field of three dimensions that keeps its values with gradients, and is asked anew where they are not known.
 
-    Answers are those of the field, to the last bit: places are the same if all bits of their coordinates are. Work that
-    is to be resumed keeps them.
+    Values alone are asked every time: who follows a surface has them at hand (`Band`). Answers are those of the field,
+    to the last bit: places are the same if all bits of their coordinates are. Work that is to be resumed keeps them.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class RememberedField:
     def __init__(self, field: Field) -> None:
         require_one_column(field, "RememberedField")
         self.field = field
-        self._values, self._jets = _Memory(1), _Memory(4)
+        self._jets = _Memory()
 
     def __repr__(self) -> str:
         return f"RememberedField({self.field!r})"
@@ -51,8 +51,8 @@ class RememberedField:
 
     def __call__(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n,) values at (n, 3) points."""
-        answers = self._values.recall(as_points(points, dim=3), self._value)
-        return np.asarray(answers[:, 0])
+        places = as_points(points, dim=3)
+        return kept_block(lambda: (np.asarray(self.field(places), dtype=np.float64),))[0]
 
     def gradient(self, points: npt.ArrayLike) -> FloatArray:
         """Return the (n, 3) gradients at (n, 3) points."""
@@ -65,36 +65,33 @@ class RememberedField:
         answers = self._jets.recall(as_points(points, dim=3), self._jet)
         return answers[:, 0], answers[:, 1:]
 
-    def changed(self, field: Field, same: Callable[[FloatArray], BoolArray]) -> "RememberedField":
+    def changed(self, field: Field, where: Callable[[FloatArray], BoolArray]) -> "RememberedField":
         """Return another field with this one's memory of the places where both are the same, which is given up here.
 
         Parameters
         ----------
         field : Field
-        same : callable
-            ``same(places) -> mask`` of the places (n, 3) where both say the same, to the last bit.
+        where : callable
+            ``where(places) -> mask`` of the places (n, 3) at which the fields may differ; elsewhere they say the same,
+            to the last bit.
         """
         other = RememberedField(field)
-        for memory in (self._values, self._jets):
-            memory.forget(same)
-        other._values, other._jets = self._values, self._jets
+        self._jets.forget(where)
+        other._jets = self._jets
         return other
-
-    def _value(self, points: FloatArray) -> FloatArray:
-        return kept_block(lambda: (np.asarray(self.field(points), dtype=np.float64)[:, np.newaxis],))[0]
 
     def _jet(self, points: FloatArray) -> FloatArray:
         return kept_block(lambda: (np.column_stack(values_and_gradients(self.field, points)),))[0]
 
 
 class _Memory:
-    """Places and what was said there: (n, 3) and (n, columns), in the order in which they came.
+    """Places and what was said there: (n, 3) and (n, 4), in the order in which they came.
 
     What is `stale` is asked again; from then on there is a hash table of the places' rows.
     """
 
-    def __init__(self, columns: int) -> None:
-        self.places, self.answers = np.empty((0, 3), dtype=np.int64), np.empty((0, columns))
+    def __init__(self) -> None:
+        self.places, self.answers = np.empty((0, 3), dtype=np.int64), np.empty((0, 4))
         self.stale = np.empty(0, dtype=bool)
         self.count, self.starts, self.table = 0, list[int](), np.empty(0, dtype=np.int32)
 
@@ -117,10 +114,11 @@ class _Memory:
         self._add(bits[new], answers[new])
         return answers
 
-    def forget(self, same: Callable[[FloatArray], BoolArray]) -> None:
-        """Ask again where a field is not the same."""
-        self.stale[: self.count] |= ~same(self.places[: self.count].view(np.float64))
-        self._index()
+    def forget(self, where: Callable[[FloatArray], BoolArray]) -> None:
+        """Ask again where a field has changed."""
+        self.stale[: self.count] |= where(self.places[: self.count].view(np.float64))
+        if not len(self.table):
+            self._index()
 
     def _add(self, places: IntArray, answers: FloatArray) -> None:
         first, last = self.count, min(self.count + len(places), MAX_PLACES)

@@ -7,23 +7,25 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import open3d as o3d
+from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, require_triangles
-from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.core.mesh_arrays import BoolArray, require_triangles
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.isosurface.remembered import RememberedField
 from o3dleaf.surface.mesh.topology import find_holes, label_nodes
-from o3dleaf.surface.reconstruction.extract import extract_near
-from o3dleaf.surface.reconstruction.overshoots import NO_SITES, FreeSites, Surroundings
+from o3dleaf.surface.reconstruction.extract import NearSurface
+from o3dleaf.surface.reconstruction.overshoots import NO_SITES, WIDE, FreeSites, Surroundings
 from o3dleaf.surface.reconstruction.proximity import Mask, distance_mask
 
 Closed = Literal["auto"] | bool
 CHOICES = ("auto", True, False)
+SHARES = (9, 6)
+"""About how long following a surface and drawing it take."""
 ROUNDS = 3
 """Times that a field is corrected: what a correction uncovers is small, or it does not end."""
 
@@ -67,37 +69,44 @@ def follow_surface(
         What the data say of the space around them; None to follow the field as it is.
     cloud : OrientedCloud
     spacing : float or None
-        As in `extract_near`.
+        Step of the lattice, see `NearSurface`.
     fitted_to : callable
         ``fitted_to() -> ScatteredData``: what the field was fitted to, see `surface_data`.
     """
     asked = RememberedField(field)
-    mesh = extract_near(asked, cloud, spacing)
+    following, drawing = progress.split(*SHARES)
+    with following:
+        surface = NearSurface.of(asked, cloud, spacing)
     if around is None or not isinstance(field.local, RefittableFits):
-        return Followed(field, asked, mesh)
-    data, known, places, wide, looking = None, NO_SITES, 0, True, around
+        with drawing:
+            return Followed(field, asked, surface.mesh())
+    data, known, places, looking = None, NO_SITES, 0, around
+    anew, far = _everywhere, np.empty((0, 3))
     with progress.silent():
         for _ in range(ROUNDS):
-            rows, wide = _overshoots(mesh, looking)
-            if not len(rows):
-                break
-            vertices, triangles = require_triangles(mesh)
-            sites = looking.sites(asked, vertices[rows])
+            vertices = surface.vertices()
+            fresh = vertices[anew(vertices)]  # elsewhere the surface is as far as it was
+            far = np.concatenate([far[~anew(far)], fresh[looking.is_far(fresh)]])
+            over = far[looking.overshooting(far)]
+            sites = looking.sites(asked, over) if len(over) else NO_SITES
             if not len(sites.sites):
                 break
-            places = max(places, _count_places(triangles, rows, len(vertices)))
+            places = max(places, _count_places(over, surface.step))
             data = _joined(fitted_to() if data is None else data, sites)
             known = FreeSites(*(np.concatenate(pair) for pair in zip(known, sites, strict=True)))
-            before, field = field, field.with_points(data, len(sites.sites))
-            asked = asked.changed(field, partial(_is_apart, before.index, sites.sites))
-            mesh = extract_near(asked, cloud, spacing, within=_mask(cloud, known) if around.everywhere else None)
-            looking = replace(looking, everywhere=False)  # gaps are closed once
-    return Followed(field, asked, mesh, places, not wide and cloud.branchings is None)
+            changed, field = partial(field.index.share_ball, sites.sites), field.with_points(data, len(sites.sites))
+            asked = asked.changed(field, changed)
+            surface.change(asked, changed, _mask(cloud, known) if around.everywhere else None)
+            anew = _everywhere if looking.everywhere else changed
+            looking = replace(looking, everywhere=False) if looking.everywhere else looking  # gaps are closed once
+    with drawing:
+        mesh = surface.mesh()
+    return Followed(field, asked, mesh, places, not around.is_far(far, WIDE).any() and cloud.branchings is None)
 
 
-def _is_apart(index: BallIndex, sites: FloatArray, places: FloatArray) -> BoolArray:
-    """Return which places (n, 3) lie in no ball that contains one of the sites."""
-    return ~index.share_ball(sites, places)
+def _everywhere(places: FloatArray) -> BoolArray:
+    """Return that all places (n, 3) are meant."""
+    return np.ones(len(places), dtype=bool)
 
 
 def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.TriangleMesh) -> tuple[str, bool]:
@@ -121,22 +130,10 @@ def verdict(followed: Followed, around: Surroundings, mesh: o3d.geometry.Triangl
     return f"{opened}; its data are a sheet: winding number {around.level:.2f} on them, ½ on a closed one", False
 
 
-def _overshoots(mesh: o3d.geometry.TriangleMesh, around: Surroundings) -> tuple[IntArray, bool]:
-    """Return the rows of the vertices that overshoot the data, and whether any is so far that trimming cuts."""
-    vertices = require_triangles(mesh)[0]
-    far, wide = around.far(vertices)
-    if not len(far) or not around.closing:
-        return far[:0], wide
-    return far[around.overshooting(vertices[far])], wide
-
-
-def _count_places(triangles: IntArray, rows: IntArray, count: int) -> int:
-    """Return how many places the vertices `rows` of a mesh make, joined along its triangles."""
-    chosen = np.zeros(count, dtype=bool)
-    chosen[rows] = True
-    pairs = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]]])
-    pairs = pairs[chosen[pairs].all(axis=1)]
-    return len(np.unique(label_nodes(pairs[:, 0], pairs[:, 1], count)[rows]))
+def _count_places(places: FloatArray, step: float) -> int:
+    """Return how many groups the vertices (n, 3) of a surface on a lattice make, those of one cell being together."""
+    pairs = cKDTree(places).query_pairs(np.sqrt(3) * step, output_type="ndarray")
+    return len(np.unique(label_nodes(pairs[:, 0], pairs[:, 1], len(places))))
 
 
 def _joined(data: ScatteredData, free: FreeSites) -> ScatteredData:

@@ -16,7 +16,7 @@ from o3dleaf.core.checks import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.reconstruction.proximity import data_around, nearest_points
+from o3dleaf.surface.reconstruction.proximity import data_around, distance_mask, nearest_points
 from o3dleaf.surface.reconstruction.solid_angle import WindingNumber
 
 FAR = 1.5
@@ -91,17 +91,16 @@ class Surroundings:
         share = 2 * self.winding(places) - np.sign(self.level)
         return np.asarray(np.clip(share, -1.0, 1.0))
 
-    def far(self, vertices: FloatArray) -> tuple[IntArray, bool]:
-        """Return the rows of the vertices that are far from the data, and whether any is so far that trimming cuts."""
-        distance, nearest = data_around(self.data, vertices)
-        ratio = distance / self.data.point_spacing[nearest]
-        return np.flatnonzero(ratio > FAR), bool((ratio > WIDE).any())
+    def is_far(self, places: FloatArray, than: float = FAR) -> BoolArray:
+        """Return which places (n, 3) are farther from the data than so many of their spacings."""
+        return ~distance_mask(self.data, factor=than)(places)
 
     def overshooting(self, places: FloatArray) -> BoolArray:
         """Return which places (n,) of a surface far from the data are no gap in them, or in a wide gap to be closed."""
+        if not len(places) or not self.closing:
+            return np.zeros(len(places), dtype=bool)
         if self.everywhere:
-            distance, nearest = data_around(self.data, places)
-            return np.asarray(distance > WIDE * self.data.point_spacing[nearest])
+            return self.is_far(places, WIDE)
         sure = self.decisive(self.depth(places))
         near, place = np.unique(nearest_points(self.data.tree, places[sure])[1], return_inverse=True)
         if len(near):

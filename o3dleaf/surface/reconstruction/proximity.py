@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks import FloatArray, box_of, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks
@@ -78,8 +78,8 @@ def conservative_mask(points: FloatArray, reach: float) -> Mask:
     """
     # Rounding must not make a voxel of a larger diagonal.
     side = reach / np.sqrt(3) * (1 - 1e-6)
-    low = points.min(axis=0)
-    shape = np.floor((points.max(axis=0) - low) / side) + 1
+    low, high = box_of(points)
+    shape = np.floor((high - low) / side) + 1
     if np.prod(shape) > 2.0**62:
         return lambda places: np.zeros(len(places), dtype=bool)
     grid = VoxelGrid(low, shape.astype(np.int64), side)

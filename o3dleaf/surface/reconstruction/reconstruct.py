@@ -75,8 +75,8 @@ def create_from_point_cloud_rbfpu(  # noqa: PLR0913 - the steps of the job, each
     pcd : (n, 3) array_like or Open3D point cloud, legacy or tensor
         With outward normals or without.
     spacing : float, optional
-        Step of the lattice that the mesh is made on, in the cloud's unit; left out, 0.6 spacings of the cloud, or up
-        to one of a large cloud.
+        Step of the lattice that the mesh is made on, in the cloud's unit; left out, 0.6 spacings of the cloud, 0.8
+        where it is noisy, or up to one of a large cloud.
     rho, smoothing
         How much to smooth, as in `PUInterpolant.fit`; "gcv" leaves points out and takes what predicts them best.
     local : {"rbf", "hermite", "curl-free", "mls", "auto"} or object with a fit

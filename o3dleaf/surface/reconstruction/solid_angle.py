@@ -1,6 +1,7 @@
 """The solid angle that data fill, seen from a place: the winding number of an oriented cloud."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,9 +69,15 @@ class WindingNumber:
         the nearest data's.
         """
         near = self.data.tree.query(self.data.points[rows], np.arange(1, min(AROUND, len(self.data)) + 1))[1]
-        asked, place = np.unique(near, return_inverse=True)
-        own = self(self.data.points[asked], SOFTENING * self.data.point_spacing[asked])
-        return np.asarray(np.median(own[place.reshape(near.shape)], axis=1))
+        asked = np.unique(near)
+        asked = asked[np.isnan(self._own[asked])]
+        self._own[asked] = self(self.data.points[asked], SOFTENING * self.data.point_spacing[asked])
+        return np.asarray(np.median(self._own[near], axis=1))
+
+    @cached_property
+    def _own(self) -> FloatArray:
+        """(n,) the number at the data themselves, NaN where it was not asked yet: `levels` share most of them."""
+        return np.full(len(self.data), np.nan)
 
     @property
     def level(self) -> float:

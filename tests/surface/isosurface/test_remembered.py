@@ -41,38 +41,45 @@ def followed(field, **options):
     return mesh_arrays(extract_isosurface(field, 0.1, seeds=points, **options))
 
 
-def test_a_surface_that_is_followed_again_asks_nothing_and_is_the_same():
+def anywhere(places):
+    return np.ones(len(places), dtype=bool)
+
+
+def nowhere(places):
+    return np.zeros(len(places), dtype=bool)
+
+
+def test_a_surface_is_that_of_the_field_and_its_gradient_asked_once():
     plain, counted = followed(Counted(), features=True), Counted()
-    remembered = RememberedField(counted)
-    first = followed(remembered, features=True)
-    once = counted.asked
-    again = followed(remembered.changed(counted, lambda places: np.ones(len(places), dtype=bool)), features=True)
-    assert counted.asked == once > 0
-    for mesh in (first, again):
-        for array, expected in zip(mesh, plain, strict=True):
-            assert np.array_equal(array, expected)
-
-
-def test_what_has_changed_is_asked_again_and_no_more():
-    remembered, dented = RememberedField(Counted()), Counted(dent=0.6)
-    followed(remembered)
-    found = followed(remembered.changed(dented, lambda places: places[:, 0] <= dented.dent))
-    whole = Counted(dent=0.6)
-    for array, expected in zip(found, followed(whole), strict=True):
+    memory = RememberedField(counted)
+    for array, expected in zip(followed(memory, features=True), plain, strict=True):
         assert np.array_equal(array, expected)
-    assert 0 < dented.asked < whole.asked / 2
+    once = counted.asked
+    gradients = memory.gradient(plain[0])
+    assert counted.asked == once
+    assert np.array_equal(gradients, Counted().gradient(plain[0]))
 
 
 @pytest.mark.parametrize("order", [slice(None), slice(None, None, -1), slice(None, None, 3)])
 def test_places_are_known_in_any_order(order):
     places, counted = np.random.default_rng(0).normal(size=(5_000, 3)), Counted()
-    remembered = RememberedField(counted)
-    values, gradients = remembered(places), remembered.gradient(places)
-    remembered = remembered.changed(counted, lambda places: np.ones(len(places), dtype=bool))
+    memory = RememberedField(counted)
+    values, gradients = memory(places), memory.gradient(places)
+    memory = memory.changed(counted, nowhere)
     once = counted.asked
-    assert np.array_equal(remembered(places[order]), values[order])
-    assert np.array_equal(values_and_gradients(remembered, places[order])[1], gradients[order])
+    found = values_and_gradients(memory, places[order])
+    assert np.array_equal(found[0], values[order])
+    assert np.array_equal(found[1], gradients[order])
     assert counted.asked == once
+
+
+def test_what_has_changed_is_asked_again_and_no_more():
+    places = np.random.default_rng(0).uniform(-1, 1, (5_000, 3))
+    memory, dented = RememberedField(Counted()), Counted(dent=0.6)
+    memory.gradient(places)
+    memory = memory.changed(dented, lambda places: places[:, 0] > dented.dent)
+    assert np.array_equal(memory.gradient(places), Counted(dent=0.6).gradient(places))
+    assert 0 < dented.asked < len(places)
 
 
 def test_second_derivatives_are_not_kept():
@@ -84,6 +91,7 @@ def test_a_full_memory_asks_for_the_rest_again(monkeypatch):
     monkeypatch.setattr(remembered, "MAX_PLACES", 1000)
     places, counted = np.random.default_rng(0).normal(size=(1500, 3)), Counted()
     memory = RememberedField(counted)
-    values = memory(places)
-    assert np.array_equal(memory(places), values)
-    assert counted.asked == 1500 + 500
+    gradients = memory.gradient(places)
+    once = counted.asked
+    assert np.array_equal(memory.gradient(places), gradients)
+    assert 3 * counted.asked == 4 * once

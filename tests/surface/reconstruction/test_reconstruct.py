@@ -10,7 +10,7 @@ import pytest
 import o3dleaf as o3l
 from o3dleaf import OrientedCloud, create_from_point_cloud_rbfpu, fit_surface, samples
 from o3dleaf.core.errors import CloudWarning, InputError
-from o3dleaf.surface.reconstruction.extract import mesh_step
+from o3dleaf.surface.reconstruction.extract import NearSurface, mesh_step
 from tolerances import CLEAN_SURFACE, KEPT_SHEET, NOISY_SURFACE, PLANE_FIELD, RIM_AREA
 
 
@@ -325,10 +325,27 @@ def test_a_step_may_return_any_cloud(sphere, surface):
 
 
 def test_the_step_of_the_mesh():
-    """0.6 spacings of a small cloud, one of a large one, and 200,000 triangles between."""
+    """0.6 spacings of a small cloud, more under noise, one of a large one, and 200,000 triangles between."""
     assert mesh_step(2.0, 5_000) == pytest.approx(1.2)
     assert mesh_step(2.0, 5_000_000) == pytest.approx(2.0)
     assert 1.2 < mesh_step(2.0, 40_000) < 2.0
+    assert mesh_step(2.0, 5_000, 0.05) == mesh_step(2.0, 5_000)
+    assert 1.2 < mesh_step(2.0, 5_000, 0.2) < mesh_step(2.0, 5_000, 0.3) < mesh_step(2.0, 5_000, 3.0) < 2.0
+
+
+def test_noise_lengthens_the_step_but_where_two_sides_are_near():
+    """Half a spacing of it on a ball, and on a lens that is two spacings thick."""
+    points, normals = samples.Sphere().sample(2_000, seed=5)
+    noise = 0.5 * spacing_of(points) * np.random.default_rng(6).normal(size=points.shape)
+    steps = []
+    for thickness in (1.0, 0.04):
+        slopes = normals / [1, 1, thickness]
+        slopes /= np.linalg.norm(slopes, axis=1, keepdims=True)
+        cloud = OrientedCloud.of(points * [1, 1, thickness] + noise, slopes)
+        surface = NearSurface.of(fit_surface(cloud, local="hermite"), cloud, None)
+        steps.append(surface.step / mesh_step(float(np.median(cloud.point_spacing)), len(cloud)))
+    assert steps[0] > 1.1
+    assert steps[1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,10 @@ def _places(
     voxel = np.floor((points - points.min(axis=0)) / (APART * np.median(own[flat]))).astype(np.int64)
     some = some[np.unique(voxel, axis=0, return_index=True)[1]]
     around = surfels.rows[surfels.rows[some]].reshape(len(some), -1)
-    spacing = np.nanmedian(np.where(flat[around], own[around], np.nan), axis=1)
+    # The median of those that are flat; NumPy's own of such rows takes ten times as long.
+    ranked, many = np.sort(np.where(flat[around], own[around], np.inf), axis=1), flat[around].sum(axis=1)
+    middle = np.take_along_axis(ranked, np.column_stack([many - 1, many]) // 2, axis=1)
+    spacing = middle.mean(axis=1)
     others = cKDTree(surfels.points[some]).query(surfels.points[some], k=np.arange(1, min(EVEN, len(some)) + 1))[1]
     return some, np.median(spacing[others], axis=1)
 
