@@ -110,21 +110,26 @@ def widened(frame: EdgeFrame, blur: FloatArray, information: FloatArray) -> tupl
     return moved, bandwidth
 
 
-def most_likely(frame: EdgeFrame, blur: FloatArray, stiffness: FloatArray, start: FloatArray) -> FloatArray:
+def most_likely(
+    frame: EdgeFrame, blur: FloatArray, stiffness: FloatArray, start: FloatArray, steps: int = NEWTON_STEPS
+) -> FloatArray:
     """Return how far (n,) the nodes move, in spacings, by Newton's steps; the likelihood is concave."""
     count, node = len(start), frame.node
     weights = sparse.diags_array(stiffness / NODE_STEP**5)
     penalty = (frame.differences.T @ weights @ frame.differences).tocsc()
     force = frame.differences.T @ (weights @ frame.bend)
+    matrix, stiff = (penalty + sparse.eye_array(count)).tocsc(), penalty.diagonal()
     stays, moved = np.where(frame.gap, NODE_STEP / blur, 0.0), start
-    for _ in range(NEWTON_STEPS):
+    for _ in range(steps):
         z, depth = (moved[node] - frame.across) / blur[node], (moved + frame.half_width) / blur
         scores, length = score(z), NODE_STEP * frame.observed
         gradient = np.bincount(node, scores / blur[node], count) - length * (1 + log_ndtr(depth))
         curvature = np.bincount(node, scores * (scores + z) / blur[node] ** 2, count) + length * score(depth) / blur
         # Over a filled gap the curve stays.
-        matrix = (penalty + sparse.diags_array(curvature + stays + DAMPING)).tocsc()
-        way = np.clip(spsolve(matrix, gradient - stays * moved - penalty @ moved - force), -0.5, 0.5)
+        matrix.setdiag(stiff + curvature + stays + DAMPING)
+        # Nodes are in order along the curve: the matrix is a band but for its corners.
+        way = spsolve(matrix, gradient - stays * moved - penalty @ moved - force, permc_spec="NATURAL")
+        way = np.clip(way, -0.5, 0.5)
         moved = np.clip(moved + way, np.maximum(-MOST_MOVED, -NOT_ACROSS * frame.half_width), MOST_MOVED)
         if np.abs(way).max() < CONVERGED:
             break

@@ -21,6 +21,8 @@ noise to a fifth of it; were no more than 1 tried, errors would not cancel where
 SHARPEST = 0.1
 """Spacings of blur that the likelihood is asked for at least: a sharper edge comes out at the same place, to a
 fiftieth."""
+STEPS = 4
+"""Newton's steps from one blur to the next: near its maximum the likelihood hardly depends on where the curve is."""
 
 
 def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> float:
@@ -50,7 +52,7 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     likelihood = np.empty(len(SHARES))
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
-        moved = most_likely(frame, tried, information * blur / tried * bandwidth**6, moved)
+        moved = most_likely(frame, tried, information * blur / tried * bandwidth**6, moved, STEPS)
         likelihood[row] = _log_likelihood(frame, moved, tried, deep)
     return _peak(likelihood) * sample.noise
 
