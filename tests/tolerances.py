@@ -894,13 +894,13 @@ TIP_LENGTH = 1.1
 """Spacings, mean of eight tips of 20 degrees, found 0.8 short, each 1.4 either way; 1.5 where flanks are not
 continued."""
 
-EDGE_NOISE = 0.12
-"""Spacings by which the noise in the plane of six discs is found wrong in the mean, of 0, 0.25 and 0.5: 0.03, 0.09 and
-0.01; taken for that across the surface it would be 0.5 wrong, and 0.25."""
+EDGE_NOISE = 0.06
+"""Spacings by which the noise in the plane of six discs is found wrong in the mean, of 0, 0.25 and 0.5: 0.00, 0.01 and
+0.00; taken for that across the surface it would be 0.5 wrong, and 0.25."""
 
-DRAWN_IN = 0.02
-"""Of the area of a strip ten spacings wide, mean of six: found 0.006; where noise across the surface is taken for as
-large along it, 0.04."""
+DRAWN_IN = 0.01
+"""Of the area of an ellipse twelve spacings wide, mean of six: found 0.001; where noise across the surface is taken for
+as large along it, 0.037."""
 
 EDGE_STAYS = 0.3
 """Of a radius of 19 that stays, or goes to 20, in the mean of a third of the circle."""

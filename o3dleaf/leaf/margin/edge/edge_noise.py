@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.leaf.margin.edge.edge_fit import FIRST, most_likely, widened
+from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
@@ -33,8 +33,8 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     .. math:: \max_d \sum_i \log Φ((d - x_i)/σ) - \int d
 
     of the distances x of the points from a curve that is moved by d, as in `fit_edge`. Tips, where the other flank is
-    near, do not count, nor corners and teeth, where the curve has to stay as soft as it can be: it cuts them, and what
-    it cuts off would pass for noise.
+    near, do not count. A corner that the curve cuts passes for some noise; to leave out where the curve is as soft as
+    it can be would leave out the outermost points with it, and find half of a noise of 0.2 spacings.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     frame = edge_frame(curve, apexes, sample)
     blur, _, information = blurred(frame.noise)
     moved, bandwidth = widened(frame, blur, information)
-    deep = frame.observed & (frame.half_width > INSIDE * blur) & (bandwidth > FIRST)
+    deep = frame.observed & (frame.half_width > INSIDE * blur)
     likelihood = np.empty(len(SHARES))
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
