@@ -118,6 +118,10 @@ CASES = {
         ("{scan}", "--region", "1", "1", "2", "2", "--around", "0", "0", "0"),
         "region: cannot act with around",
     ),
+    "hairs thinned out of a mesh of periodic tiles": (
+        ("{scan}", "--ct", "{ct}", "--hair-density", "{scan}", "--remesh", "0.1"),
+        "hair-density: cannot act with remesh",
+    ),
     "a fine window of four numbers": (("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2"), "five numbers"),
     "a fine window in a window": (
         ("{scan}", "--ct", "{ct}", "--fine", "1 1 2 2 0.1", "--region", "1", "1", "2", "2"),
