@@ -36,6 +36,7 @@ CONDITIONS = {
     "clean": {},
     "noise 0.2": {"noise": 0.2},
     "noise 0.5": {"noise": 0.5},
+    "normal 0.5": {"noise": 0.5, "direction": "normal"},
     "patches": {"noise": 0.2, "gaps": "patches"},
     "band": {"noise": 0.2, "gaps": "band"},
     "margin": {"noise": 0.2, "gaps": "margin"},

@@ -20,6 +20,7 @@ from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.plane_mesh import integrate
 
 PATTERNS = ("random", "lines", "grid")
+DIRECTIONS = ("any", "normal")
 GAPS = ("none", "patches", "band", "margin")
 PATCHES = 8
 PATCH = 2.0
@@ -80,6 +81,9 @@ class Scanning:
         spacing; a square grid, turned by 20°. The last two are even in (u, v).
     noise : float
         Standard deviation along each axis.
+    direction : {"any", "normal"}
+        Of the noise of the blade's points: any, or along the leaf's normal alone, as where a scanner looks down
+        on it.
     gaps : {"none", "patches", "band", "margin"}
         What nothing is seen of: eight discs of two spacings' radius; a band of four spacings across the leaf;
         two fifths of the upper half over 40 mm of its length (over a third of a shorter one than 120 mm).
@@ -93,6 +97,7 @@ class Scanning:
     spacing: Positive = 0.6
     pattern: str = "random"
     noise: NotNegative = 0.0
+    direction: str = "any"
     gaps: str = "none"
     passes: Passes = 1
     offset: NotNegative | None = None
@@ -100,6 +105,7 @@ class Scanning:
 
     def __post_init__(self) -> None:
         require_choice(self.pattern, PATTERNS, "pattern")
+        require_choice(self.direction, DIRECTIONS, "direction")
         require_choice(self.gaps, GAPS, "gaps")
 
 
@@ -111,7 +117,7 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     ----------
     leaf : LeafShape
     **options
-        Those of `Scanning`: spacing, pattern, noise, gaps, passes, offset, seed.
+        Those of `Scanning`: spacing, pattern, noise, direction, gaps, passes, offset, seed.
 
     Returns
     -------
@@ -139,7 +145,10 @@ def scan_leaf(leaf: LeafShape, **options: Any) -> LeafScan:
     ways = noise_rng.normal(size=(how.passes, 3))
     ways *= offset * how.spacing / np.linalg.norm(ways, axis=1)[:, np.newaxis]
     ways[0] = 0.0
-    points = points + ways[number] + noise_rng.normal(0.0, how.noise * how.spacing, points.shape)
+    errors = noise_rng.normal(0.0, how.noise * how.spacing, points.shape)
+    if how.direction == "normal":
+        errors[: len(places)] = errors[: len(places), :1] * leaf.normals(places)
+    points = points + ways[number] + errors
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     return LeafScan(cloud, places, how.spacing, how.noise * how.spacing, hidden, leaf)
 

@@ -69,6 +69,14 @@ def test_noise_and_passes_are_in_spacings(eaten):
     assert np.linalg.norm(away[~second].mean(axis=0)) < SCAN_SIGMAS * 0.15 / np.sqrt((~second).sum()) * np.sqrt(3)
 
 
+def test_noise_along_the_normal_leaves_points_where_they_are_along_the_surface(eaten):
+    scan = scan_leaf(eaten, spacing=0.5, noise=0.3, direction="normal")
+    away, normals = scan.points - eaten.lift(scan.places), eaten.normals(scan.places)
+    heights = (away * normals).sum(axis=1)
+    np.testing.assert_allclose(away, heights[:, np.newaxis] * normals, atol=1e-12)
+    assert heights.std() == pytest.approx(0.15, rel=SCAN_SIGMAS / np.sqrt(2 * len(heights)))
+
+
 @pytest.mark.parametrize("gaps", ["patches", "band", "margin"])
 @pytest.mark.parametrize("kind", sorted(LEAF_KINDS))
 def test_nothing_is_seen_in_gaps(kind, gaps):
@@ -117,7 +125,15 @@ def test_the_same_seed_gives_the_same_points_and_another_one_others(eaten):
 
 @pytest.mark.parametrize(
     "options",
-    [{"spacing": 0.0}, {"pattern": "dots"}, {"gaps": "all"}, {"noise": -1.0}, {"passes": 0}, {"spacing": 500.0}],
+    [
+        {"spacing": 0.0},
+        {"pattern": "dots"},
+        {"gaps": "all"},
+        {"direction": "up"},
+        {"noise": -1.0},
+        {"passes": 0},
+        {"spacing": 500.0},
+    ],
 )
 def test_what_cannot_be_scanned_is_refused(eaten, options):
     with pytest.raises(InputError):

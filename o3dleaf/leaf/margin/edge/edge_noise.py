@@ -1,7 +1,7 @@
 """How far noise carries points across the edge of a leaf: what blurs the edge says so, not what roughens the surface.
 
 A scanner's error may lie along its beam, and so along the leaf's normal: then the points are no less exactly where the
-leaf ends. Taken to be as large along the surface, noise of half a spacing draws the margin in by a third of one.
+leaf ends. Taken to be as large along the surface, noise of half a spacing draws the margin in by a sixth of one.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ SHARES = np.linspace(0.0, 1.5, 7)
 noise to a fifth of it; were no more than 1 tried, errors would not cancel where it is as large."""
 SHARPEST = 0.1
 """Spacings of blur that the likelihood is asked for at least: a sharper edge comes out at the same place, to a
-fiftieth."""
+hundredth."""
 STEPS = 4
 """Newton's steps from one blur to the next: near its maximum the likelihood hardly depends on where the curve is."""
 
