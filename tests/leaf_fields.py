@@ -18,6 +18,7 @@ from o3dleaf import (
     PUInterpolant,
     TiledField,
 )
+from o3dleaf.io.labelled_mesh import RIM
 
 FRAMES = ("surface", "paper")
 MAIN_FRAME = ("surface", pytest.param("paper", marks=pytest.mark.slow))
@@ -71,3 +72,10 @@ def surface_blade(lift, length, height, step=STEP):
 def grid(along, across, m, n):
     """The places of a grid over a rectangle."""
     return (each.ravel() for each in np.meshgrid(np.linspace(*along, m), np.linspace(*across, n)))
+
+
+def off_the_field(leaf, made):
+    """How far the vertices of a solid's faces lie off the field, to first order; those of its rim do not count."""
+    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    return np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)

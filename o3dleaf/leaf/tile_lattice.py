@@ -60,6 +60,18 @@ def _copies(steps: int, *, together: bool) -> int:
 
 
 @dataclass(frozen=True)
+class ScaledField:
+    """A field in lengths of `scale` of its unit each: its values at z are those at `scale` z."""
+
+    field: Callable[[FloatArray], FloatArray]
+    scale: float
+
+    def __call__(self, flat: FloatArray) -> FloatArray:
+        """Return the (n,) values at (n, 3) points."""
+        return self.field(flat * self.scale)
+
+
+@dataclass(frozen=True)
 class PeriodOf:
     """A texture in lengths of `scale` of its unit each; of Wang tiles the torus on which each of them lies once.
 
@@ -84,19 +96,7 @@ class PeriodOf:
 
     def __call__(self, flat: FloatArray) -> FloatArray:
         """Return the (n,) values at (n, 3) points."""
-        return self.periodic(flat * self.scale)
-
-
-@dataclass(frozen=True)
-class PeriodIn:
-    """A field in lengths of `scale` of its unit each."""
-
-    field: Callable[[FloatArray], FloatArray]
-    scale: float
-
-    def __call__(self, flat: FloatArray) -> FloatArray:
-        """Return the (n,) values at (n, 3) points."""
-        return self.field(flat * self.scale)
+        return ScaledField(self.periodic, self.scale)(flat)
 
 
 def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together: bool) -> Tiles:
@@ -133,7 +133,7 @@ def _tiles_of(texture: Texture, scale: float, spacing: float, method: int, *, to
     """Return the tiles of a texture that is the same over every blade, else None."""
     if isinstance(texture, TiledField):
         one = tile_lattice(texture, scale, spacing)
-        return _tiles_on(PeriodOf(texture, scale), _repeated(one, together=together), one, method)
+        return _tiles_on(ScaledField(texture, scale), _repeated(one, together=together), one, method)
     if isinstance(texture, WangField):
         return _wang_tiles(texture.torus, texture, scale, spacing, method)
     return None
@@ -155,7 +155,7 @@ def _wang_tiles(torus: LayerField, texture: WangField, scale: float, spacing: fl
     require_columns(float(nx * ny * KINDS), spacing)
     lattice = replace(one, shape=(nx * p, ny * q, nz))
     borders = MatchingBorders((nx, ny), nz, TORUS)
-    whole = extract_tile(PeriodIn(torus, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
+    whole = extract_tile(ScaledField(torus, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
     parts = split_torus(whole, (nx, ny))
     on_torus = _kind_by(torus_color)
     kinds = {on_torus(place): part for place, part in parts.items()}
@@ -167,13 +167,14 @@ def _thinned_tiles(texture: ThinnedField, leaf: TexturedBlade, spacing: float, m
     base, bare, scale = texture.texture, texture.bare, leaf.scale
     lattice = tile_lattice(base, scale, spacing)
     if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
-        return _plane(leaf, lattice, method)
+        return extract_plane(leaf, lattice, method)
     if isinstance(base, WangField):
         whole, full, _ = _wang_tiles(base.torus, base, scale, spacing, method)
         others = _wang_tiles(bare, base, scale, spacing, method).parts
     else:
         period = lattice.shape[:2]
-        whole, other = (extract_tile(PeriodIn(each, scale), lattice, method, sharpen=period) for each in (base, bare))
+        fields = ScaledField(base, scale), ScaledField(bare, scale)
+        whole, other = (extract_tile(each, lattice, method, sharpen=period) for each in fields)
         full, others = TileSet.of(whole), TileSet.of(other)
     shape = lattice.shape[0], lattice.shape[1]
     # Where all hairs of a tile are removed follows from the tile, as its neighbors' lids beside its borders do.
@@ -187,7 +188,7 @@ def _thinned_tiles(texture: ThinnedField, leaf: TexturedBlade, spacing: float, m
     return Tiles(whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1)
 
 
-def _plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> Tiles:
+def extract_plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> Tiles:
     """Polygonize all of the plane that the blade covers, as one tile."""
     first, last = np.floor((leaf.blade.outline.bounds - lattice.origin[:2]) / lattice.period).astype(np.int64)
     first, count = first - 1, last - first + 3

@@ -5,16 +5,15 @@ import pytest
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from leaf_fields import leaf_of, texture
+from leaf_fields import leaf_of, off_the_field, texture
 from o3dleaf import ThinnedField, WangField
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.tile_lattice import _plane, extract_tiles, tile_lattice
+from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import ON_SURFACE, SHARPENED
 
@@ -76,9 +75,7 @@ def hairs_of(leaf, vertices):
 def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
     report = mesh_report(solid.mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
-    vertices, triangles = np.asarray(solid.mesh.vertices), np.asarray(solid.mesh.triangles)
-    faces = np.setdiff1d(triangles[solid.labels != RIM], triangles[solid.labels == RIM])
-    off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    off = off_the_field(leaf, solid)
     assert np.quantile(off, 0.97) < ON_SURFACE
     assert off.max() < STEP
 
@@ -118,7 +115,7 @@ def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, ha
 def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf):
     tile, tiles, _ = extract_tiles(leaf, STEP / 2, 0, together=False)
     lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP / 2)
-    whole, alone, _ = _plane(leaf, lattice, 0)
+    whole, alone, _ = extract_plane(leaf, lattice, 0)
     assert tile.lattice.spacing == whole.lattice.spacing
 
     def faces(tiles):

@@ -5,7 +5,7 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from leaf_fields import leaf_of, texture
+from leaf_fields import leaf_of, off_the_field, texture
 from o3dleaf import WangField
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.labelled_mesh import RIM
@@ -151,12 +151,10 @@ def test_a_remeshed_leaf_has_good_triangles_on_the_field(leaf):
     made = leaf.plan_mesh(STEP, region, closed=True).extract(remesh=edge)
     report = mesh_report(made.mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
-    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
-    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
-    off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    off = off_the_field(leaf, made)
     assert np.quantile(off, 0.99) < ON_SURFACE * edge
     # A window's corners have slivers, as those of a periodic leaf do.
-    assert np.mean(smallest_angles(vertices, triangles) < 10) < 0.02
+    assert report.share_below_10deg < 0.02
 
 
 @pytest.mark.slow
@@ -165,16 +163,5 @@ def test_tiles_are_remeshed_each_on_its_own_surface(leaf):
     made = plan.extract()
     report = mesh_report(made.mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
-    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
-    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
-    off = np.abs(leaf(vertices[faces])) / np.linalg.norm(leaf.gradient(vertices[faces]), axis=1)
+    off = off_the_field(leaf, made)
     assert np.quantile(off, 0.97) < ON_SURFACE
-
-
-def smallest_angles(vertices, triangles):
-    """The smallest angle of each triangle, in degrees."""
-    corner = vertices[triangles]
-    sides = np.stack([corner[:, k - 1] - corner[:, k - 2] for k in range(3)], axis=1)
-    sides /= np.linalg.norm(sides, axis=2, keepdims=True)
-    cosines = -np.einsum("nkj,nkj->nk", sides, np.roll(sides, -1, axis=1))
-    return np.degrees(np.arccos(np.clip(cosines, -1, 1))).min(axis=1)
