@@ -7,6 +7,7 @@ import o3dleaf as o3l
 KINDS = {
     "curled": {},
     "arched": {"kind": "curled", "arch": 60},
+    "rolled": {"kind": "curled", "angle": 165},
     "twisted": {},
     "wavy": {},
     "winding": {},
@@ -21,6 +22,7 @@ KINDS = {
 HELD_OUT = {
     "curled": {"angle": 95, "length": 150, "width": 18},
     "arched": {"kind": "curled", "angle": 80, "length": 90, "width": 30, "arch": 110},
+    "rolled": {"kind": "curled", "angle": 157, "length": 150, "width": 18, "arch": 40},
     "twisted": {"angle": 250, "length": 180, "width": 12},
     "wavy": {"angle": 75, "length": 120, "width": 7},
     "winding": {"angle": 85, "length": 180, "width": 6},

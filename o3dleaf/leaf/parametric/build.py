@@ -1,5 +1,7 @@
 """From the points of one leaf to its blade as a parametrised surface, step by step."""
 
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import igl
@@ -7,10 +9,11 @@ import numpy as np
 
 from o3dleaf.core import journal
 from o3dleaf.core.checks import FloatArray
-from o3dleaf.core.errors import InputError
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
+from o3dleaf.leaf.chart.slits import find_slits
 from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
@@ -64,14 +67,7 @@ def build_parametric_blade(
         sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
     with journal.stage("lay flat"):
-        chart = chart_sheet(
-            sheet.vertices,
-            sheet.triangles,
-            midrib=midrib,
-            up=options.up,
-            base=petiole.base if options.base is None else options.base,
-            junction=petiole.junction,
-        )
+        sheet, chart = _lay_flat(sheet, petiole, midrib, options)
     # A smoothed partition of unity S(u, v) through the points at their feet.
     with journal.stage("fit surface"):
         rows = _rows_of_blade(points, sheet, chart)
@@ -123,6 +119,23 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
     return points[blade], _Parted(end, junction, (f"{petiole}: cut off",))
+
+
+def _lay_flat(
+    sheet: OpenSheet, petiole: _Parted, midrib: FloatArray | None, options: BladeOptions
+) -> tuple[OpenSheet, Chart]:
+    """Return a sheet and its chart; cut along its slits if it has some, and no chart without."""
+    base = petiole.base if options.base is None else options.base
+    chart = partial(chart_sheet, midrib=midrib, up=options.up, base=base, junction=petiole.junction)
+    try:
+        return sheet, chart(sheet.vertices, sheet.triangles)
+    except ReconstructionError:
+        slits = find_slits(sheet.vertices, sheet.triangles)
+        if slits is None:
+            raise
+    vertices, triangles = drop_unused_vertices(sheet.vertices, sheet.triangles[slits.kept])
+    cut = replace(sheet, vertices=vertices, triangles=triangles, notes=(*sheet.notes, slits.note))
+    return cut, chart(vertices, triangles)
 
 
 def _rows_of_blade(points: FloatArray, sheet: OpenSheet, chart: Chart) -> IntArray:

@@ -1,0 +1,115 @@
+"""Slits of a leaf that is rolled up: gaps without points between margins that a sheet's triangles joined."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
+from o3dleaf.core.trees import query
+from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of
+from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes
+
+GAPS = ((2.0, 13.0), (1.7, 20.0), (1.5, 31.0))
+"""Spacings across a gap and along it at least: longer than the longest gap as wide in nine of ten draws of 20,000
+random points (medians 10.5, 16, 26), and in all of a hundred draws of 2,000 but one."""
+WIDEST, NARROWEST = GAPS[0][0], GAPS[-1][0]
+NEAR = 48
+"""Triangles around one that tell the density there: those of 24 points."""
+MEDIAN = 0.376
+"""Median area of the Delaunay triangles of random points, in squared spacings."""
+LEAST = 2 / 3
+"""Share of the area at least that stays in one piece; less, and the gaps are those between scan lines."""
+
+
+class Slits(NamedTuple):
+    """Which triangles (m,) of a sheet stay when it is cut along its slits, and a line of the read-out."""
+
+    kept: BoolArray
+    note: str
+
+
+def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
+    """Return the slits of a sheet through points, or None of one that has none or that they would cut to pieces.
+
+    Triangles of a Delaunay mesh whose circumscribed circle is at least w across, joined over edges as long, are the
+    places that an empty disc of that diameter can be moved to. Among random points it gets short ways only: what discs
+    around them leave free does not percolate where they are wider than 1.2 spacings (Meester and Roy 1996). Between the
+    margins of a leaf that is rolled up it goes along the leaf, or from one rim of the tube to the other. A gap is a
+    slit if part of it is long for one of `GAPS`, or joins two rims at the widest w; it is cut where it is as wide as
+    the narrowest.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+        The points.
+    triangles : (m, 3) ndarray of int
+        An oriented manifold sheet.
+    """
+    sheet = _Sheet.of(vertices, triangles)
+    is_sure = np.zeros(len(triangles), bool)
+    for wide, long in GAPS:
+        for rows in sheet.gaps(wide):
+            is_sure[rows] |= sheet.extent(rows) >= long * np.median(sheet.spacing[rows])
+    for rows in sheet.gaps(WIDEST):
+        is_sure[rows] |= sheet.joins_rims(rows, WIDEST)
+    slits = [rows for rows in sheet.gaps(NARROWEST) if is_sure[rows].any()]
+    if not slits:
+        return None
+    stays = np.ones(len(triangles), bool)
+    stays[np.concatenate(slits)] = False
+    kept = largest_sheet(vertices, triangles, stays)
+    if sheet.area[kept].sum() < LEAST * sheet.area.sum():
+        return None
+    told = ", ".join(f"{sheet.extent(rows):.3g} long at {place_of(sheet.middles[rows].mean(axis=0))}" for rows in slits)
+    return Slits(kept, f"rolled up: cut along {len(slits)} gap(s) between margins that hold no points, {told}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Sheet:
+    """Triangles with what is measured of them: edge lengths (e,), areas, middles, spacing (m,); rim (m, 3) or -1."""
+
+    edges: EdgeTable
+    length: FloatArray
+    area: FloatArray
+    middles: FloatArray
+    spacing: FloatArray
+    rim: IntArray
+
+    @classmethod
+    def of(cls, vertices: FloatArray, triangles: IntArray) -> "_Sheet":
+        edges, area = EdgeTable.of(triangles), triangle_areas(vertices, triangles)
+        middles = vertices[triangles].mean(axis=1)
+        # From the median area of triangles near, of which a gap has few.
+        near = query(cKDTree(middles), middles, k=[*range(1, 1 + min(NEAR, len(area)))])[1]
+        spacing = np.sqrt(np.median(area[near], axis=1) / MEDIAN)
+        loops = find_holes(vertices, triangles, edges)
+        rim = np.full(len(edges.ends), -1)
+        rim[loops.edges] = loops.of_edge
+        length = np.linalg.norm(vertices[edges.ends[:, 1]] - vertices[edges.ends[:, 0]], axis=1)
+        return cls(edges, length, area, middles, spacing, rim[edges.of_half].reshape(-1, 3))
+
+    def gaps(self, wide: float) -> list[IntArray]:
+        """Return the triangles of each place that an empty disc of a diameter in spacings can be moved about in."""
+        sides = self.length[self.edges.of_half].reshape(-1, 3)
+        least = wide * self.spacing
+        empty = sides.prod(axis=1) >= 2 * least * self.area  # a b c / 2 A is the diameter of the circle
+        inner = np.flatnonzero(self.edges.count == 2)
+        one, other = (self.edges.order[self.edges.first(inner) + side].astype(np.int64) // 3 for side in range(2))
+        joined = empty[one] & empty[other] & (self.length[inner] >= np.minimum(least[one], least[other]))
+        label = label_nodes(one[joined], other[joined], len(self.area))
+        rows = np.flatnonzero(empty)
+        rows = rows[np.argsort(label[rows], kind="stable")]
+        return np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1)
+
+    def extent(self, rows: IntArray) -> float:
+        """Return the diagonal of the box around some triangles."""
+        return float(np.linalg.norm(np.ptp(self.middles[rows], axis=0)))
+
+    def joins_rims(self, rows: IntArray, wide: float) -> bool:
+        """Return whether a disc of a diameter in spacings leaves a gap over two rims."""
+        sides = self.length[self.edges.of_half].reshape(-1, 3)[rows]
+        open_ = (self.rim[rows] >= 0) & (sides >= wide * self.spacing[rows, np.newaxis])
+        return len(np.unique(self.rim[rows][open_])) > 1
