@@ -30,7 +30,7 @@ def scanned(noise, seed):
 
 @pytest.mark.parametrize("noise", [0.0, 0.25, 0.5])
 def test_noise_in_the_plane_is_found_by_how_it_blurs_the_edge(noise):
-    cases = [scanned(noise, seed) for seed in range(6)]
+    cases = [scanned(noise, seed) for seed in range(60)]
     found = [edge_noise(circle, NO_TIPS, sample) / spacing for circle, sample, spacing in cases]
     assert np.mean(found) == pytest.approx(noise, abs=EDGE_NOISE)
     assert max(found) <= 1.5 * LARGEST
