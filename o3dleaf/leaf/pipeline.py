@@ -9,7 +9,7 @@ import numpy as np
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import DataWarning, InputError, UnitError
 from o3dleaf.core.journal import stage

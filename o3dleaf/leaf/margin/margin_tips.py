@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
 
 REACH = 3.0
