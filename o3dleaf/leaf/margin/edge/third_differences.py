@@ -9,7 +9,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 
 SHIFTS = (-1, 0, 1, 2)
-"""The nodes that a difference is taken of, from its own one on."""
+"""Steps from the node of a difference to those that it is taken of."""
 REACH = SHIFTS[-1] - SHIFTS[0]
 
 
