@@ -21,6 +21,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 from threadpoolctl import threadpool_limits
 
+from o3dleaf.core.parallel import get_num_threads, set_num_threads
+
 if sys.platform != "win32":
     import fcntl
 
@@ -46,8 +48,9 @@ def pytest_configure(config: pytest.Config) -> None:
     """Give BLAS one thread, since there is a worker a core, and let workers share what Numba compiles.
 
     BLAS threads that find no core free wait for one another in circles of their own: an eigenvalue problem of 4 s takes
-    130 s. Each worker would also compile each function for itself; now one does, and the others wait and read it.
-    Windows has no such lock: each worker compiles what `o3dleaf warm-up` did not compile before.
+    130 s. Our own loops run on a worker's share of the cores, too: tests that more threads change nothing ask for them,
+    and commands run on all. Each worker would also compile each function for itself; now one does, and the others wait
+    and read it. Windows has no such lock: each worker compiles what `o3dleaf warm-up` did not compile before.
 
     A shell that starts the tests in the background has them ignore Ctrl-C, and their children, too: not so here.
 
@@ -65,6 +68,12 @@ def pytest_configure(config: pytest.Config) -> None:
         folder = Path(config.getoption("basetemp")).parent / "compiling"
         folder.mkdir(exist_ok=True)
         Dispatcher.compile = alone(Dispatcher.compile, folder)
+    set_num_threads(max(1, get_num_threads() // workers_beside(config)))
+
+
+def workers_beside(config: pytest.Config) -> int:
+    """Return how many processes run the tests."""
+    return int(getattr(config, "workerinput", {}).get("workercount", 1))
 
 
 def alone(compile_here: Callable[..., object], folder: Path) -> Callable[..., object]:
@@ -167,6 +176,15 @@ def _numpy_errors_raise() -> Iterator[None]:
     """
     with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
         yield
+
+
+@pytest.fixture(autouse=True)
+def _threads_are_given_back() -> Iterator[None]:
+    """Set the number of threads that a test, or a command in it, has changed to what it was."""
+    before = get_num_threads()
+    yield
+    if get_num_threads() != before:
+        set_num_threads(before)
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +29,15 @@ def test_layers_hold():
     assert lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True) == 0
 
 
+@cache
+def parsed(path):
+    """The tree of a file, for all who look through it: to make it takes longer than to go through it."""
+    return ast.parse(path.read_text())
+
+
 def imports_of(path, modules):
     """Yield the modules of the package that a file imports, those for its types alone and those of functions too."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in modules)
         elif isinstance(node, ast.ImportFrom) and node.module in modules:
@@ -93,7 +100,7 @@ def test_no_two_classes_share_a_name():
     names = Counter(
         node.name
         for path in (ROOT / "o3dleaf").rglob("*.py")
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.ClassDef)
     )
     assert [name for name, count in names.items() if count > 1] == []

@@ -1039,3 +1039,6 @@ AREA_OF_ROLLED_LEAF = 0.02
 MIRRORED_SEAM = 0.5
 """Spacings between a surface and the mirror image of a half unlike it, beside where the image begins; 0.7 where it is
 not shifted onto what is seen."""
+
+BANDED_SOLUTION = 1e-12
+"""Of systems of condition below 1e3 whose numbers are of size 1; a band that is off by one is off by 0.1."""

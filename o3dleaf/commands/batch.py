@@ -17,9 +17,11 @@ from o3dleaf.commands.line.terminal import show_progress
 from o3dleaf.commands.line.words import job_from
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.commands.reconstruct import ReconstructJob
-from o3dleaf.core.checks import is_file, is_folder, require_file
+from o3dleaf.core.checks.files import is_file, is_folder, require_file
 from o3dleaf.core.errors import InputError, O3DLeafError
-from o3dleaf.core.job import ClusterOptions, LongJob, Names, argument, option, options_of
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import Names, argument, option, options_of
+from o3dleaf.core.jobs.shared import ClusterOptions
 from o3dleaf.core.journal import stage
 from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 

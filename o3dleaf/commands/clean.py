@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Whole
-from o3dleaf.core.job import LongJob, argument, option, output
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import argument, option, output
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:

@@ -23,9 +23,9 @@ from o3dleaf.commands.render import RenderJob
 from o3dleaf.commands.sample import SampleJob
 from o3dleaf.commands.warm_up import WarmUpJob
 from o3dleaf.commands.windows import PickJob, ViewJob
-from o3dleaf.core.checks import is_folder, require_file
+from o3dleaf.core.checks.files import is_folder, require_file
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.core.job import Job, LongJob
+from o3dleaf.core.jobs.job import Job, LongJob
 from o3dleaf.core.parallel import set_num_threads, single_threaded_blas
 
 JOBS: dict[str, type[Job]] = {

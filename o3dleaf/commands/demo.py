@@ -8,7 +8,8 @@ from o3dleaf.commands.leaf.job import LeafJob, in_a_line
 from o3dleaf.commands.sample import SampleOption
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import make_folder
-from o3dleaf.core.job import LongJob, option
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import option
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need

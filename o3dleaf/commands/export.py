@@ -8,12 +8,15 @@ from o3dleaf.commands.droplet.case_options import DropletOptions
 from o3dleaf.commands.patch import MODEL
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, Names, UnitOption, argument, corners_of, option, output, table
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import Names, argument, option, output, table
+from o3dleaf.core.jobs.shared import UnitOption
+from o3dleaf.core.jobs.words import corners_of
 from o3dleaf.core.journal import stage
 from o3dleaf.core.progress import split
 
 if TYPE_CHECKING:
-    from o3dleaf.core.checks import FloatArray
+    from o3dleaf.core.checks.arrays import FloatArray
     from o3dleaf.core.resources.needs import Need
     from o3dleaf.io.labelled_mesh import LabelledMesh
 
@@ -204,7 +207,7 @@ class ExportJob(DropletOptions, UnitOption, LongJob):
 
     def surface(self, model: Any) -> "LabelledMesh":
         """Return the surface of a model, or one period of it."""
-        from o3dleaf.core.checks import require_positive
+        from o3dleaf.core.checks.scalars import require_positive
         from o3dleaf.leaf.meshing import extract_flat_tile
         from o3dleaf.leaf.multiscale import MultiscaleLeaf
         from o3dleaf.leaf.texture.patches import PatchBlend

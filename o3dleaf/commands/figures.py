@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import CtOptions
 from o3dleaf.commands.sample import SampleOption
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import LongJob, ScanOptions, argument, option, words_of
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import argument, option
+from o3dleaf.core.jobs.shared import ScanOptions
+from o3dleaf.core.jobs.words import words_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:

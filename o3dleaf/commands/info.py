@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 from o3dleaf.commands.patch import CROP_HELP, LAYOUT_HELP, parse_box, require_box
 from o3dleaf.core.arguments.kinds import Finite, Positive
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.checks import is_folder
+from o3dleaf.core.checks.files import is_folder
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, UnitOption, argument, number_or_word, option
+from o3dleaf.core.jobs.job import Job
+from o3dleaf.core.jobs.option import argument, option
+from o3dleaf.core.jobs.shared import UnitOption
+from o3dleaf.core.jobs.words import number_or_word
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need

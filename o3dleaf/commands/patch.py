@@ -7,18 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import (
-    ClusterOptions,
-    Job,
-    LongJob,
-    ResumeOption,
-    argument,
-    number_or_word,
-    option,
-    output,
-    table,
-    words_of,
-)
+from o3dleaf.core.jobs.job import Job, LongJob
+from o3dleaf.core.jobs.option import argument, option, output, table
+from o3dleaf.core.jobs.shared import ClusterOptions, ResumeOption
+from o3dleaf.core.jobs.words import number_or_word, words_of
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.options import OF_VOLUME, TextureOptions
 
@@ -48,7 +40,7 @@ def parse_box(text: str) -> Any:
 
 def require_box(box: Any, name: str) -> None:
     """Raise `InputError` for what is neither None nor a box."""
-    from o3dleaf.core.checks import as_bounds
+    from o3dleaf.core.checks.coordinates import as_bounds
 
     if isinstance(box, str):
         raise InputError(f"{name}: is {box!r}; give six numbers, 'X0 Y0 Z0 X1 Y1 Z1'")
@@ -83,7 +75,7 @@ class CtOptions(TextureOptions):
 
     def check_texture(self) -> None:
         """Refuse what the texture of no volume can have."""
-        from o3dleaf.core.checks import as_number, require_choice
+        from o3dleaf.core.checks.scalars import as_number, require_choice
         from o3dleaf.fitting.rbf.kernels import polyharmonic
         from o3dleaf.fitting.rbf.smoothing import as_smoothing
         from o3dleaf.leaf.ct.threshold import METHODS

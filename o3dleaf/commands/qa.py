@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from o3dleaf.core.job import LongJob, UnitOption, argument, option
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import argument, option
+from o3dleaf.core.jobs.shared import UnitOption
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:

@@ -7,17 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.commands.patch import MODEL, resumed
 from o3dleaf.core.arguments.kinds import Positive, SmoothingValue
-from o3dleaf.core.job import (
-    ColumnsOption,
-    LongJob,
-    ResumeOption,
-    UnitOption,
-    argument,
-    number_or_word,
-    option,
-    output,
-    place_of,
-)
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import argument, option, output
+from o3dleaf.core.jobs.shared import ColumnsOption, ResumeOption, UnitOption
+from o3dleaf.core.jobs.words import number_or_word, place_of
 from o3dleaf.core.journal import stage
 
 if TYPE_CHECKING:
@@ -76,7 +69,7 @@ class ReconstructJob(UnitOption, ColumnsOption, ResumeOption, LongJob):
 
     def check(self) -> None:
         """Refuse an unknown unit, and a viewpoint that is no place."""
-        from o3dleaf.core.checks import as_viewpoint
+        from o3dleaf.core.checks.attributes import as_viewpoint
 
         super().check()
         if self.viewpoint is not None:

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from o3dleaf.core.job import Job, UnitOption, argument, option, output
+from o3dleaf.core.jobs.job import Job
+from o3dleaf.core.jobs.option import argument, option, output
+from o3dleaf.core.jobs.shared import UnitOption
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.job import Job, argument, option
+from o3dleaf.core.jobs.job import Job
+from o3dleaf.core.jobs.option import argument, option
 
 if TYPE_CHECKING:
     from o3dleaf.core.resources.needs import Need

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from o3dleaf.core.job import LongJob, option
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import option
 from o3dleaf.core.journal import stage
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from o3dleaf.commands.render import need_for_pictures
-from o3dleaf.core.job import Job, argument, output
+from o3dleaf.core.jobs.job import Job
+from o3dleaf.core.jobs.option import argument, output
 
 if TYPE_CHECKING:
-    from o3dleaf.core.checks import FloatArray
+    from o3dleaf.core.checks.arrays import FloatArray
     from o3dleaf.core.resources.needs import Need
 
 

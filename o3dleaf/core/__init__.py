@@ -15,7 +15,7 @@
 `trees`          queries of k-d trees, on as many threads as they are worth
 `resources`      the memory and the time that may be used, and what needs more refused
 `journal`        the stages of a long job, timed
-`job`            a job on files, whose fields are the options of its command
+`jobs`           a job on files, whose fields are the options of its command
 `cloud_arrays`   Open3D point clouds and arrays
 `mesh_arrays`    Open3D triangle meshes and arrays
 `atomic_files`   files written whole or not at all

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any, Protocol, Union, cast
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_array, as_sites, require_cloud
+from o3dleaf.core.checks.arrays import FloatArray, as_array
+from o3dleaf.core.checks.coordinates import as_sites, require_cloud
 
 if TYPE_CHECKING:
     import open3d as o3d

@@ -5,7 +5,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, require_one_column
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import require_one_column
 from o3dleaf.core.lattice import Lattice
 
 

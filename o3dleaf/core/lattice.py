@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_answers, as_bounds, as_step, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_answers
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.resources.needs import require_resources

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_array, as_sites
+from o3dleaf.core.checks.arrays import FloatArray, as_array
+from o3dleaf.core.checks.coordinates import as_sites
 from o3dleaf.core.errors import InputError
 
 LAST_VERTEX = 2**53

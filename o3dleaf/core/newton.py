@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
 
 Jet: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray]]

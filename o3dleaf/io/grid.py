@@ -16,7 +16,9 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file, write_text
-from o3dleaf.core.checks import FloatArray, as_bounds, as_step
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.parallel import blocks
 
 SUFFIXES = (".vti", ".nrrd", ".npy")

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_labels
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_labels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, mesh_arrays
 from o3dleaf.core.units import check_unit, unit_scale

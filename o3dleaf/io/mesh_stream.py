@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from o3dleaf.core.atomic_files import require_free, require_writable, whole_file
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources
 from o3dleaf.io.labelled_mesh import LABELS, LabelArray

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.atomic_files import claim, require_writable, whole_file
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.scratch import placing

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import claim
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks

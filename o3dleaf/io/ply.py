@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import claim
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.labelled_mesh import LabelArray
 from o3dleaf.io.mesh_data import IndexArray, MeshData

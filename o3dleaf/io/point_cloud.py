@@ -9,7 +9,8 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.checks import require_file, require_finite
+from o3dleaf.core.checks.arrays import require_finite
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds import e57, las, text
 from o3dleaf.io.clouds.columns import Columns

@@ -7,7 +7,7 @@ import numpy as np
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import claim
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.labelled_mesh import name_labels

@@ -9,7 +9,7 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays
 from o3dleaf.io.labelled_mesh import AnyMesh, LabelledMesh

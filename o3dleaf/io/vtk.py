@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.atomic_files import claim
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.io.mesh_data import MeshData
 
 TYPES = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}

@@ -5,7 +5,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh

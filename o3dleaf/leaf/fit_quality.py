@@ -8,7 +8,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.trees import query

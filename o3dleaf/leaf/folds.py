@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import Blade

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale

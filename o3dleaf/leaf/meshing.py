@@ -11,7 +11,9 @@ import shapely
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import require_writable
-from o3dleaf.core.checks import FloatArray, as_bounds, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.parallel import run_blocks

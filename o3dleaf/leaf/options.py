@@ -11,9 +11,10 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Finite, NotNegative, Positive, SmoothingValue, Whole
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import number_or_word, option, words_of
+from o3dleaf.core.jobs.option import option
+from o3dleaf.core.jobs.words import number_or_word, words_of
 
 TILES = ("periodic", "wang")
 FRAMES = ("surface", "paper")

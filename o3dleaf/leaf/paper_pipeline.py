@@ -1,6 +1,6 @@
 """From the points of one leaf to its blade as a height map over a plane, step by step, in the paper's words."""
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.journal import stage
 from o3dleaf.leaf.macro.blade import HeightMapBlade
 from o3dleaf.leaf.macro.frame import LeafFrame

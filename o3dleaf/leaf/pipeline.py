@@ -9,7 +9,7 @@ import numpy as np
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import DataWarning, InputError, UnitError
 from o3dleaf.core.journal import stage
@@ -220,10 +220,7 @@ def build_multiscale_leaf(
     These, see `TilesAhead`, are asked for when there is a texture. Where hairs are thinned out there are none.
     """
     options = blade or BladeOptions()
-    if options.hair_density is not None:
-        as_shares(options.hair_density)
-        if isinstance(volume, PatchBlend):
-            raise InputError("hair_density: thins out one patch or Wang tiles, not a blend; leave it out")
+    _require_maps(options, volume)
     # A volume is refused before the long step. Both sides at once: laying a sheet flat is serial.
     fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
 
@@ -238,6 +235,16 @@ def build_multiscale_leaf(
     leaf = MultiscaleLeaf(_with_density(micro, macro, options), blade=macro)
     leaf.tiles = ahead
     return leaf
+
+
+def _require_maps(options: BladeOptions, volume: Volume | Texture) -> None:
+    """Refuse, before any work, a map over the leaf that is none, or that cannot act."""
+    if options.thickness is not None:
+        as_factors(options.thickness, "thickness")
+    if options.hair_density is not None:
+        as_shares(options.hair_density)
+        if isinstance(volume, PatchBlend):
+            raise InputError("hair_density: thins out one patch or Wang tiles, not a blend; leave it out")
 
 
 def _with_density(micro: Texture, blade: Blade, options: BladeOptions) -> Texture:

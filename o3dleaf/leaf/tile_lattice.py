@@ -7,7 +7,8 @@ from functools import cache, lru_cache
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import O3DLeafError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import unit_scale

@@ -6,7 +6,8 @@ from scipy.ndimage import gaussian_filter
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, NotNegative, Positive, Whole
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.resources import measured

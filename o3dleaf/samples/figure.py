@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.samples.meshed import Meshed
 from o3dleaf.samples.solids import Feet
 

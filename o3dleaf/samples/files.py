@@ -10,7 +10,7 @@ import open3d as o3d
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
 from o3dleaf.core.atomic_files import make_folder, whole_file, write_text
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, mesh_arrays, triangle_areas
 from o3dleaf.samples.meshed import draw_on_triangles

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.core.parallel import run_blocks

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from o3dleaf.core.checks import FloatArray, as_near
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_near
 from o3dleaf.samples.domain import evaluate
 
 LEAF = 0.2

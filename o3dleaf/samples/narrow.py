@@ -6,7 +6,8 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import NotNegative, Positive
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.samples.mesh_solid import MeshSolid
 from o3dleaf.samples.meshed import level_mesh
 

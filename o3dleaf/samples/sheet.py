@@ -9,7 +9,9 @@ from scipy.spatial import KDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.checks import FloatArray, as_lengths, as_near, as_number, as_pairs, as_row
+from o3dleaf.core.checks.arrays import FloatArray, as_lengths, as_pairs, as_row
+from o3dleaf.core.checks.coordinates import as_near
+from o3dleaf.core.checks.scalars import as_number
 from o3dleaf.samples.domain import evaluate
 
 NODES = 401

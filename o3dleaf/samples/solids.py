@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Whole
-from o3dleaf.core.checks import FloatArray, as_near, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_near
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.samples.domain import BLOCK, evaluate
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from o3dleaf.core.atomic_files import make_folder, require_apart, require_writable
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError, O3DLeafError
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"

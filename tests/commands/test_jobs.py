@@ -16,7 +16,8 @@ from o3dleaf.commands.line.words import job_of
 from o3dleaf.commands.patch import PatchJob
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, LongJob, argument, option, options_of, output, spelled, table
+from o3dleaf.core.jobs.job import Job, LongJob
+from o3dleaf.core.jobs.option import argument, option, options_of, output, spelled, table
 
 
 @dataclass(frozen=True)

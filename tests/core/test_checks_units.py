@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from o3dleaf.core import checks
+from o3dleaf.core.checks import attributes, coordinates, files, scalars
 from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
 from o3dleaf.core.units import METERS, check_unit, measure_in_words, unit_scale
 
@@ -22,7 +22,7 @@ from o3dleaf.core.units import METERS, check_unit, measure_in_words, unit_scale
     ids=["list", "float32", "column-major", "strided", "matrix"],
 )
 def test_points_of_any_make_become_one_layout(points):
-    found = checks.as_points(points)
+    found = coordinates.as_points(points)
     assert type(found) is np.ndarray
     assert found.dtype == np.float64
     assert found.flags.c_contiguous
@@ -33,17 +33,17 @@ def test_points_of_any_make_become_one_layout(points):
 
 def test_a_clean_array_is_not_copied_and_a_read_only_one_is():
     points = np.ones((4, 3))
-    assert checks.as_points(points) is points
+    assert coordinates.as_points(points) is points
     points.setflags(write=False)
-    found = checks.as_points(points)
+    found = coordinates.as_points(points)
     assert found is not points
     assert not np.shares_memory(found, points)
 
 
 def test_one_flat_point_is_taken_where_the_dimension_is_known():
-    assert checks.as_points([1, 2, 3], dim=3).shape == (1, 3)
+    assert coordinates.as_points([1, 2, 3], dim=3).shape == (1, 3)
     with pytest.raises(InputError, match=r"shape \(3,\); give one point per row, shape \(n, d\)"):
-        checks.as_points([1, 2, 3])
+        coordinates.as_points([1, 2, 3])
 
 
 @pytest.mark.parametrize(
@@ -63,56 +63,56 @@ def test_one_flat_point_is_taken_where_the_dimension_is_known():
 )
 def test_what_is_no_array_of_points_is_refused_with_its_name(points, options, message):
     with pytest.raises(InputError, match=message) as caught:
-        checks.as_points(points, "cloud", **options)
+        coordinates.as_points(points, "cloud", **options)
     assert str(caught.value).startswith("cloud: ")
     assert "\n" not in str(caught.value)
 
 
 def test_values_are_one_a_point():
-    assert checks.as_values([1, 2], 2).dtype == np.float64
+    assert attributes.as_values([1, 2], 2).dtype == np.float64
     for bad in ([1, 2, 3], [[1], [2]], 5.0):
         with pytest.raises(InputError, match=r"one value per point, shape \(2,\)"):
-            checks.as_values(bad, 2)
+            attributes.as_values(bad, 2)
     with pytest.raises(InputError, match="NaN"):
-        checks.as_values([1, np.nan], 2)
+        attributes.as_values([1, np.nan], 2)
     with pytest.raises(InputError, match="not an array of numbers"):
-        checks.as_values(["one", "two"], 2)
+        attributes.as_values(["one", "two"], 2)
 
 
 def test_weights_are_above_zero():
-    np.testing.assert_array_equal(checks.as_weights([1, 0.5], 2), [1, 0.5])
+    np.testing.assert_array_equal(attributes.as_weights([1, 0.5], 2), [1, 0.5])
     with pytest.raises(InputError, match="1 are not above zero"):
-        checks.as_weights([1, 0], 2)
+        attributes.as_weights([1, 0], 2)
 
 
 def test_bounds_are_a_lower_and_an_upper_corner():
-    np.testing.assert_array_equal(checks.as_bounds([[0, 0], [1, 0]], 2), [[0, 0], [1, 0]])
+    np.testing.assert_array_equal(coordinates.as_bounds([[0, 0], [1, 0]], 2), [[0, 0], [1, 0]])
     for bad in ([[0, 0]], [[1, 0], [0, 1]], [[0, 0], [1, 1], [2, 2]]):
         with pytest.raises(InputError, match=r"lower, then the upper one, shape \(2, 2\)"):
-            checks.as_bounds(bad, 2)
+            coordinates.as_bounds(bad, 2)
 
 
 def test_numbers_choices_and_files(tmp_path):
-    assert checks.require_positive(2, "spacing") == 2.0
+    assert scalars.require_positive(2, "spacing") == 2.0
     for bad in (0, -1, np.nan, np.inf, "a", None):
         with pytest.raises(InputError, match="above zero"):
-            checks.require_positive(bad, "spacing")
-    assert checks.as_number("-2", "isovalue") == -2.0
+            scalars.require_positive(bad, "spacing")
+    assert scalars.as_number("-2", "isovalue") == -2.0
     for bad in (np.nan, -np.inf, "a", None, [1, 2]):
         with pytest.raises(InputError, match=r"isovalue: is .*; give a finite number"):
-            checks.as_number(bad, "isovalue")
-    assert checks.require_choice("b", "abc", "letter") == "b"
+            scalars.as_number(bad, "isovalue")
+    assert scalars.require_choice("b", "abc", "letter") == "b"
     with pytest.raises(InputError, match="letter: unknown 'd'; choose one of a, b, c"):
-        checks.require_choice("d", iter("abc"), "letter")
+        scalars.require_choice("d", iter("abc"), "letter")
     with pytest.raises(InputError, match="no such file"):
-        checks.require_file(tmp_path / "missing.ply")
+        files.require_file(tmp_path / "missing.ply")
     with pytest.raises(InputError, match="no such file"):
-        checks.require_file(tmp_path)
+        files.require_file(tmp_path)
     (tmp_path / "empty.ply").touch()
     with pytest.raises(InputError, match="the file is empty"):
-        checks.require_file(tmp_path / "empty.ply")
+        files.require_file(tmp_path / "empty.ply")
     (tmp_path / "full.ply").write_text("ply")
-    assert checks.require_file(str(tmp_path / "full.ply")) == tmp_path / "full.ply"
+    assert files.require_file(str(tmp_path / "full.ply")) == tmp_path / "full.ply"
 
 
 def test_every_error_of_ours_has_one_base_and_input_errors_are_value_errors():
@@ -173,20 +173,20 @@ def test_a_leaf_has_an_area_in_whatever_unit():
 
 def test_rows_of_different_lengths_and_complex_numbers_are_no_array():
     with pytest.raises(InputError, match="not an array of numbers"):
-        checks.as_points([[1.0, 2.0], [3.0]])
+        coordinates.as_points([[1.0, 2.0], [3.0]])
     for array in ([[1j, 2.0]], np.zeros((2, 2), dtype=np.complex64)):
         with pytest.raises(InputError, match="are complex"):
-            checks.as_points(array)
+            coordinates.as_points(array)
 
 
 @pytest.mark.parametrize("scale", [1e-29, 1e-20, 1.0, 1e20, 1e29])
 def test_points_of_any_size_whose_powers_are_numbers_are_taken(scale):
     points = scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]])
-    assert np.array_equal(checks.require_size(points, "points"), points)
-    assert np.array_equal(checks.require_size(points[:1], "points"), points[:1])
+    assert np.array_equal(coordinates.require_size(points, "points"), points)
+    assert np.array_equal(coordinates.require_size(points[:1], "points"), points[:1])
 
 
 @pytest.mark.parametrize("scale", [1e51, 1e154, 1e308, 1e-51, 1e-200, 1e-308])
 def test_points_whose_powers_are_no_numbers_are_refused(scale):
     with pytest.raises(InputError, match=r"1e-30 to 1e[+]30"):
-        checks.require_size(scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]]), "points")
+        coordinates.require_size(scale * np.array([[0.0, 0.5, 1.0], [1.0, 0.0, 0.25]]), "points")

@@ -22,7 +22,8 @@ from o3dleaf import (
     create_texture,
     mesh_report,
 )
-from o3dleaf.leaf import paper_pipeline
+from o3dleaf.errors import InputError
+from o3dleaf.leaf import paper_pipeline, pipeline
 from o3dleaf.leaf.macro.midrib import find_midrib
 from o3dleaf.samples import wheat_ct, wheat_scan
 from tolerances import ON_MARGIN, ON_SURFACE, SURFACE_ORDER, THINNED_AREA, THINNED_NOISES
@@ -230,3 +231,11 @@ def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
     apart = np.abs(thinned.flatten(whole.lift(flat))[:, 2])
     assert np.quantile(apart, 0.99) < THINNED_NOISES * whole.height_map.choice.noise
     assert thinned.outline.area == pytest.approx(whole.outline.area, rel=THINNED_AREA)
+
+
+@pytest.mark.parametrize("option", ["thickness", "hair_density"])
+def test_a_map_that_is_none_is_refused_before_the_volume_is_looked_at(option, monkeypatch, tmp_path):
+    monkeypatch.setattr(pipeline, "_begin_texture", lambda *_: pytest.fail("it was looked at"))
+    options = BladeOptions(**{option: tmp_path / "missing.csv"})
+    with pytest.raises(InputError, match=r"missing\.csv: no such file"):
+        create_multiscale_leaf(wheat_scan(count=100).cloud, wheat_ct(size=(600, 600, 480))[0], blade=options)

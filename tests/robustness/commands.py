@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from o3dleaf.commands.cli import JOBS
-from o3dleaf.core.job import Option, options_of
+from o3dleaf.core.jobs.option import Option, options_of
 from robustness.kinds import READ_PATH_BAD, WRITE_PATH_BAD
 
 GOOD = {

@@ -9,7 +9,7 @@ import pytest
 
 from o3dleaf.commands.cli import JOBS, perform
 from o3dleaf.commands.line.words import job_of
-from o3dleaf.core.job import options_of
+from o3dleaf.core.jobs.option import options_of
 from o3dleaf.errors import O3DLeafError
 from robustness.commands import GOOD, CommandRow, command_rows, misused_rows
 from robustness.rows import HangError, limited

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Count, Positive, Whole
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import option
+from o3dleaf.core.jobs.option import option
 from o3dleaf.core.journal import note, stage
 
 if TYPE_CHECKING:

@@ -13,15 +13,9 @@ from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.job import (
-    ColumnsOption,
-    LongJob,
-    Names,
-    ResumeOption,
-    argument,
-    option,
-    output,
-)
+from o3dleaf.core.jobs.job import LongJob
+from o3dleaf.core.jobs.option import Names, argument, option, output
+from o3dleaf.core.jobs.shared import ColumnsOption, ResumeOption
 from o3dleaf.core.parallel import run_together
 from o3dleaf.core.units import measure_in_words, unit_scale
 from o3dleaf.leaf.options import BladeOptions

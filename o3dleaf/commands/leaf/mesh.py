@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.job import ScanOptions, corners_of, option, windows_of
+from o3dleaf.core.jobs.option import option
+from o3dleaf.core.jobs.shared import ScanOptions
+from o3dleaf.core.jobs.words import corners_of, windows_of
 from o3dleaf.core.units import measure_in_words, unit_scale
 
 if TYPE_CHECKING:

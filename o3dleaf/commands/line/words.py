@@ -8,7 +8,8 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.job import Job, Option, options_of
+from o3dleaf.core.jobs.job import Job
+from o3dleaf.core.jobs.option import Option, options_of
 
 J = TypeVar("J", bound=Job)
 

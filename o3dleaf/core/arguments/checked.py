@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 
 from o3dleaf.core.arguments.allowed import PATH, Allowed, plain, require
 from o3dleaf.core.arguments.annotations import rules_of
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 
 SEVERAL = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)

@@ -3,7 +3,7 @@
 from typing import Annotated, Literal
 
 from o3dleaf.core.arguments.allowed import Allowed, is_number, is_whole
-from o3dleaf.core.checks import LARGEST
+from o3dleaf.core.checks.scalars import LARGEST
 from o3dleaf.core.errors import UnitError
 from o3dleaf.core.units import METERS, is_unit
 

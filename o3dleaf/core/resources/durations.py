@@ -2,7 +2,7 @@
 
 import re
 
-from o3dleaf.core.checks import require_positive
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.tail import IntArray
 

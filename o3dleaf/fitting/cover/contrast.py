@@ -10,7 +10,8 @@ from functools import cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, box_of
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import box_of
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.tail import IntArray
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows
 from o3dleaf.fitting.cover import ball_loops

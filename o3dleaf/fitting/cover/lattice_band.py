@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.processes.spread import current_spread
 from o3dleaf.core.resources.machine import release_pages

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_rigid_motion, as_step
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds, as_points, as_rigid_motion
+from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.rbf.tail import IntArray
 

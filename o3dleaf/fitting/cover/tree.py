@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.resources.scratch import GrowingArray
 from o3dleaf.fitting.cover import ball_loops

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.rbf.tail import IntArray
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.cover.ball_loops import order_by_leaf
 from o3dleaf.fitting.cover.index import BallIndex

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local import fit_loops

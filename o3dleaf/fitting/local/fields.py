@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.fitting.cover.cover import Cover

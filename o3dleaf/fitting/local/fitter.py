@@ -7,7 +7,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FARTHEST, FloatArray, as_normals, as_rows, as_sites, as_values, as_weights
+from o3dleaf.core.checks.arrays import FARTHEST, FloatArray
+from o3dleaf.core.checks.attributes import as_normals, as_rows, as_values, as_weights
+from o3dleaf.core.checks.coordinates import as_sites
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.cover.index import BallIndex

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.local.fields import FieldPerBall, FitBall

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.kinds import SmoothingValue
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.core.resume.blocks import run_kept_blocks
 from o3dleaf.fitting.cover.cover import Cover

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.smoothing_selection import each_ball

@@ -11,16 +11,11 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Finite, Positive, SmoothingValue, Unit
-from o3dleaf.core.checks import (
-    FloatArray,
-    as_array,
-    as_bounds,
-    as_mask,
-    as_number,
-    as_voxels,
-    require_one_column,
-    warn_of_contradictions,
-)
+from o3dleaf.core.checks.arrays import FloatArray, as_array
+from o3dleaf.core.checks.attributes import require_one_column, warn_of_contradictions
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import as_number
+from o3dleaf.core.checks.voxels import as_mask, as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.lattice import Lattice
 from o3dleaf.core.resources import measured

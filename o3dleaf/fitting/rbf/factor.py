@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import IllPosedError
 from o3dleaf.fitting.rbf import cholesky_loops, column_loops, solve_loops
 from o3dleaf.fitting.rbf.reflector_loops import block_reflector

@@ -9,16 +9,9 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import SmoothingValue, Unit
-from o3dleaf.core.checks import (
-    FARTHEST,
-    FloatArray,
-    as_points,
-    as_sites,
-    as_values,
-    as_weights,
-    require_reach,
-    warn_of_contradictions,
-)
+from o3dleaf.core.checks.arrays import FARTHEST, FloatArray
+from o3dleaf.core.checks.attributes import as_values, as_weights, warn_of_contradictions
+from o3dleaf.core.checks.coordinates import as_points, as_sites, require_reach
 from o3dleaf.core.errors import DataWarning, IllPosedError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.core.units import check_unit

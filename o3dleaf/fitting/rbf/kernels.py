@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FARTHEST, FloatArray, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FARTHEST, FloatArray
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf.shaped.shaped_kernels import PROFILES, Shaped, as_shaped
 

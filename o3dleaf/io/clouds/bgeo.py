@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.atomic_files import claim
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 
 FLOAT, INTEGER, VECTOR = 0, 1, 5
 """Kinds of attributes."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 
 GROUPS = {"points": ("x", "y", "z"), "normals": ("nx", "ny", "nz"), "colors": ("r", "g", "b")}
 """Columns that belong together."""

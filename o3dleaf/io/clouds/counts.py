@@ -4,7 +4,7 @@ import struct
 from collections.abc import Callable
 from pathlib import Path
 
-from o3dleaf.core.checks import is_file
+from o3dleaf.core.checks.files import is_file
 from o3dleaf.io.ply_reader import count_items
 from o3dleaf.io.stl import TRIANGLE, is_binary
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds.columns import Columns
 

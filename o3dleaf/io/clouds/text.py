@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.clouds.columns import GROUPS, Columns
 from o3dleaf.io.clouds.header import TextHead, is_comment, lines_of, read_head, shown

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.mesh_data import MeshData
 from o3dleaf.io.polygons.numbers import floats_of, integers_of

@@ -9,7 +9,9 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.lifted import Lifted

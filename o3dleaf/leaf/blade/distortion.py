@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 
 STRAIGHT = 1e-12
 """Curvature, times the length of the leaf, below which it is none: its focal surface is infinitely far."""

@@ -4,7 +4,7 @@ import igl
 import numpy as np
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.ndimage
 import shapely
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import single_threaded_blas

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.chart.flatten import OVERLAP, carry, lay_flat, overlap_error

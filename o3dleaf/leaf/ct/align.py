@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.leaf.ct.volume import Volume, thinned

@@ -4,7 +4,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linprog, minimize
 
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds, as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.volume import apply_transform
 

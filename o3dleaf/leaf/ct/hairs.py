@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import find_objects, gaussian_filter, generate_binary_structure, label
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.ct.align import fit_plane, thin_axis
 from o3dleaf.leaf.ct.volume import Volume, thinned
 

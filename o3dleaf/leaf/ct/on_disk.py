@@ -11,7 +11,10 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_points, as_voxels, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.scalars import require_choice
+from o3dleaf.core.checks.voxels import as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.units import check_unit

@@ -15,7 +15,8 @@ from scipy.linalg import solveh_banded
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.pure import classes_of, pure_voxels, slabs_of
 from o3dleaf.leaf.ct.threshold import MAX_VOXELS

@@ -7,7 +7,8 @@ import numpy.typing as npt
 from scipy.ndimage import uniform_filter1d
 from skimage.filters import threshold_otsu
 
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.mixture import Mixture, fit_mixture
 

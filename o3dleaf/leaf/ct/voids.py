@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import generate_binary_structure, label
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.ct.volume import Volume
 
 FACES, CORNERS = generate_binary_structure(3, 1), generate_binary_structure(3, 3)

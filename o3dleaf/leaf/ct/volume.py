@@ -8,7 +8,10 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Unit
-from o3dleaf.core.checks import FloatArray, as_bounds, as_floats, as_mask, as_points, as_voxels, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, as_floats
+from o3dleaf.core.checks.coordinates import as_bounds, as_points
+from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.checks.voxels import as_mask, as_voxels
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.leaf.ct.threshold import histogram_threshold, thin, thinning_stride

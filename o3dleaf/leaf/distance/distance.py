@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance import projection_loops

@@ -7,7 +7,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.io.grid import GridFile
 from o3dleaf.leaf.distance.around import BoundingBalls

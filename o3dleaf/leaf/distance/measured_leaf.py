@@ -6,7 +6,7 @@ from os import PathLike
 import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.distance.distance import SurfaceIndex
 from o3dleaf.leaf.distance.grid import Sampler, mask_sampler, plan_grid, write_grid

@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.newton import descend_to_level
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.leaf.distance import projection_loops

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.newton import project_to_level

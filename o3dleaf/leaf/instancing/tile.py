@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import BLOCK
 from o3dleaf.core.mesh_arrays import IntArray

@@ -9,7 +9,9 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds, as_points
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, ReconstructionError, UnitError
 from o3dleaf.core.mesh_arrays import build_mesh

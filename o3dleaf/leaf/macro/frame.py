@@ -10,7 +10,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit
-from o3dleaf.core.checks import FloatArray, as_points, as_row
+from o3dleaf.core.checks.arrays import FloatArray, as_row
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks, run_blocks

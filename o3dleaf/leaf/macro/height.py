@@ -9,7 +9,8 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Order, SmoothingValue, Unit
-from o3dleaf.core.checks import FloatArray, as_points, as_sites
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points, as_sites
 from o3dleaf.fitting.cover.cover import as_ball_size
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant

@@ -5,7 +5,7 @@ import numpy.typing as npt
 import open3d as o3d
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 
 MIN_NEIGHBORS = 12

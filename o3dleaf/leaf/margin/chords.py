@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 
 CORNER = np.radians(30.0)

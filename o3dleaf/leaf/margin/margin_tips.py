@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.margin_curve import STEP, Spacing
 
 REACH = 3.0
@@ -13,6 +13,8 @@ SHARPEST, BLUNTEST = np.radians(2.0), np.radians(80.0)
 the noise of the margin."""
 WIDTHS = (3.5, 5.0, 7.0, 2.5)
 """Where tips begin, by the spacings between their flanks, in the order of trial."""
+NEARBY = 64
+"""Steps of the curve within which flanks so far apart are looked for first: most are, of a curve of hundreds."""
 UNLIKE = 0.15
 """By what share a tip's area may differ from a triangle's of the same centroid; a round end's does by a quarter."""
 BEYOND = 1.0
@@ -78,18 +80,29 @@ def _tip(curve: FloatArray, center: int, spacing: float) -> tuple[int, int, Floa
 def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
     """Return the place of a tip that is farthest out, and the steps from it to where the flanks are `width` apart."""
     count = len(curve)
-    offsets = np.arange(1, count // 2)
     first = count
     for _ in range(3):
-        across = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
-        wide = np.flatnonzero(across >= width)
-        if not len(wide):
+        wide = _first_apart(curve, center, width)
+        if wide is None:
             return center, count
-        first = int(offsets[wide[0]])
+        first = wide
         around = (center + np.arange(-first, first + 1)) % count
         arc = curve[around]
         center = int(around[np.argmax(np.linalg.norm(arc - (arc[0] + arc[-1]) / 2, axis=1))])
     return center, first
+
+
+def _first_apart(curve: FloatArray, center: int, width: float) -> int | None:
+    """Return the steps to both sides of a place until the curve is `width` apart; None where it never is."""
+    start, stop, count = 1, 1 + NEARBY, len(curve)
+    while start < count // 2:
+        offsets = np.arange(start, min(stop, count // 2))
+        across = np.hypot(*(curve[(center + offsets) % count] - curve[(center - offsets) % count]).T)
+        wide = np.flatnonzero(across >= width)
+        if len(wide):
+            return int(offsets[wide[0]])
+        start, stop = stop, 2 * stop
+    return None
 
 
 def _flanks(arc: FloatArray, spacing: float) -> FloatArray | None:

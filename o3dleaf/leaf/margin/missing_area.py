@@ -8,7 +8,7 @@ would fall outside as often.
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 from o3dleaf.leaf.margin.sample_triangles import Triangulation, inner_points, longest_sides

@@ -4,7 +4,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from o3dleaf.core.checks import FloatArray, as_bounds, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources

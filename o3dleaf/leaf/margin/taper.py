@@ -6,7 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from o3dleaf.core.checks import FloatArray, as_points, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.instancing.plane_loops import mark_inside

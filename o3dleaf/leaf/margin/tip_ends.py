@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import EdgeFit
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeSample
 from o3dleaf.leaf.margin.margin_tips import BEYOND, replaced

@@ -8,7 +8,7 @@ import igl
 import numpy as np
 
 from o3dleaf.core import journal
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
 from o3dleaf.leaf.chart.petiole import find_petiole

@@ -7,7 +7,7 @@ import igl
 import numpy as np
 
 from o3dleaf.core.arguments.kinds import SmoothingValue
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL

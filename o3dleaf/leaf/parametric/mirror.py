@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter1d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.axis.sections import cut_across, normals_of, reached, resample, smooth_curve
 from o3dleaf.leaf.parametric.fitted import SurfaceFit

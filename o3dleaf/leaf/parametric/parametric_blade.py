@@ -11,7 +11,9 @@ import shapely
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_points, require_near, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points, require_near
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.core.parallel import run_blocks

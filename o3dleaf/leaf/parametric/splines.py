@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.splines import LocalSplines

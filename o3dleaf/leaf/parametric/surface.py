@@ -12,7 +12,9 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Order, Unit
-from o3dleaf.core.checks import FloatArray, as_bounds, as_points, as_sites, as_weights, require_near
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_weights
+from o3dleaf.core.checks.coordinates import as_bounds, as_points, as_sites, require_near
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size

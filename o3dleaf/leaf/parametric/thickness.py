@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_bounds
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
 from o3dleaf.leaf.texture.table_map import TableMap, as_table
 
 LIMITS = (0.01, 100.0)

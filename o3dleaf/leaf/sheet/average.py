@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.sheet.average_loops import project_onto_planes, thin_cells

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.sheet.gluing_loops import glue, orient_triangles
 from o3dleaf.surface.cloud.parity_loops import flatten

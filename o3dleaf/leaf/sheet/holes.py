@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_fans, label_nodes, label_triangles, trace_rings

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.leaf.sheet.star_loops import MAX_STAR, choose_triangles, find_stars

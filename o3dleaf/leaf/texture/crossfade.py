@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits

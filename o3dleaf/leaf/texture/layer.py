@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.outside_loops import fall_outside
 from o3dleaf.core.parallel import blocks, run_blocks

@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_row, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, as_row
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.texture.corners import SIDE, Coloring, kinds_of, torus_color
 from o3dleaf.leaf.texture.patches import PatchBlend

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.fft
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.fitting.pu.interpolant import PUInterpolant

@@ -9,7 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import NdBSpline
 
-from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_file
+from o3dleaf.core.checks.arrays import FloatArray, as_floats
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 
 DEGREE = 3

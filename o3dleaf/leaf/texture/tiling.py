@@ -11,15 +11,9 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, NotNegative
-from o3dleaf.core.checks import (
-    FloatArray,
-    as_array,
-    as_floats,
-    as_number,
-    require_choice,
-    require_one_column,
-    require_positive,
-)
+from o3dleaf.core.checks.arrays import FloatArray, as_array, as_floats
+from o3dleaf.core.checks.attributes import require_one_column
+from o3dleaf.core.checks.scalars import as_number, require_choice, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fitter import LocalFits

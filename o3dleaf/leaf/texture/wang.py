@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Whole
-from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_one_column
+from o3dleaf.core.checks.arrays import FloatArray, as_floats
+from o3dleaf.core.checks.attributes import require_one_column
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.output.droplet.surfaces import LandingWindow

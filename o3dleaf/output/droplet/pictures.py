@@ -11,7 +11,7 @@ from PIL import Image
 
 from o3dleaf.core import progress
 from o3dleaf.core.atomic_files import whole_file
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, mesh_arrays
 from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.output.droplet.readings import DropletReadings

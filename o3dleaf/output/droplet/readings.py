@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, mesh_arrays
 from o3dleaf.io.triangle_mesh import read_mesh

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from scipy.ndimage import gaussian_filter, grey_opening
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays
 from o3dleaf.core.units import unit_scale

@@ -7,7 +7,8 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, Unit, Whole
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.io.labelled_mesh import LABELS, RIM, AnyMesh

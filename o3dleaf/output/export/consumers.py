@@ -12,7 +12,9 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, as_values, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_values
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.units import check_unit

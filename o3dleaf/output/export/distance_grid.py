@@ -10,7 +10,8 @@ from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Unit
 from o3dleaf.core.atomic_files import require_writable
-from o3dleaf.core.checks import as_bounds, require_positive
+from o3dleaf.core.checks.coordinates import as_bounds
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.parallel import blocks
 from o3dleaf.io.grid import SUFFIXES, GridFile
 from o3dleaf.io.labelled_mesh import AnyMesh

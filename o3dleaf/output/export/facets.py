@@ -10,7 +10,8 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import claim, require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, as_direction, as_place
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_direction, as_place
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.io.labelled_mesh import AnyMesh

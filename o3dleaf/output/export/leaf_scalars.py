@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.multiscale import MultiscaleLeaf
 
 

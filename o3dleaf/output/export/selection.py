@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy.typing as npt
 
-from o3dleaf.core.checks import as_points, require_choice
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh, drop_unused_vertices, mesh_arrays
 from o3dleaf.io.labelled_mesh import LabelledMesh

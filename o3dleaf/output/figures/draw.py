@@ -9,7 +9,7 @@ from o3dleaf.core import journal
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite
 from o3dleaf.core.atomic_files import make_folder, write_text
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.leaf.blade.blade import Blade

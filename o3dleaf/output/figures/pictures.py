@@ -8,7 +8,7 @@ import numpy as np
 import open3d as o3d
 from matplotlib.colors import to_rgb
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import build_mesh, mesh_arrays

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.output.report.words import unit_of
 
 WIDTH, HEIGHT = 560, 260

@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.output.report.places import KINDS, DefectPlace, look_at
 from o3dleaf.output.report.shots import linear_color, shoot

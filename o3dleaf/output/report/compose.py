@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 
 from o3dleaf.core import journal, progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.output.report.charts import Histogram, Mark
 from o3dleaf.output.report.closeups import draw_closeup

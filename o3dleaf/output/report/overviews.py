@@ -8,7 +8,7 @@ import numpy as np
 import open3d as o3d
 from scipy.spatial import KDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import get_num_threads
 from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh

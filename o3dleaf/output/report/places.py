@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.output.view.camera import Camera
 from o3dleaf.surface.mesh.inspection import Inspection

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.image import imsave
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.units import name_length
 from o3dleaf.output.view.camera import Camera, View

@@ -10,7 +10,7 @@ import open3d as o3d
 
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
-from o3dleaf.core.parallel import get_num_threads
+from o3dleaf.core.parallel import get_num_threads, run_together
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
@@ -56,13 +56,17 @@ def summarize(
     fit : FitQuality, optional
         The read-out of fit, where that was made before.
     """
+    # Serial in part, both.
+    report, folds = run_together(
+        lambda: mesh_report(mesh, unit=blade.unit).to_dict(), lambda: None if leaf is None else Folds.of(leaf).to_dict()
+    )
     summary: dict[str, Any] = {
         "settings": settings,
         "unit": blade.unit,
         **blade.describe(),
         **_height_summary(blade),
         "distortion": (leaf.blade if leaf is not None else blade).distortion().to_dict(),
-        "mesh": mesh_report(mesh, unit=blade.unit).to_dict(),
+        "mesh": report,
         "seconds": seconds_of_stages(),
         "threads": get_num_threads(),
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
@@ -77,7 +81,7 @@ def summarize(
     summary["notes"] = list(blade.notes)
     if leaf is not None:
         summary["micro_structure"] = _texture_summary(leaf)
-        summary["folds"] = Folds.of(leaf).to_dict()
+        summary["folds"] = folds
     if surface is not None:
         summary["surface"] = _surface_summary(surface)
         if settings.get("remesh") is not None:

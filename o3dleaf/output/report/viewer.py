@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.output.report.places import KINDS, DefectPlace
 from o3dleaf.output.report.reduce import ReducedMesh
 from o3dleaf.output.report.shots import Colors

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.output.static_drop.cap import cap_mesh, cap_radius
 from o3dleaf.output.static_drop.ground import CosineSeries

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.fft import dctn
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 
 NEGLIGIBLE = 1e-7
 """Coefficients below this, of the largest height or of 1, are left out of what Evolver has to calculate."""

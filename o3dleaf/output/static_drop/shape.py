@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.output.static_drop.datafile import StaticDrop

@@ -4,7 +4,7 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.multiscale import MultiscaleLeaf

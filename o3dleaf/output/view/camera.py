@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Finite, Positive
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, is_used
 from o3dleaf.output.view.camera_loops import sum_moments

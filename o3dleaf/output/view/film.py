@@ -7,7 +7,7 @@ from math import gcd
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import get_num_threads, run_blocks
 from o3dleaf.output.view.shade_loops import add_samples, find_calm, share_sky, span_samples

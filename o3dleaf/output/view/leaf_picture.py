@@ -8,7 +8,8 @@ import numpy.typing as npt
 import open3d as o3d
 import shapely
 
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade

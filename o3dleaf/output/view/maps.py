@@ -14,7 +14,8 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.arguments.checked import checked, require_known
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import require_writable
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, mesh_arrays

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.processes.child_process import Arrays, Outcome, run_in_subprocess

@@ -14,7 +14,8 @@ from matplotlib.image import imsave
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
 from o3dleaf.core.atomic_files import require_writable, whole_file
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import require_resources

@@ -11,7 +11,8 @@ from matplotlib import colormaps
 from matplotlib.colors import is_color_like, to_rgb
 
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_floats, require_choice, require_moderate
+from o3dleaf.core.checks.arrays import FloatArray, as_floats, require_moderate
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, is_used, mesh_arrays
 from o3dleaf.core.resources import measured

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.output.view.camera import EYE, Camera, View, rays_from
 from o3dleaf.output.view.camera_loops import mark_covered

@@ -8,7 +8,7 @@ from shapely import affinity
 
 from o3dleaf.core.arguments.checked import checked, require_known
 from o3dleaf.core.arguments.kinds import between
-from o3dleaf.core.checks import require_choice
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.samples.leaves.leaf_shape import LeafShape, Tube
 from o3dleaf.samples.leaves.outlines import eat, lobed_outline, long_outline, oval_outline
 from o3dleaf.samples.leaves.sweep import Sweep

@@ -12,7 +12,8 @@ from shapely.geometry import MultiPolygon, Point, Polygon, box
 from o3dleaf.core.arguments.allowed import Allowed, is_whole
 from o3dleaf.core.arguments.checked import checked, require_known
 from o3dleaf.core.arguments.kinds import NotNegative, Positive, Whole
-from o3dleaf.core.checks import FloatArray, require_choice
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import in_words, require_resources

@@ -11,7 +11,9 @@ from shapely.geometry import Polygon
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, as_near, as_points, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_near, as_points
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.samples.domain import evaluate
 from o3dleaf.samples.leaves.margin import LiftedMargin, rings_of

@@ -7,7 +7,7 @@ import shapely
 from scipy.spatial import KDTree
 from shapely.geometry import Polygon
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.samples.leaves.sweep import Sweep
 

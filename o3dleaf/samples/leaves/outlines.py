@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely.geometry import Point, Polygon
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 
 EDGE = 0.2

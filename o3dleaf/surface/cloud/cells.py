@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.surface.cloud import cloud_loops
 from o3dleaf.surface.cloud.neighbors import IndexArray
 

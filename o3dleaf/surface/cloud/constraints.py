@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive
-from o3dleaf.core.checks import FloatArray, as_row, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, as_row
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks

@@ -5,7 +5,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import require_positive
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.surface.cloud.cells import Cells
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud

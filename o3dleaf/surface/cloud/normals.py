@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import cloud_loops, parity_loops
 from o3dleaf.surface.cloud.neighbors import BLOCK, IndexArray

@@ -7,7 +7,8 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_points
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
 from o3dleaf.core.parallel import run_blocks

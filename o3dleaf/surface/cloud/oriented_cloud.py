@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray, as_normals, as_row, as_weights, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, as_row
+from o3dleaf.core.checks.attributes import as_normals, as_weights
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, points_of, raw_normals
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings

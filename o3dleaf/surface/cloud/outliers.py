@@ -6,7 +6,7 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Limit
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import parity_loops

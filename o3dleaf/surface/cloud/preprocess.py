@@ -11,16 +11,11 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import (
-    FloatArray,
-    as_floats,
-    as_mask,
-    as_points,
-    as_viewpoint,
-    require_breadth,
-    require_positive,
-    require_size,
-)
+from o3dleaf.core.checks.arrays import FloatArray, as_floats
+from o3dleaf.core.checks.attributes import as_viewpoint
+from o3dleaf.core.checks.coordinates import as_points, require_breadth, require_size
+from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.checks.voxels import as_mask
 from o3dleaf.core.cloud_arrays import CloudLike, raw_normals, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings

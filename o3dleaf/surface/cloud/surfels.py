@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud import cloud_loops

@@ -8,7 +8,8 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue
-from o3dleaf.core.checks import FloatArray, as_number
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import as_number
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, box_of, require_finite
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.checks.coordinates import box_of
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError
 from o3dleaf.core.lattice import MAX_SIZE, Lattice, sample_lattice
 from o3dleaf.core.mesh_arrays import BoolArray

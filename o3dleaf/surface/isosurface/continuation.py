@@ -8,7 +8,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_mask, require_finite, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.checks.voxels import as_mask
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray

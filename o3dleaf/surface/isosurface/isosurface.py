@@ -6,7 +6,11 @@ import open3d as o3d
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Positive
-from o3dleaf.core.checks import FloatArray, as_bounds, as_number, as_points, as_step, require_choice, require_one_column
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import require_one_column
+from o3dleaf.core.checks.coordinates import as_bounds, as_points
+from o3dleaf.core.checks.scalars import as_number, require_choice
+from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray, require_finite
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
 from o3dleaf.core.field import Field, HasRough
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.parallel import blocks

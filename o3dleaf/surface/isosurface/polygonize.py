@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, require_choice, require_finite
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.checks.scalars import require_choice
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks

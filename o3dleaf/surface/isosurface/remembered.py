@@ -5,7 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FloatArray, as_points, require_one_column
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import require_one_column
+from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field, values_and_gradients
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray

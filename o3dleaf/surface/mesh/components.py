@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, MeshLike, build_mesh, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.mesh.bvh_loops import (

@@ -11,7 +11,9 @@ import open3d as o3d
 from scipy.spatial import KDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_answers, as_bounds, require_one_column
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_answers, require_one_column
+from o3dleaf.core.checks.coordinates import as_bounds
 from o3dleaf.core.cloud_arrays import CloudLike, points_of
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import IntArray

@@ -8,7 +8,7 @@ import numpy as np
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Unit
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import MeshLike, mesh_arrays

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, MeshLike, build_mesh, require_triangles
 from o3dleaf.core.parallel import run_blocks

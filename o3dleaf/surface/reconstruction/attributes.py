@@ -7,7 +7,8 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray, as_floats, as_points, require_cloud
+from o3dleaf.core.checks.arrays import FloatArray, as_floats
+from o3dleaf.core.checks.coordinates import as_points, require_cloud
 from o3dleaf.core.cloud_arrays import CloudLike, point_attributes, raw_points
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.trees import query

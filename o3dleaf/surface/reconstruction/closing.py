@@ -10,7 +10,7 @@ import open3d as o3d
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, require_triangles
 from o3dleaf.fitting.local.fitter import RefittableFits, ScatteredData

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray, as_step, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
+from o3dleaf.core.checks.voxels import as_step
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, build_mesh
 from o3dleaf.core.trees import query

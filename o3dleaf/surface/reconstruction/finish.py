@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import MeshLike, build_mesh, mesh_arrays, tensor_mesh
 from o3dleaf.surface.reconstruction.vertex_support import MEASURES, VertexSupport, support_colors

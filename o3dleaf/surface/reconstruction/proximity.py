@@ -8,7 +8,9 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive
-from o3dleaf.core.checks import FloatArray, box_of, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import box_of
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks, run_blocks

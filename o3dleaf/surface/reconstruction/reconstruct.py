@@ -12,7 +12,9 @@ import open3d as o3d
 from o3dleaf.core import journal, progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Positive, SmoothingValue, Unit
-from o3dleaf.core.checks import FloatArray, as_array, require_breadth, require_choice, require_cloud, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, as_array
+from o3dleaf.core.checks.coordinates import require_breadth, require_cloud
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike, raw_points
 from o3dleaf.core.errors import CloudWarning
 from o3dleaf.core.field import Field

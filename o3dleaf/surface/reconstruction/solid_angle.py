@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud

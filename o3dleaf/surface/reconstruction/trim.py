@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from o3dleaf.core import journal, progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import NotNegative, Positive
-from o3dleaf.core.checks import FloatArray, as_number, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import as_number, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import CloudWarning, InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import (

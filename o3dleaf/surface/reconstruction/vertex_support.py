@@ -11,7 +11,9 @@ from matplotlib import colormaps
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.checks import FloatArray, as_points, require_choice, require_finite, require_positive
+from o3dleaf.core.checks.arrays import FloatArray, require_finite
+from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field, values_and_gradients

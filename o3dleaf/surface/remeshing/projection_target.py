@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import open3d as o3d
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.newton import Jet, project_to_level
 

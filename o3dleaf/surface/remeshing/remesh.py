@@ -8,7 +8,9 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Finite, Positive
-from o3dleaf.core.checks import FloatArray, as_answers, as_number, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.attributes import as_answers
+from o3dleaf.core.checks.scalars import as_number, require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.field import Field
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, build_mesh, require_triangles, triangle_areas

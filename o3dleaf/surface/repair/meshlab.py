@@ -6,7 +6,7 @@ Coordinates pass in double precision both ways, sizes are in the mesh's own unit
 import numpy as np
 import pymeshlab
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Positive, Share
-from o3dleaf.core.checks import FloatArray, require_positive
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import IntArray, build_mesh, require_triangles, triangle_areas
 from o3dleaf.core.resources import measured

@@ -6,7 +6,7 @@ from scipy.linalg import null_space
 
 import reference
 from o3dleaf import PUInterpolant, RBFInterpolant, get_num_threads, polyharmonic, set_num_threads
-from o3dleaf.core.checks import as_rows
+from o3dleaf.core.checks.attributes import as_rows
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.ball_loops import Balls
 from o3dleaf.fitting.local.fit_loops import WeightedValues, ball_held_out_squares, ball_shared_squares, decompose_ball

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks, single_threaded_blas
 from o3dleaf.fitting.cover.ball_loops import order_by_leaf
 from o3dleaf.fitting.cover.cover import Cover

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import IllPosedError, InputError
 from o3dleaf.fitting.rbf import solve_loops
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from o3dleaf.core.checks import FARTHEST, FloatArray, require_choice, require_positive
+from o3dleaf.core.checks.arrays import FARTHEST, FloatArray
+from o3dleaf.core.checks.scalars import require_choice, require_positive
 from o3dleaf.core.errors import InputError
 
 PROFILES = ("gaussian", "multiquadric", "inverse_multiquadric", "inverse_quadratic")

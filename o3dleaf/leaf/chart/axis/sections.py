@@ -7,7 +7,7 @@ import shapely
 import shapely.ops
 from scipy.spatial import Delaunay
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices
 
 NODES = 1500

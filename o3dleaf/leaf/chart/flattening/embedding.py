@@ -5,7 +5,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 from o3dleaf.core.parallel import look_for_stop
 from o3dleaf.leaf.chart.flattening.anderson import accelerated_descent

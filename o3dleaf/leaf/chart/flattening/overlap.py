@@ -7,7 +7,7 @@ import scipy.sparse
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, largest_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas

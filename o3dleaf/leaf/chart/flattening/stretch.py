@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
 
 TAILS = (0.01, 0.99)

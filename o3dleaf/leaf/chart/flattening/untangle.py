@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import linprog
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.leaf.chart.stalk.kink_cost import REACH, inside_cost, outside_cost
 from o3dleaf.leaf.chart.stalk.stalk_points import BEFORE, StalkLine, StalkPoints, line_along

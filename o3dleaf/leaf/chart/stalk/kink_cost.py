@@ -8,7 +8,7 @@ are spread across and above as on the stalk, up to the place, and lie on the bla
 import numpy as np
 from scipy.special import ndtr
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.stalk.stalk_points import StalkLine, StalkPoints
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
-from o3dleaf.core.checks import is_file, is_folder
+from o3dleaf.core.checks.files import is_file, is_folder
 from o3dleaf.core.errors import O3DLeafError
 from o3dleaf.leaf.ct.formats import tiff
 from o3dleaf.leaf.ct.formats.bare import NPY

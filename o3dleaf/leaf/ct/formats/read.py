@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Unit
-from o3dleaf.core.checks import is_folder, require_file
+from o3dleaf.core.checks.files import is_folder, require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit, unit_scale
 from o3dleaf.leaf.ct.formats import bare, hdf5, itk, ome_zarr, points, scanco, slices, tiff

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL.PngImagePlugin import PngImageFile
 
-from o3dleaf.core.checks import require_file
+from o3dleaf.core.checks.files import require_file
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct.formats import tiff
 from o3dleaf.leaf.ct.formats.stated import Stated

@@ -1,7 +1,8 @@
 """The margin of a random sample as an edge that is seen through its points.
 
-`edge_score`  what single points say of an edge near them
-`edge_frame`  a closed curve with the points near it
-`edge_fit`    the curve of greatest likelihood, as stiff as the sample allows
-`edge_noise`  how far noise carries points across an edge
+`edge_score`         what single points say of an edge near them
+`third_differences`  third differences around a closed curve, and the systems that they make
+`edge_frame`         a closed curve with the points near it
+`edge_fit`           the curve of greatest likelihood, as stiff as the sample allows
+`edge_noise`         how far noise carries points across an edge
 """

@@ -9,12 +9,10 @@ bites, the softer one stays (Lepski's rule).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 from scipy.ndimage import maximum_filter1d
-from scipy.sparse.linalg import spsolve
 from scipy.special import log_ndtr
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_frame import NODE_STEP, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred, score
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
@@ -115,10 +113,8 @@ def most_likely(
 ) -> FloatArray:
     """Return how far (n,) the nodes move, in spacings, by Newton's steps; the likelihood is concave."""
     count, node = len(start), frame.node
-    weights = sparse.diags_array(stiffness / NODE_STEP**5)
-    penalty = (frame.differences.T @ weights @ frame.differences).tocsc()
-    force = frame.differences.T @ (weights @ frame.bend)
-    matrix, stiff = (penalty + sparse.eye_array(count)).tocsc(), penalty.diagonal()
+    weights, bent = stiffness / NODE_STEP**5, frame.differences
+    penalty = bent.squared(weights)
     stays, moved = np.where(frame.gap, NODE_STEP / blur, 0.0), start
     for _ in range(steps):
         z, depth = (moved[node] - frame.across) / blur[node], (moved + frame.half_width) / blur
@@ -126,9 +122,8 @@ def most_likely(
         gradient = np.bincount(node, scores / blur[node], count) - length * (1 + log_ndtr(depth))
         curvature = np.bincount(node, scores * (scores + z) / blur[node] ** 2, count) + length * score(depth) / blur
         # Over a filled gap the curve stays.
-        matrix.setdiag(stiff + curvature + stays + DAMPING)
-        # Nodes are in order along the curve: the matrix is a band but for its corners.
-        way = spsolve(matrix, gradient - stays * moved - penalty @ moved - force, permc_spec="NATURAL")
+        pull = gradient - stays * moved - bent.transposed(weights * (bent.of(moved) + frame.bend))
+        way = penalty.solve(curvature + stays + DAMPING, pull)
         way = np.clip(way, -0.5, 0.5)
         moved = np.clip(moved + way, np.maximum(-MOST_MOVED, -NOT_ACROSS * frame.half_width), MOST_MOVED)
         if np.abs(way).max() < CONVERGED:

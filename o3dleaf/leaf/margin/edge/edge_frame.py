@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy import sparse
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.edge.edge_score import blurred
+from o3dleaf.leaf.margin.edge.third_differences import SHIFTS, ThirdDifferences
 from o3dleaf.leaf.margin.margin_curve import MOST_NOISE, Spacing, resample
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
@@ -55,8 +55,8 @@ class EdgeFrame(NamedTuple):
 
     `curve`, `normals` (n, 2); local `spacing`, `noise` in spacings, `half_width` of the tip (n,); whether points
     are used there (`observed`), and whether it runs over a `gap` that was filled; the nearest `node` (m,) of each point
-    and how far `across` (m,) it lies, in spacings; third `differences` (n, n) of what moves, and of the curve itself
-    (`bend`, n); the rows of tips.
+    and how far `across` (m,) it lies, in spacings; third `differences` of what moves, and of the curve itself (`bend`,
+    n); the rows of tips.
     """
 
     curve: FloatArray
@@ -68,7 +68,7 @@ class EdgeFrame(NamedTuple):
     gap: BoolArray
     node: IntArray
     across: FloatArray
-    differences: sparse.csr_array
+    differences: ThirdDifferences
     bend: FloatArray
     apexes: list[int]
 
@@ -127,17 +127,13 @@ def _half_widths(curve: FloatArray, spacing: FloatArray, apexes: list[int]) -> F
 
 def _third_differences(
     curve: FloatArray, normals: FloatArray, spacing: FloatArray, apexes: list[int]
-) -> tuple[sparse.csr_array, FloatArray]:
-    """Return the third difference along the normal of what moves (n, n), and of the curve itself (n,); none at tips."""
+) -> tuple[ThirdDifferences, FloatArray]:
+    """Return the third differences along the normal of what moves, and of the curve itself (n,); none at tips."""
     count = len(curve)
-    rows = np.arange(count)
     free = np.zeros(count, dtype=bool)
     free[(np.array(apexes, dtype=int)[:, None] + [-2, -1, 0, 1]) % count] = True
-    terms, bend = [], np.zeros(count)
-    for factor, shift in zip((-1.0, 3.0, -3.0, 1.0), (-1, 0, 1, 2), strict=True):
-        other = (rows + shift) % count
-        terms.append((np.where(free, 0.0, factor * (normals * normals[other]).sum(axis=1)), other))
-        bend += factor * (normals * curve[other]).sum(axis=1) / spacing
-    values, columns = (np.concatenate(each) for each in zip(*terms, strict=True))
-    differences = sparse.csr_array((values, (np.tile(rows, 4), columns)), shape=(count, count))
-    return differences, np.where(free, 0.0, bend)
+    factors, bend = np.zeros((len(SHIFTS), count)), np.zeros(count)
+    for row, (factor, shift) in enumerate(zip((-1.0, 3.0, -3.0, 1.0), SHIFTS, strict=True)):
+        factors[row] = factor * (normals * np.roll(normals, -shift, axis=0)).sum(axis=1)
+        bend += factor * (normals * np.roll(curve, -shift, axis=0)).sum(axis=1) / spacing
+    return ThirdDifferences(np.where(free, 0.0, factors)), np.where(free, 0.0, bend)

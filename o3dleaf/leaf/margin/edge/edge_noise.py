@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import log_ndtr
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
 from o3dleaf.leaf.margin.edge.edge_score import blurred, score

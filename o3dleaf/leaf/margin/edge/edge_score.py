@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 
 BLUR = 0.35
 """Spacings that an edge without noise is blurred by: a window of six spacings then has two points in the strip that

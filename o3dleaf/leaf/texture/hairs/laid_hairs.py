@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.texture.corners import hashed
 from o3dleaf.leaf.texture.hairs.zones import HairZones

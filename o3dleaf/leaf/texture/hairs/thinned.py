@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Positive, Whole
-from o3dleaf.core.checks import FloatArray, as_bounds
+from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.coordinates import as_bounds
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale

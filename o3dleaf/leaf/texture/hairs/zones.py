@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.ndimage import binary_propagation, grey_opening, label, maximum_filter
 from scipy.sparse.linalg import spsolve
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.texture.corners import TORUS

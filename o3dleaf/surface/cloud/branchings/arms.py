@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.surface.cloud.branchings.axes import Axes, pairs_within
 from o3dleaf.surface.cloud.neighbors import IndexArray
 

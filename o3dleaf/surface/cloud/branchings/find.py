@@ -5,7 +5,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.parallel import blocks
 from o3dleaf.surface.cloud.branchings.arms import ALONG, Arms, count_arms

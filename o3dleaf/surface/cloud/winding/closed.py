@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.trees import query
 from o3dleaf.surface.cloud.neighbors import fit_planes, nearest_neighbors
 from o3dleaf.surface.cloud.surfels import Surfels, thinned

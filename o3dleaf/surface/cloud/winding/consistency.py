@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core import progress
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.surface.cloud.normals import SEAM, find_opposed, longest_seam
 from o3dleaf.surface.cloud.surfels import DROWNED, Surfels
 from o3dleaf.surface.cloud.winding.dipole_tree import DipoleTree

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.resume.blocks import kept_block
 from o3dleaf.surface.cloud.winding import dipole_loops

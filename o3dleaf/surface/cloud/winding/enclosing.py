@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from o3dleaf.core.checks import FloatArray
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import run_blocks
 from o3dleaf.surface.cloud import parity_loops
 from o3dleaf.surface.cloud.neighbors import IndexArray
