@@ -34,16 +34,6 @@ def jet_size(dimension, order):
 
 
 @njit(nogil=True, cache=True)
-def monomial(z, exponent):
-    """Return the monomial z^exponent."""
-    value = 1.0
-    for axis in range(exponent.size):
-        for _ in range(exponent[axis]):
-            value *= z[axis]
-    return value
-
-
-@njit(nogil=True, cache=True)
 def lower_exponents(exponents):
     """Return (d, q) numbers: the monomial that is monomial k divided by the coordinate of the axis, −1 for none."""
     lowered = np.full((exponents.shape[1], len(exponents)), -1)

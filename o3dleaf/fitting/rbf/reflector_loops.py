@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
 
 RANK_TOLERANCE = 1e-8
 """Singular values of the tail below this share of the largest count as zero: data that lie on a plane
@@ -14,51 +14,63 @@ RANK_TOLERANCE = 1e-8
 SURE = 1e6
 """Bound on the condition of a tail below which its rank is full without a look at its singular values."""
 
-TILE = 16
-"""Rows and columns of a matrix that are transposed at once."""
+TILE = 4
+"""Rows and columns of a matrix that are transposed at once, in registers."""
 
 
 @njit(nogil=True, cache=True)
 def mirror(matrix):
-    """Write what is below the diagonal above it, in tiles that stay in the nearest cache."""
+    """Write what is below the diagonal above it, by tiles whose columns are fetched before they are written as rows."""
     count = len(matrix)
-    for top in range(0, count, TILE):
-        for left in range(0, top + 1, TILE):
-            for i in range(top, min(top + TILE, count)):
-                for j in range(left, min(left + TILE, i)):
-                    matrix[j, i] = matrix[i, j]
+    whole = count - count % TILE
+    for i in range(0, whole, TILE):
+        a, b, c, d = matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3]
+        for j in range(0, i, TILE):
+            a0, a1, a2, a3 = a[j], a[j + 1], a[j + 2], a[j + 3]
+            b0, b1, b2, b3 = b[j], b[j + 1], b[j + 2], b[j + 3]
+            c0, c1, c2, c3 = c[j], c[j + 1], c[j + 2], c[j + 3]
+            d0, d1, d2, d3 = d[j], d[j + 1], d[j + 2], d[j + 3]
+            first, second, third, fourth = matrix[j], matrix[j + 1], matrix[j + 2], matrix[j + 3]
+            first[i], first[i + 1], first[i + 2], first[i + 3] = a0, b0, c0, d0
+            second[i], second[i + 1], second[i + 2], second[i + 3] = a1, b1, c1, d1
+            third[i], third[i + 1], third[i + 2], third[i + 3] = a2, b2, c2, d2
+            fourth[i], fourth[i + 1], fourth[i + 2], fourth[i + 3] = a3, b3, c3, d3
+        for k in range(i, i + TILE):
+            for j in range(i, k):
+                matrix[j, k] = matrix[k, j]
+    for k in range(whole, count):
+        for j in range(k):
+            matrix[j, k] = matrix[k, j]
 
 
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+@njit(nogil=True, cache=True)
 def householder(matrix):
-    """Factor `matrix` (n, q) = Q R in place: R above, reflectors I − β v vᵀ below; return (v rows, β)."""
+    """Factor `matrix` (n, q) = Q R: its first rows become R above; return the reflectors I − β v vᵀ, (v rows, β)."""
     count, columns = matrix.shape
     steps = min(count, columns)
     vectors = np.zeros((steps, count))
     betas = np.zeros(steps)
+    rest = matrix.T.copy()  # columns as rows: what is summed lies side by side
     for k in range(steps):
-        norm = 0.0
-        for i in range(k, count):
-            norm += matrix[i, k] * matrix[i, k]
-        norm = math.sqrt(norm)
+        vector = vectors[k]
+        put(rest[k, k:], vector[k:])
+        norm = math.sqrt(dot(vector, vector, count))
         if norm == 0.0:
             continue
-        pivot = -norm if matrix[k, k] > 0.0 else norm
-        for i in range(k, count):
-            vectors[k, i] = matrix[i, k]
-        vectors[k, k] -= pivot
-        length = 0.0
-        for i in range(k, count):
-            length += vectors[k, i] * vectors[k, i]
-        betas[k] = 2.0 / length
-        for column in range(k, columns):
-            product = 0.0
-            for i in range(k, count):
-                product += vectors[k, i] * matrix[i, column]
-            product *= betas[k]
-            for i in range(k, count):
-                matrix[i, column] -= product * vectors[k, i]
+        betas[k] = 1.0 / (norm * (norm + abs(vector[k])))
+        vector[k] += norm if vector[k] > 0.0 else -norm
+        for m in range(k, columns):
+            subtract(vector, betas[k] * dot(vector, rest[m], count), rest[m])
+    for i in range(steps):
+        put(rest[:, i], matrix[i])
     return vectors, betas
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def subtract(vector, factor, other):
+    """Take a multiple of `vector` off the other one."""
+    for i in range(vector.size):
+        other[i] -= factor * vector[i]
 
 
 @njit(nogil=True, cache=True)
@@ -149,18 +161,28 @@ def reflect_both_sides(matrix, vectors, betas, forward):
     turned = np.ascontiguousarray(triangle.T) if forward else triangle
     images = turned @ (vectors @ matrix)
     images -= 0.5 * (turned @ (vectors @ images.T)) @ vectors
-    for i in range(count):
-        row = matrix[i]
+    for i in range(0, count - 1, 2):
+        # Two rows and two reflectors at a time: fewer loads and stores.
+        row, following, end = matrix[i], matrix[i + 1], i + 2
         for k in range(0, steps - 1, 2):
-            # Two at a time: half of the loads and stores.
             v, w, other, image = vectors[k], images[k], vectors[k + 1], images[k + 1]
-            vi, wi, other_i, image_i = v[i], w[i], other[i], image[i]
-            for j in range(i + 1):
-                row[j] -= vi * w[j] + wi * v[j] + other_i * image[j] + image_i * other[j]
+            a, b, c, d = v[i], w[i], other[i], image[i]
+            e, f, g, h = v[i + 1], w[i + 1], other[i + 1], image[i + 1]
+            for j in range(end):
+                vj, wj, other_j, image_j = v[j], w[j], other[j], image[j]
+                row[j] -= a * wj + b * vj + c * image_j + d * other_j
+                following[j] -= e * wj + f * vj + g * image_j + h * other_j
         if steps % 2:
             v, w = vectors[steps - 1], images[steps - 1]
-            for j in range(i + 1):
+            for j in range(end):
                 row[j] -= v[i] * w[j] + w[i] * v[j]
+                following[j] -= v[i + 1] * w[j] + w[i + 1] * v[j]
+    if count % 2:
+        row = matrix[count - 1]
+        for k in range(steps):
+            v, w = vectors[k], images[k]
+            for j in range(count):
+                row[j] -= v[count - 1] * w[j] + w[count - 1] * v[j]
     mirror(matrix)
 
 
@@ -170,6 +192,4 @@ def reflect(vector, vectors, betas, forward):
     steps, count = vectors.shape
     for step in range(steps):
         k = step if forward else steps - 1 - step
-        scale = betas[k] * dot(vectors[k], vector, count)
-        for i in range(count):
-            vector[i] -= scale * vectors[k, i]
+        subtract(vectors[k], betas[k] * dot(vectors[k], vector, count), vector)

@@ -10,9 +10,8 @@ import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_positive, solve_triangle
-from o3dleaf.fitting.rbf.evaluation_loops import monomial
-from o3dleaf.fitting.rbf.radial_loops import dot, put, radial_values, squared_distances
-from o3dleaf.fitting.rbf.reflector_loops import householder, mirror, reflect, reflect_both_sides, restrict_tail
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put, radial_values, squared_distances
+from o3dleaf.fitting.rbf.reflector_loops import householder, reflect, reflect_both_sides, restrict_tail
 
 ROWS = 64
 """Rows of a tall system that are reduced at once: with the triangle they stay in the nearest cache."""
@@ -22,30 +21,44 @@ ROWS = 64
 def radial_matrix(points, power):
     """Return A with A_ij = φ(|z_i − z_j|), symmetric, zero on the diagonal."""
     count = points.shape[1]
-    matrix = np.zeros((count, count))
+    matrix = np.empty((count, count))
     z, squared = np.empty(points.shape[0]), np.empty(count)
     for i in range(count):
+        if power == 3 and z.size == 3:
+            cubic_row(points, i, matrix[i])
+            continue
         for axis in range(z.size):
             z[axis] = points[axis, i]
         # Not in place: the compiler cannot tell that one entry needs no other, and takes them one by one.
-        squared_distances(z, points, i, squared)
-        radial_values(power, squared, i, matrix[i])
-    mirror(matrix)
+        squared_distances(z, points, count, squared)
+        radial_values(power, squared, count, matrix[i])
     return matrix
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def cubic_row(points, i, row):
+    """Write |z_i − z_j|³ of points (3, n) in one pass."""
+    xs, ys, zs = points[0], points[1], points[2]
+    x, y, z = xs[i], ys[i], zs[i]
+    for j in range(len(row)):
+        a, b, c = x - xs[j], y - ys[j], z - zs[j]
+        square = a * a + b * b + c * c
+        row[j] = square * math.sqrt(square)
 
 
 @njit(nogil=True, cache=True)
 def tail_matrix(points, exponents):
     """Return P with P_ik = p_k(z_i)."""
-    count = points.shape[1]
-    matrix = np.empty((count, len(exponents)))
-    z = np.empty(points.shape[0])
-    for i in range(count):
-        for axis in range(z.size):
-            z[axis] = points[axis, i]
-        for k in range(len(exponents)):
-            matrix[i, k] = monomial(z, exponents[k])
-    return matrix
+    dimension, count = points.shape
+    columns = np.ones((len(exponents), count))
+    for k in range(len(exponents)):
+        column = columns[k]
+        for axis in range(dimension):
+            coordinate = points[axis]
+            for _ in range(exponents[k, axis]):
+                for i in range(count):
+                    column[i] *= coordinate[i]
+    return columns.T.copy()
 
 
 @njit(nogil=True, cache=True)

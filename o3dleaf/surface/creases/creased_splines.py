@@ -178,4 +178,4 @@ def _keep_better(
         run_blocks(task, len(better), BATCH_SIZE, reports=True)
     if not better.any():
         return None, model.smoothing
-    return sheets.replace(cover, splits.only(better)), chosen if better.all() else model.smoothing
+    return sheets.replace(cover, splits.only(better)), chosen

@@ -6,6 +6,7 @@ import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, put
 
 RIDGE = 1e-3
 """Share of the points' number added to the curvatures' diagonal: planes stay planes where few points say more."""
@@ -51,19 +52,55 @@ def fit_quadric(points, normals, chosen):
             for axis in range(3):
                 spread += (points[i, axis] - center[axis]) ** 2
     scale = math.sqrt(spread / count) if spread > 0.0 else 1.0
-    matrix, right, terms = np.zeros((6, 6)), np.zeros(6), np.ones(6)
+    places, kept = np.empty((3, count)), 0
     for i in range(len(points)):
         if chosen[i]:
-            u, v, z = in_frame(center, frame, scale, points[i])
-            terms[1], terms[2], terms[3], terms[4], terms[5] = u, v, u * u, u * v, v * v
-            for row in range(6):
-                right[row] += z * terms[row]
-                for column in range(row, 6):
-                    matrix[row, column] += terms[row] * terms[column]
+            places[0, kept], places[1, kept], places[2, kept] = in_frame(center, frame, scale, points, i)
+            kept += 1
+    matrix, right = np.zeros((6, 6)), np.zeros(6)
+    add_products(places[0], places[1], places[2], matrix, right)
     for k in range(6):
         matrix[k, k] += (RIDGE if k > 2 else MIN_RIDGE) * count
     eliminate(matrix, right)
     return center, frame, right, scale
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def add_products(u, v, z, matrix, right):
+    """Write, above the diagonal, Σ t tᵀ of the terms t = (1, u, v, u², uv, v²) at some places, and Σ z t."""
+    count = u.size
+    su = sv = suu = suv = svv = suuu = suuv = suvv = svvv = suuuu = suuuv = suuvv = suvvv = svvvv = 0.0
+    rz = ru = rv = ruu = ruv = rvv = 0.0
+    for i in range(count):
+        a, b, w = u[i], v[i], z[i]
+        aa, ab, bb = a * a, a * b, b * b
+        su += a
+        sv += b
+        suu += aa
+        suv += ab
+        svv += bb
+        suuu += aa * a
+        suuv += aa * b
+        suvv += a * bb
+        svvv += bb * b
+        suuuu += aa * aa
+        suuuv += aa * ab
+        suuvv += aa * bb
+        suvvv += ab * bb
+        svvvv += bb * bb
+        rz += w
+        ru += w * a
+        rv += w * b
+        ruu += w * aa
+        ruv += w * ab
+        rvv += w * bb
+    put((float(count), su, sv, suu, suv, svv), matrix[0])
+    put((suu, suv, suuu, suuv, suvv), matrix[1, 1:])
+    put((svv, suuv, suvv, svvv), matrix[2, 2:])
+    put((suuuu, suuuv, suuvv), matrix[3, 3:])
+    put((suuvv, suvvv), matrix[4, 4:])
+    put((svvvv,), matrix[5, 5:])
+    put((rz, ru, rv, ruu, ruv, rvv), right)
 
 
 @njit(nogil=True, cache=True)
@@ -94,9 +131,9 @@ def eliminate(matrix, right):
 
 
 @njit(nogil=True, cache=True)
-def in_frame(center, frame, scale, point):
-    """Return the coordinates of a point in a frame."""
-    x, y, z = (point[0] - center[0]) / scale, (point[1] - center[1]) / scale, (point[2] - center[2]) / scale
+def in_frame(center, frame, scale, points, i):
+    """Return the coordinates of one of the points (n, 3) in a frame."""
+    x, y, z = (points[i, 0] - center[0]) / scale, (points[i, 1] - center[1]) / scale, (points[i, 2] - center[2]) / scale
     return (
         frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
         frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
@@ -125,7 +162,7 @@ def write_normals(quadric, points, outward):
     """Write the normals (n, 3) of a quadric beside points."""
     center, frame, q, scale = quadric
     for i in range(len(points)):
-        u, v, _ = in_frame(center, frame, scale, points[i])
+        u, v, _ = in_frame(center, frame, scale, points, i)
         along, across = -q[1] - 2 * q[3] * u - q[4] * v, -q[2] - q[4] * u - 2 * q[5] * v
         length = math.sqrt(along * along + across * across + 1.0)
         for axis in range(3):

@@ -21,13 +21,19 @@ OPPOSITE = -0.5
 
 
 @njit(nogil=True, cache=True)
+def agreement(normals, i, j):
+    """Return the product of two of the normals (n, 3), by numbers: to take a row of an array is to count its users."""
+    return normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
+
+
+@njit(nogil=True, cache=True)
 def average_alike(start, stop, normals, neighbors, cosine, averaged):
     """Write the (n, 3) unit means of the normals of points and of those of their neighbors that agree with them."""
     for i in range(start, stop):
-        mean, own = averaged[i], normals[i]
-        mean[:] = own
+        mean = averaged[i]
+        mean[:] = normals[i]
         for j in neighbors[i]:
-            if product(own, normals[j]) >= cosine:
+            if agreement(normals, i, j) >= cosine:
                 for axis in range(3):
                     mean[axis] += normals[j, axis]
         mean /= math.sqrt(product(mean, mean))
@@ -39,8 +45,7 @@ def find_smooth(start, stop, normals, neighbors, cosine, smooth):
     for i in range(start, stop):
         smooth[i] = True
         for j in neighbors[i]:
-            agree = product(normals[i], normals[j])
-            if OPPOSITE < agree < cosine:
+            if OPPOSITE < agreement(normals, i, j) < cosine:
                 smooth[i] = False
 
 
@@ -53,8 +58,13 @@ def squared_distance(one, other):
 @njit(nogil=True, cache=True)
 def place_of(rows, row):
     """Return the place of a row among rising rows, or −1."""
-    place = np.searchsorted(rows, row)
-    return place if place < rows.size and rows[place] == row else -1
+    place, count = 0, rows.size
+    while count > 1:
+        # Without a branch, which would be guessed wrongly half of the time.
+        half = count >> 1
+        place += half * (rows[place + half] <= row)
+        count -= half
+    return place if count > 0 and rows[place] == row else -1
 
 
 @njit(nogil=True, cache=True)
@@ -74,7 +84,7 @@ def connect(rows, measured, labels):
             point = rows[stack[depth]]
             size += 1
             for other in neighbors[point]:
-                if smooth[other] and product(normals[point], normals[other]) >= measured.cosine:
+                if smooth[other] and agreement(normals, point, other) >= measured.cosine:
                     place = place_of(rows, other)
                     if place >= 0 and labels[place] == -1:
                         labels[place], stack[depth] = count, place

@@ -7,20 +7,39 @@ from o3dleaf.fitting.rbf import cholesky_loops, reflector_loops, solve_loops
 from tolerances import ROUNDING
 
 
-def made(columns):
+def made(columns, count=30):
     """Reflectors of a random tail, and Q as the product of them, one after another."""
-    tail = np.random.default_rng(columns).normal(size=(30, columns))
+    return reflectors_of(np.random.default_rng(columns).normal(size=(count, columns)))
+
+
+def reflectors_of(tail):
+    """Reflectors of a tail, which is overwritten, and Q."""
     vectors, betas = reflector_loops.householder(tail)
-    q = np.eye(30)
+    q = np.eye(len(tail))
     for v, beta in zip(vectors, betas, strict=True):
-        q = q @ (np.eye(30) - beta * np.outer(v, v))
+        q = q @ (np.eye(len(tail)) - beta * np.outer(v, v))
     return vectors, betas, q
 
 
+@pytest.mark.parametrize("size", [(30, 10), (7, 7), (4, 10), (5, 0)])
+def test_reflectors_turn_a_tail_into_a_triangle(size):
+    """Qᵀ P is R above and 0 below, and R is what P's first rows become; also where a column vanishes."""
+    tail = np.random.default_rng(4).normal(size=size)
+    if size[1] > 5:
+        tail[:, 2] = 0.0
+    factored = tail.copy()
+    _, _, q = reflectors_of(factored)
+    steps = min(size)
+    np.testing.assert_allclose(q.T @ q, np.eye(size[0]), atol=ROUNDING)
+    np.testing.assert_allclose(np.tril(q.T @ tail, -1), 0.0, atol=ROUNDING * 10)
+    np.testing.assert_allclose(np.triu(factored[:steps]), np.triu(q.T @ tail)[:steps], atol=ROUNDING * 10)
+
+
+@pytest.mark.parametrize("count", [30, 31, 3])
 @pytest.mark.parametrize("columns", [0, 1, 4, 9, 10])
-def test_all_reflectors_at_once_turn_a_matrix_on_both_sides(columns):
-    vectors, betas, q = made(columns)
-    half = np.random.default_rng(1).normal(size=(30, 30))
+def test_all_reflectors_at_once_turn_a_matrix_on_both_sides(columns, count):
+    vectors, betas, q = made(columns, count)
+    half = np.random.default_rng(1).normal(size=(count, count))
     matrix = half + half.T
     for forward, turned in ((True, q.T @ matrix @ q), (False, q @ matrix @ q.T)):
         found = matrix.copy()

@@ -117,3 +117,11 @@ def test_a_sheet_that_is_given_to_another_leaves_its_number_to_the_last(gone, in
     expected = [into if label == gone else gone if label == 3 else label for label in labels.tolist()]
     sheet_loops.relabel(labels, gone, into, 3)
     assert labels.tolist() == expected
+
+
+def test_the_place_of_a_row_is_found_and_no_other_is_said_to_be_there():
+    rng = np.random.default_rng(5)
+    for size in range(12):
+        rows = np.sort(rng.permutation(40)[:size])
+        places = [sheet_loops.place_of(rows, row) for row in range(-1, 41)]
+        assert places == [list(rows).index(row) if row in rows else -1 for row in range(-1, 41)]

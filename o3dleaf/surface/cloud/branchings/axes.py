@@ -70,7 +70,7 @@ def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, norma
     owner, row = pairs_within(cKDTree(points), places, AROUND * spacing)
     normal, arm = normals[row], points[row] - places[owner]
     count = np.bincount(owner, minlength=len(places))
-    spread = _sums(owner, normal[:, :, np.newaxis] * normal[:, np.newaxis], len(places))
+    spread = _squares(owner, normal, normal, len(places))
     value, vector = np.linalg.eigh(spread / np.maximum(count, 1)[:, np.newaxis, np.newaxis])
     edge = (count >= FEWEST) & (value[:, 0] <= BENT) & (value[:, 1] >= TURNED)
     kept = np.flatnonzero(edge)
@@ -95,17 +95,20 @@ def _meet(owner: IndexArray, normal: FloatArray, arm: FloatArray, across: FloatA
     weight = near
     for _ in range(ROUNDS):
         weighted = weight[:, np.newaxis] * flat
-        matrix = _sums(owner, weighted[:, :, np.newaxis] * flat[:, np.newaxis], len(width))
+        matrix = _squares(owner, weighted, flat, len(width))
         matrix += 1e-9 * np.trace(matrix, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(2)
-        right = _sums(owner, weighted * off[:, np.newaxis], len(width))
+        right = np.column_stack([np.bincount(owner, each * off, len(width)) for each in weighted.T])
         center = np.asarray(np.linalg.solve(matrix, right[:, :, np.newaxis])[:, :, 0], np.float64)
         miss = (off - np.einsum("pj,pj->p", flat, center[owner])) / (OFF * width[owner])
         weight = near / (1 + miss**2) ** 2
     return center
 
 
-def _sums(owner: IndexArray, values: FloatArray, count: int) -> FloatArray:
-    """Return the sums (count, ...) of the rows of values (p, ...) by their owners."""
-    flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
-    sums = np.column_stack([np.bincount(owner, column, count) for column in flat.T])
-    return np.asarray(sums.reshape(count, *values.shape[1:]), np.float64)
+def _squares(owner: IndexArray, weighted: FloatArray, vectors: FloatArray, count: int) -> FloatArray:
+    """Return the sums (count, c, c) of w v vᵀ by owner of vectors v (p, c), of which the w v are given."""
+    columns, one, other = vectors.shape[1], np.ascontiguousarray(weighted.T), np.ascontiguousarray(vectors.T)
+    sums = np.empty((count, columns, columns))
+    for i in range(columns):
+        for j in range(i + 1):
+            sums[:, i, j] = sums[:, j, i] = np.bincount(owner, one[i] * other[j], count)
+    return sums
