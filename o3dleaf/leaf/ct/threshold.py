@@ -62,7 +62,8 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> floa
 
 
 def _as_numbers(sample: npt.NDArray[Any]) -> FloatArray:
-    return np.asarray(sample, dtype=np.float64).ravel()
+    """Return a copy of intensities in a row, whose order `_histogram` may change."""
+    return np.array(sample, dtype=np.float64, order="C").ravel()
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -141,10 +142,13 @@ def _classes(sample: FloatArray) -> Mixture | None:
 
 
 def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:
-    """Count voxels in bins, with the bins' centers; one voxel in two thousand at each end may fall outside them."""
+    """Count voxels in bins, with the bins' centers; one voxel in two thousand at each end may fall outside them.
+
+    The sample is left in another order: a sorted copy of it would be most of what a fit holds.
+    """
     if len(sample) == 0:
         return None
-    low, high = np.quantile(sample, [0.0005, 0.9995])
+    low, high = np.quantile(sample, [0.0005, 0.9995], overwrite_input=True)
     if high <= low:
         low, high = float(sample.min()), float(sample.max())
     if high <= low:

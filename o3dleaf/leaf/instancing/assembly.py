@@ -1,9 +1,9 @@
 """The whole surface: counted tile by tile first, then made row by row, each vertex and triangle in its place."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +11,9 @@ import numpy.typing as npt
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.parallel import blocks
-from o3dleaf.leaf.instancing.components import UPPER, PlacedTile, label_sides, select_faces
+from o3dleaf.leaf.instancing.components import PartSizes, PlacedTile, rank_of, select_faces
 from o3dleaf.leaf.instancing.footprint import Footprint
 from o3dleaf.leaf.instancing.placement import VertexNumbers
 from o3dleaf.leaf.instancing.reduced import ReducedTile
@@ -38,29 +38,16 @@ class Sink(Protocol):
         """Take the (m, 3) triangles number start, ... and their labels."""
 
 
-@dataclass(frozen=True, eq=False)
-class TileCounts:
-    """Sizes of the components of the tile in one place.
-
-    Attributes
-    ----------
-    first_component : int
-        Number in the whole of its first component.
-    vertices, triangles : (l,) ndarrays of int64
-        Of each component.
-    faces_up : (l,) ndarray of bool
-        Which components face the air above.
-    """
+class TileCounts(NamedTuple):
+    """Sizes of the components of the tile in one place, and the number in the whole of the first of them."""
 
     first_component: int
-    vertices: IntArray
-    triangles: IntArray
-    faces_up: BoolArray
+    sizes: PartSizes
 
     @property
     def components(self) -> slice:
         """Numbers in the whole of its components."""
-        return slice(self.first_component, self.first_component + len(self.vertices))
+        return slice(self.first_component, self.first_component + len(self.sizes.vertices))
 
 
 @dataclass(frozen=True)
@@ -115,17 +102,16 @@ class Assembly:
         self.tiles, self.footprint, self.closed = TileSet.of(tile), footprint, closed
         self.reduced = (reduced,) if isinstance(reduced, ReducedTile) else reduced
         self._placer = TilePlacer(self.tiles, footprint, closed=closed, cut=cut, reduced=self.reduced)
-        self._whole_rank: dict[int, npt.NDArray[np.int32]] = {}
         self._counts: dict[Place, TileCounts] = {}
         first, second = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
         for window in self._placer.windows():
-            for place, placed in window.placed.items():
-                if place not in self._counts:
-                    self._counts[place] = self._count(placed)
+            for place, sizes in self._sizes(window).items():
+                last = next(reversed(self._counts.values()), None)
+                self._counts[place] = TileCounts(0 if last is None else last.components.stop, sizes)
             for place in window.row:
-                one, other = self._links(window, place)
-                first.append(one)
-                second.append(other)
+                for one, other in self._links(window, place):
+                    first.append(one)
+                    second.append(other)
         self._select(np.concatenate(first), np.concatenate(second), keep_fragments=keep_fragments)
         self._number()
         if self.vertices > max_vertices:
@@ -194,43 +180,26 @@ class Assembly:
                 names[numbers[numbers >= 0]] = edges[numbers >= 0]
         return names
 
-    def _count(self, placed: PlacedTile) -> TileCounts:
-        """Return the counts of a placed tile, its components numbered on from those counted before."""
-        last = next(reversed(self._counts.values()), None)
-        placement, of_vertex = placed.placement, placed.vertex_components
-        nodes = placement.nodes
-        of_triangle = placed.components[nodes[:, 0]]
-        faces_up = np.zeros(placed.count, dtype=bool)
-        faces_up[of_triangle] = label_sides(placement, nodes) == UPPER
-        return TileCounts(
-            0 if last is None else last.components.stop,
-            np.bincount(of_vertex[of_vertex >= 0], minlength=placed.count),
-            np.bincount(of_triangle, minlength=placed.count),
-            faces_up,
-        )
+    def _sizes(self, window: PlacedRows) -> dict[Place, PartSizes]:
+        """Return the sizes of components in the places of a window that are not counted yet."""
+        places = [place for place in window.placed if place not in self._counts]
+        sizes = map_in_threads(lambda place: window.placed[place].parts.sizes, places)
+        return dict(zip(places, sizes, strict=True))
 
-    def _links(self, window: PlacedRows, place: Place) -> tuple[IntArray, IntArray]:
-        """Return the components of a tile and of its neighbors that have a vertex in common, as pairs of numbers."""
-        placed, first = window.placed[place], self._counts[place].first_component
-        neighbors = {
-            shift: (
-                window.placed[neighbor].placement,
-                VertexNumbers(window.placed[neighbor].vertex_components, self._counts[neighbor].first_component),
-            )
-            for shift, neighbor in window.neighbors(place).items()
-        }
-        beyond = placed.placement.node_numbers(None, neighbors)
-        linked = (beyond >= 0) & (placed.components >= 0)
-        pairs = np.unique(np.stack([placed.components[linked] + first, beyond[linked]]), axis=1)
-        return pairs[0], pairs[1]
+    def _links(self, window: PlacedRows, place: Place) -> Iterator[tuple[IntArray, IntArray]]:
+        """Yield the components of a tile and of each neighbor that have a vertex in common, as pairs of numbers."""
+        for shift, neighbor in window.neighbors(place).items():
+            meeting = window.placed[place].parts.meeting(shift, window.placed[neighbor].parts)
+            one, other = meeting.components
+            yield one + self._counts[place].first_component, other + self._counts[neighbor].first_component
 
     def _select(self, first: IntArray, second: IntArray, *, keep_fragments: bool) -> None:
         """Decide which components of the whole are kept, those of tiles being linked in pairs."""
         counts = list(self._counts.values())
         if not counts:
             raise ReconstructionError("no cell of this spacing fits the outline; use a finer spacing or another region")
-        triangles = np.concatenate([each.triangles for each in counts])
-        faces_up = np.concatenate([each.faces_up for each in counts])
+        triangles = np.concatenate([each.sizes.triangles for each in counts])
+        faces_up = np.concatenate([each.sizes.faces_up for each in counts])
         component = label_nodes(first, second, len(triangles))
         size = np.bincount(component, triangles)
         kept = np.full(len(size), keep_fragments)
@@ -252,25 +221,20 @@ class Assembly:
         """Return the number of vertices and triangles of a tile that are kept."""
         counts = self._counts[place]
         kept = self._kept[counts.components]
-        return int(counts.vertices[kept].sum()), int(counts.triangles[kept].sum())
+        return int(counts.sizes.vertices[kept].sum()), int(counts.sizes.triangles[kept].sum())
 
     def _keeps_all(self, place: Place) -> bool:
         return bool(self._kept[self._counts[place].components].all())
 
     def _numbers(self, placed: PlacedTile, place: Place) -> VertexNumbers:
         """Return the numbers of a tile's own vertices; whole tiles share what they can."""
-        keeps_all = self._keeps_all(place)
         start = self._starts[place][0]
-        kind = placed.kind
-        if kind is not None and keeps_all:
-            if kind not in self._whole_rank:
-                self._whole_rank[kind] = _rank(placed.vertex_components >= 0)
-            return VertexNumbers(self._whole_rank[kind], start)
-        of_vertex = placed.vertex_components
+        if self._keeps_all(place):
+            return VertexNumbers(placed.parts.rank, start)
+        of_vertex = placed.parts.of_vertex
         present = of_vertex >= 0
-        if not keeps_all:
-            present[present] = self._kept[of_vertex[present] + self._counts[place].first_component]
-        return VertexNumbers(_rank(present), start)
+        present[present] = self._kept[of_vertex[present] + self._counts[place].first_component]
+        return VertexNumbers(rank_of(present), start)
 
     def _emit_vertices(
         self,
@@ -283,10 +247,11 @@ class Assembly:
     ) -> None:
         """Put a batch of a tile's own vertices, from one row on."""
         place, start = batch
-        rows = start + np.flatnonzero(numbers[place][start : start + batch_size] >= 0)
+        rank = numbers[place].rank
+        rows = start + np.flatnonzero(rank[start : start + batch_size] >= 0)
         if len(rows):
             positions = window.placed[place].placement.positions(rows)
-            sink.put_vertices(int(numbers[place][rows[:1]][0]), to_world(positions))
+            sink.put_vertices(numbers[place].start + int(rank[rows[0]]), to_world(positions))
 
     def _emit_triangles(
         self, sink: Sink, window: PlacedRows, numbers: dict[Place, VertexNumbers], batch_size: int, place: Place
@@ -294,22 +259,14 @@ class Assembly:
         """Put the triangles of one tile."""
         placed = window.placed[place]
         neighbors = {
-            shift: (window.placed[neighbor].placement, numbers[neighbor])
+            shift: (window.placed[neighbor].parts, numbers[neighbor])
             for shift, neighbor in window.neighbors(place).items()
         }
-        number = placed.placement.node_numbers(numbers[place], neighbors)
-        nodes = placed.placement.nodes
-        labels = label_sides(placed.placement, nodes)
+        number = placed.parts.node_numbers(numbers[place], neighbors)
+        nodes, labels = placed.placement.nodes, placed.parts.labels
         if not self._keeps_all(place):
-            kept = self._kept[placed.components[nodes[:, 0]] + self._counts[place].first_component]
+            kept = self._kept[placed.parts.components[nodes[:, 0]] + self._counts[place].first_component]
             nodes, labels = nodes[kept], labels[kept]
         first = self._starts[place][1]
         for start, stop in blocks(len(nodes), batch_size):
             sink.put_triangles(first + start, number[nodes[start:stop]], labels[start:stop])
-
-
-def _rank(present: BoolArray) -> npt.NDArray[np.int32]:
-    """Return the place of each vertex among those that are present, −1 for the others."""
-    rank = np.cumsum(present, dtype=np.int32) - 1
-    rank[~present] = -1
-    return rank

@@ -1,14 +1,15 @@
 """The components that a tile falls into in one place, and the sides that its triangles face."""
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.errors import ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray
-from o3dleaf.leaf.instancing.placement import Nodes, Placement
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.instancing.placement import Nodes, Placement, VertexNumbers
 from o3dleaf.leaf.instancing.tile_loops import ABOVE
 
 UPPER, LOWER, RIM = range(3)
@@ -19,41 +20,139 @@ FACE_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedTile:
-    """A placement and the component of each node, numbered from 0 in this place; −1: not there.
+class TileParts:
+    """What a tile falls into, found when it is asked for; the same wherever all of it lies.
 
-    Where it is all of a tile that lies in other places too, `kind` tells which.
+    Attributes
+    ----------
+    placement : Placement
+        The tile in one of these places.
+    shared : bool
+        Whether they are those of other places, too.
     """
 
     placement: Placement
-    components: npt.NDArray[np.int32]
-    count: int
-    kind: int | None = None
+    shared: bool = False
+
+    @cached_property
+    def components(self) -> npt.NDArray[np.int32]:
+        """The component of each node, numbered from 0; −1: not there."""
+        root = self.placement.component_roots()
+        used = np.zeros(len(root), dtype=bool)
+        used[self._own] = self.placement.present
+        used[self.placement.nodes] = True
+        is_root = np.zeros(len(root), dtype=bool)
+        is_root[root[used]] = True
+        rank = np.cumsum(is_root, dtype=np.int32) - 1
+        components = rank[root]
+        components[~used] = -1
+        return components
+
+    @cached_property
+    def of_vertex(self) -> npt.NDArray[np.int32]:
+        """(n + e,) components of the placement's own vertices."""
+        return np.where(self.placement.present, self.components[self._own], -1)
+
+    @cached_property
+    def sizes(self) -> "PartSizes":
+        """Of each component."""
+        nodes, count = self.placement.nodes, int(self.components.max(initial=-1)) + 1
+        of_triangle = self.components[nodes[:, 0]]
+        faces_up = np.zeros(count, dtype=bool)
+        faces_up[of_triangle] = self.labels == UPPER
+        vertices = np.bincount(self.of_vertex[self.of_vertex >= 0], minlength=count)
+        return PartSizes(vertices, np.bincount(of_triangle, minlength=count), faces_up)
+
+    @cached_property
+    def rank(self) -> npt.NDArray[np.int32]:
+        """(n + e,) place of each own vertex among those that are present, −1 for the others."""
+        return rank_of(self.placement.present)
+
+    @cached_property
+    def labels(self) -> npt.NDArray[np.uint8]:
+        """(m,) labels of the triangles: `UPPER`, `LOWER` or `RIM`."""
+        return label_sides(self.placement, self.placement.nodes)
+
+    def meeting(self, shift: int, other: "TileParts") -> "Meeting":
+        """Return what it has in common with a neighbor (bits of its shift: along, across); of shared ones once."""
+        if not (self.shared and other.shared):
+            return Meeting(self, other, *self.placement.common_vertices(shift, other.placement))
+        if (shift, other) not in self._meetings:
+            self._meetings[shift, other] = Meeting(self, other, *self.placement.common_vertices(shift, other.placement))
+        return self._meetings[shift, other]
+
+    def node_numbers(
+        self, own: VertexNumbers, neighbors: dict[int, tuple["TileParts", VertexNumbers]]
+    ) -> npt.NDArray[np.int32]:
+        """Return a number for every node from those of vertices (n + e,), of this tile and of its neighbors, by shift.
+
+        −1 where there is none.
+        """
+        numbers = np.full(self.placement.node_count, -1, dtype=np.int32)
+        numbers[self._own] = own[:]
+        for shift, (other, given) in neighbors.items():
+            meeting = self.meeting(shift, other)
+            numbers[meeting.nodes] = given[meeting.rows]
+        return numbers
+
+    @cached_property
+    def _meetings(self) -> dict[tuple[int, "TileParts"], "Meeting"]:
+        return {}
 
     @property
-    def vertex_components(self) -> npt.NDArray[np.int32]:
-        """(n + e,) components of the placement's own vertices."""
-        tile, rim = self.placement.tile, self.placement.rim_own
-        start = len(tile.edges) + len(tile.beyond)
-        components = np.concatenate([self.components[: len(tile.edges)], self.components[start : start + rim]])
-        return np.where(self.placement.present, components, -1)
+    def _own(self) -> IntArray:
+        """(n + e,) nodes of the placement's own vertices."""
+        tile, start = self.placement.tile, self.placement.node_count - len(self.placement.rim_names)
+        return np.concatenate([np.arange(len(tile.edges)), np.arange(start, start + self.placement.rim_own)])
 
 
-def find_components(placement: Placement) -> PlacedTile:
-    """Return a placement with its components numbered from 0."""
-    root = placement.component_roots()
-    present, tile = placement.present, placement.tile
-    start = len(tile.edges) + len(tile.beyond)
-    used = np.zeros(len(root), dtype=bool)
-    used[: len(tile.edges)] = present[: len(tile.edges)]
-    used[start : start + placement.rim_own] = True
-    used[placement.nodes] = True
-    is_root = np.zeros(len(root), dtype=bool)
-    is_root[root[used]] = True
-    rank = np.cumsum(is_root, dtype=np.int32) - 1
-    components = rank[root]
-    components[~used] = -1
-    return PlacedTile(placement, components, int(is_root.sum()))
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Vertices that a tile has in common with a neighbor.
+
+    Attributes
+    ----------
+    one, other : TileParts
+    nodes : (k,) ndarray of int64
+        Nodes of the tile.
+    rows : (k,) ndarray of int64
+        The same among the neighbor's own vertices.
+    """
+
+    one: TileParts
+    other: TileParts
+    nodes: IntArray
+    rows: IntArray
+
+    @cached_property
+    def components(self) -> tuple[IntArray, IntArray]:
+        """(l,) components of both that have a vertex in common, in pairs."""
+        one, other = self.one.components[self.nodes], self.other.of_vertex[self.rows]
+        linked = (one >= 0) & (other >= 0)
+        pairs = np.unique(np.stack([one[linked], other[linked]]), axis=1).astype(np.int64)
+        return pairs[0], pairs[1]
+
+
+class PartSizes(NamedTuple):
+    """Vertices and triangles (l,) of each component, and whether it faces the air above (l,)."""
+
+    vertices: IntArray
+    triangles: IntArray
+    faces_up: BoolArray
+
+
+class PlacedTile(NamedTuple):
+    """A tile in one place, and what it falls into there."""
+
+    placement: Placement
+    parts: TileParts
+
+
+def rank_of(present: BoolArray) -> npt.NDArray[np.int32]:
+    """Return the place of each vertex among those that are present, −1 for the others."""
+    rank = np.cumsum(present, dtype=np.int32) - 1
+    rank[~present] = -1
+    return rank
 
 
 def label_sides(placement: Placement, nodes: Nodes) -> npt.NDArray[np.uint8]:

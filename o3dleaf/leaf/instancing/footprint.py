@@ -13,6 +13,9 @@ from o3dleaf.leaf.instancing.plane_loops import mark_inside, mark_touched, splat
 HALO = 8
 """Cells beyond a window that are looked at: one less is the number of rounds that corners are thinned out in."""
 
+OUTSIDE, CUT, WHOLE = range(3)
+"""What an outline leaves of a place: nothing, what is to be looked at, or all of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
@@ -43,6 +46,34 @@ class Footprint:
     def contains(self, box: IntArray) -> bool:
         """Return whether all cells of a box of columns lie in it, whole."""
         return bool(self.cells(*box).all())
+
+    def strip(self, first: int, last: int) -> "Footprint":
+        """Return the footprint for cells of first <= i < last alone: without the sides that they do not see."""
+        return replace(self, rings=self._near(first - self._sight, last + self._sight))
+
+    def coverage(self, row: int, columns: range, shape: tuple[int, int]) -> npt.NDArray[np.uint8]:
+        """Return `OUTSIDE`, `CUT` or `WHOLE` for each place of a row, a place being so many cells of the plane.
+
+        `CUT` are all that have a side of the outline, of its box or of a hole in sight: cells or distances tell what
+        is there.
+        """
+        (nx, ny), count = shape, len(columns)
+        near = self._near(row * nx - self._sight, (row + 1) * nx + self._sight)
+        across = np.sort(near[:, [1, 3]], axis=1) + np.array([-1, 1]) * self._sight
+        first, stop = (np.floor(across / ny) - columns.start + [0, 1]).clip(0, count).astype(np.int64).T
+        changes = np.zeros(count + 1, dtype=np.int64)
+        np.add.at(changes, first, 1)
+        np.add.at(changes, stop, -1)
+        inside = np.zeros((1, count * ny), dtype=bool)
+        mark_inside(near, np.array([row * nx, columns.start * ny]), 0.0, inside)
+        covered = np.where(inside[0, ::ny], np.uint8(WHOLE), np.uint8(OUTSIDE))
+        low = np.stack([np.full(count, row * nx), np.array(columns) * ny], axis=1) - HALO - 1
+        high = low + shape + 2 * (HALO + 1)
+        known = ((low >= self.box[0]) & (high <= self.box[1])).all(axis=1)
+        for hole in self.holes:
+            known &= ~((high > hole[0]) & (low < hole[1])).all(axis=1)
+        covered[(np.cumsum(changes[:-1]) > 0) | ((covered == WHOLE) & ~known)] = CUT
+        return covered
 
     def in_holes(self, low: npt.ArrayLike, high: npt.ArrayLike) -> BoolArray:
         """Return which cells low <= (i, j) < high lie in a hole."""
@@ -98,6 +129,11 @@ class Footprint:
         distance = np.full(shape, reach)
         splat_distances(near, first, self.spacing, distance)
         return np.where(inside, distance, -distance)
+
+    @property
+    def _sight(self) -> float:
+        """Steps beyond a window within which a side may matter to its cells, or to the distances of its columns."""
+        return HALO + 2 + 2 * float(self.spacing.max() / self.spacing.min())
 
     def _near(self, first: float, last: float) -> FloatArray:
         """Return the sides that reach between two rows."""

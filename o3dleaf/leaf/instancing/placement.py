@@ -121,19 +121,18 @@ class Placement:
         return np.concatenate([used, np.ones(self.rim_own, dtype=bool)])
 
     def positions(self, rows: IntArray) -> FloatArray:
-        """Return the (m, 3) flat positions of some rows of the own vertices (n + e,)."""
+        """Return the (m, 3) flat positions of some rows, rising, of the own vertices (n + e,)."""
         tile, count = self.tile, len(self.tile.edges)
         nx, ny, _ = tile.lattice.shape
         start = self.place[0] * nx, self.place[1] * ny, 0
-        places, of_tile = np.zeros((len(rows), 3)), rows < count
-        inner, rim = rows[of_tile], rows[~of_tile] - count
-        places[of_tile] = lattice_positions(tile.edges[inner], tile.fractions[inner], tile.lattice.shape, start)
+        own, rim = np.split(rows, np.searchsorted(rows, [count]))
+        places = lattice_positions(tile.edges[own], tile.fractions[own], tile.lattice.shape, start)
         if self.inner is not None:
             shift = np.array(self.place) * tile.lattice.period
-            positions = tile.lattice.positions(places)
-            positions[~of_tile] = self.inner[rim] + [shift[0], shift[1], 0.0]
-            return positions
-        places[~of_tile] = self.rim_places(rim)
+            inner = self.inner[rim - count] + [shift[0], shift[1], 0.0]
+            return np.concatenate([tile.lattice.positions(places), inner])
+        if len(rim):
+            places = np.concatenate([places, self.rim_places(rim - count)])
         return tile.lattice.positions(places)
 
     def rim_places(self, rows: IntArray) -> FloatArray:
@@ -142,31 +141,20 @@ class Placement:
         start = self.place[0] * nx, self.place[1] * ny, 0
         return lattice_positions(self.rim_names[rows], self.rim_fractions[rows], (nx + 1, ny + 1, nz), start)
 
-    def node_numbers(
-        self, own_numbers: VertexNumbers | None, neighbors: dict[int, tuple["Placement", VertexNumbers]]
-    ) -> npt.NDArray[np.int32]:
-        """Return a number for every node from those of vertices (n + e,), of this placement and of its neighbors.
+    def common_vertices(self, shift: int, other: "Placement") -> tuple[IntArray, IntArray]:
+        """Return the nodes that are vertices of a neighbor (bits of its shift: along, across), and its rows of them.
 
-        Parameters
-        ----------
-        own_numbers : VertexNumbers, optional
-        neighbors : dict
-            By shift (bits: along, across) the placement there and its numbers; a missing one has none.
+        Rows are of the neighbor's own vertices (n + e,).
         """
         vertices, beyond = len(self.tile.edges), self.tile.beyond
-        numbers = np.full(vertices + len(beyond) + len(self.rim_names), -1, dtype=np.int32)
-        if own_numbers is not None:
-            numbers[:vertices] = own_numbers[:vertices]
-            numbers[vertices + len(beyond) :][: self.rim_own] = own_numbers[vertices:]
-        shifts = self.rim_beyond[1]
-        for shift, (other, given) in neighbors.items():
-            rows = np.flatnonzero(beyond[:, 1] == shift)
-            numbers[vertices + rows] = given[np.searchsorted(other.tile.edges, beyond[rows, 0])]
-            rows = np.flatnonzero(shifts == shift)
-            if len(rows):
-                on_rim = np.searchsorted(other.own_rim, self.rim_names_in(other, shift, rows))
-                numbers[vertices + len(beyond) + self.rim_own + rows] = given[len(other.tile.edges) + on_rim]
-        return numbers
+        there = np.flatnonzero(beyond[:, 1] == shift)
+        nodes, rows = vertices + there, np.searchsorted(other.tile.edges, beyond[there, 0])
+        on_rim = np.flatnonzero(self.rim_beyond[1] == shift)
+        if not len(on_rim):
+            return nodes, rows
+        of_rim = np.searchsorted(other.own_rim, self.rim_names_in(other, shift, on_rim))
+        nodes = np.concatenate([nodes, vertices + len(beyond) + self.rim_own + on_rim])
+        return nodes, np.concatenate([rows, len(other.tile.edges) + of_rim])
 
     @cached_property
     def own_rim(self) -> IntArray:
@@ -182,10 +170,20 @@ class Placement:
         """Return the names, in the placement that owns them, of some of the rim's vertices that are not this tile's."""
         return self.rim_beyond[0][rows]
 
+    @property
+    def node_count(self) -> int:
+        """Number of nodes, used or not."""
+        return len(self.tile.edges) + len(self.tile.beyond) + len(self.rim_names)
+
     def component_roots(self) -> IntArray:
         """Return for every node the first node of its component in this tile."""
-        count = len(self.tile.edges) + len(self.tile.beyond) + len(self.rim_names)
-        return np.asarray(find_component_roots(self.nodes, count))
+        return np.asarray(find_component_roots(self.nodes, self.node_count))
+
+
+def place_whole(tile: Tile, place: tuple[int, int]) -> Placement:
+    """Return all of a tile."""
+    none = np.empty(0, dtype=np.int64), np.empty(0)
+    return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
 
 
 def place_sheets(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Placement | None:
@@ -197,13 +195,13 @@ def place_sheets(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Pl
 
 def sheets_over(tile: Tile, kept: BoolArray, place: tuple[int, int]) -> Placement | None:
     """Return the tile over its `kept` cells (nx + 1, ny + 1), the row and the column before it first."""
-    none = np.empty(0, dtype=np.int64), np.empty(0)
     if kept.all():
-        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
+        return place_whole(tile, place)
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_cells(tile.edges, tile.lattice.shape, kept, used)
     if not used.any():
         return None
+    none = np.empty(0, dtype=np.int64), np.empty(0)
     return Placement(tile, place, used, np.ascontiguousarray(kept[1:, 1:]), NO_NODES, *none)
 
 
@@ -222,10 +220,9 @@ def place_solid(tile: Tile, footprint: Footprint, place: tuple[int, int]) -> Pla
 
 def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Placement | None:
     """Return the solid of a tile where the `distance` of columns (nx + 1, ny + 1) is positive, and its rim."""
-    none = np.empty(0, dtype=np.int64), np.empty(0)
     inside = distance > 0
     if inside.all():
-        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
+        return place_whole(tile, place)
     if not inside.any():
         return None
     used = np.empty(len(tile.edges), dtype=bool)

@@ -5,10 +5,10 @@ from functools import partial
 from typing import NamedTuple, TypeVar, cast
 
 from o3dleaf.core.parallel import run_blocks
-from o3dleaf.leaf.instancing.components import PlacedTile, find_components
+from o3dleaf.leaf.instancing.components import PlacedTile, TileParts
 from o3dleaf.leaf.instancing.cut.cut_tile import place_cut
-from o3dleaf.leaf.instancing.footprint import Footprint
-from o3dleaf.leaf.instancing.placement import place_sheets, place_solid
+from o3dleaf.leaf.instancing.footprint import OUTSIDE, WHOLE, Footprint
+from o3dleaf.leaf.instancing.placement import place_sheets, place_solid, place_whole
 from o3dleaf.leaf.instancing.reduced import ReducedTile, place_reduced
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 
@@ -64,32 +64,38 @@ class TilePlacer:
         # Vertices in the last column belong to the tile that begins there.
         self._rows = range(first_i // nx, last_i // nx + 1)
         self._columns = range(first_j // ny, last_j // ny + 1)
-        self._whole: dict[int, PlacedTile] = {}
+        self._whole: dict[int, TileParts] = {}
 
     def windows(self) -> Iterator[PlacedRows]:
         """Yield every row of places with the row after it."""
-        placed: dict[Place, PlacedTile] = {}
+        row = self._row(self._rows.start)
         for p in self._rows:
-            places = [(row, q) for row in (p, p + 1) for q in self._columns if (row, q) not in placed]
-            tiles = map_in_threads(self._place, places)
-            placed = {place: tile for place, tile in placed.items() if place[0] >= p}
-            placed |= {place: tile for place, tile in zip(places, tiles, strict=True) if tile is not None}
-            placed = dict(sorted(placed.items()))
-            yield PlacedRows(placed, [place for place in placed if place[0] == p])
+            following = self._row(p + 1)
+            yield PlacedRows(row | following, list(row))
+            row = following
 
-    def _place(self, place: Place) -> PlacedTile | None:
-        """Return the tile in one place with its components; those of a whole tile are found once."""
+    def _row(self, p: int) -> dict[Place, PlacedTile]:
+        """Return the tiles in a row of places; what the outline leaves out or leaves whole is told at once."""
+        nx, ny, _ = self.tiles.lattice.shape
+        strip = self.footprint.strip(p * nx, (p + 1) * nx)
+        coverage = dict(zip(self._columns, strip.coverage(p, self._columns, (nx, ny)).tolist(), strict=True))
+        places = [(p, q) for q in self._columns if coverage[q] != OUTSIDE]
+        tiles = map_in_threads(lambda place: self._place(strip, place, whole=coverage[place[1]] == WHOLE), places)
+        return {place: tile for place, tile in zip(places, tiles, strict=True) if tile is not None}
+
+    def _place(self, strip: Footprint, place: Place, *, whole: bool) -> PlacedTile | None:
+        """Return the tile in one place; what is known of a whole tile is found once."""
         tile, kind = self.tiles.at(place)
-        placement = self._placed_alone(tile, self.footprint, place)
+        placement = place_whole(tile, place) if whole else self._placed_alone(tile, strip, place)
         if placement is None:
             return None
         if not placement.is_whole or kind is None:
-            return find_components(placement)
+            return PlacedTile(placement, TileParts(placement))
         if self.reduced is not None:
             placement = place_reduced(placement, self.reduced[kind])
         if kind not in self._whole:
-            self._whole[kind] = find_components(placement)
-        return PlacedTile(placement, self._whole[kind].components, self._whole[kind].count, kind)
+            self._whole[kind] = TileParts(placement, shared=True)
+        return PlacedTile(placement, self._whole[kind])
 
 
 def map_in_threads(function: Callable[[T], R], items: Sequence[T]) -> list[R]:

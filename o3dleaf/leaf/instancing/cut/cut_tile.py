@@ -19,7 +19,7 @@ from o3dleaf.leaf.instancing.cut.clip_loops import (
 )
 from o3dleaf.leaf.instancing.cut.wall_loops import put_up_wall
 from o3dleaf.leaf.instancing.footprint import Footprint
-from o3dleaf.leaf.instancing.placement import NO_NODES, Placement, renumber, sheets_over
+from o3dleaf.leaf.instancing.placement import Placement, place_whole, renumber, sheets_over
 from o3dleaf.leaf.instancing.rim_loops import TileVertices, use_by_cells
 from o3dleaf.leaf.instancing.tile import Tile
 
@@ -110,10 +110,9 @@ def cut_tile(
     ReconstructionError
         If the wall has a gap.
     """
-    none = np.empty(0, dtype=np.int64), np.empty(0)
     inside = distance > 0
     if inside.all():
-        return Placement(tile, place, None, None, NO_NODES, *none, is_whole=True)
+        return place_whole(tile, place)
     if not inside.any():
         return None
     corners = np.stack([inside[:-1, :-1], inside[1:, :-1], inside[:-1, 1:], inside[1:, 1:]])

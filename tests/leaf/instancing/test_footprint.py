@@ -1,0 +1,60 @@
+"""What an outline leaves of places of the plane, told row by row, beside what its cells and columns say one by one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from o3dleaf.leaf.instancing.footprint import CUT, OUTSIDE, WHOLE, footprint
+
+SHAPE = 32, 35
+"""Cells of a place."""
+
+
+def rings(seed, squeezed):
+    """Return the sides of a random star about a random middle, with a hole in it, in a plane of unit spacing."""
+    random = np.random.default_rng(seed)
+    angles = np.sort(random.uniform(0, 2 * np.pi, random.integers(3, 200)))
+    round_it = np.stack([np.cos(angles), np.sin(angles) * squeezed], axis=1) * random.uniform(
+        250, 400, (len(angles), 1)
+    )
+    middle = random.uniform(-300, 300, 2)
+    parts = [round_it + middle, 0.2 * round_it[::-1] + middle]
+    return np.concatenate([np.hstack([part, np.roll(part, -1, axis=0)]) for part in parts])
+
+
+@settings(max_examples=8)
+@given(seed=st.integers(0, 10_000), squeezed=st.sampled_from([1.0, 0.3]), boxed=st.booleans(), holed=st.booleans())
+def test_coverage_of_places_is_that_of_all_their_cells_and_columns(seed, squeezed, boxed, holed):
+    spacing = np.array([1.0, 1.3])
+    sides = rings(seed, squeezed)
+    middle = sides[:, :2].mean(axis=0)
+    area = footprint(sides, np.zeros(2), spacing, np.stack([middle - 300, middle + 220]) if boxed else None)
+    if holed:
+        first = (middle / spacing).astype(np.int64) + [150, 0]
+        area = area.without(np.stack([first, first + [3, 50]]))
+    (first, first_column), (last, last_column) = np.floor(area.box / SHAPE).astype(int).tolist()
+    columns = range(first_column - 1, last_column + 2)
+    for p in range(first - 1, last + 2):
+        low = np.array([p, columns.start]) * SHAPE
+        high = np.array([p + 1, columns.stop]) * SHAPE
+        strip = area.strip(low[0], high[0])
+        cells, distances = area.cells(low - 1, high), area.distances(low - 1, high + 1)
+        np.testing.assert_array_equal(strip.cells(low - 1, high), cells)
+        np.testing.assert_array_equal(strip.distances(low - 1, high + 1), distances)
+        for q, told in enumerate(strip.coverage(p, columns, SHAPE)):
+            here = slice(q * SHAPE[1], (q + 1) * SHAPE[1] + 1)
+            if told != CUT:
+                assert (cells[:, here] == (told == WHOLE)).all()
+                assert ((distances[:, here] > 0) == (told == WHOLE)).all()
+
+
+@pytest.mark.parametrize("size", [10, 40])
+def test_only_places_by_the_outline_are_looked_at(size):
+    """Of a square of n × n places those beside its sides: a share of 8 / n at most."""
+    width = size * np.array(SHAPE) + 1.0
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * width - 0.5
+    area = footprint(np.hstack([corners, np.roll(corners, -1, axis=0)]), np.zeros(2), np.ones(2), None)
+    told = np.stack([area.coverage(p, range(size), SHAPE) for p in range(size)])
+    assert (told == OUTSIDE).sum() == 0
+    assert (told == CUT).sum() <= 8 * size
