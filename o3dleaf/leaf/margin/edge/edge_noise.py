@@ -12,7 +12,7 @@ from scipy.special import log_ndtr
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.leaf.margin.edge.edge_fit import most_likely, widened
 from o3dleaf.leaf.margin.edge.edge_frame import INSIDE, NODE_STEP, EdgeFrame, EdgeSample, edge_frame
-from o3dleaf.leaf.margin.edge.edge_score import blurred, score
+from o3dleaf.leaf.margin.edge.edge_score import blurred
 from o3dleaf.leaf.margin.sample_spacing import BoolArray
 
 SHARES = np.linspace(0.0, 1.5, 7)
@@ -21,8 +21,6 @@ noise to a fifth of it; were no more than 1 tried, errors would not cancel where
 SHARPEST = 0.1
 """Spacings of blur that the likelihood is asked for at least: a sharper edge comes out at the same place, to a
 hundredth."""
-FREEDOM = 1 / 3
-"""Degrees of freedom of the curve for a length of one bandwidth: (1/2π) ∫ du/(1 + u⁶)."""
 STEPS = 4
 """Newton's steps from one blur to the next: near its maximum the likelihood hardly depends on where the curve is."""
 
@@ -34,10 +32,11 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
 
     .. math:: \max_d \sum_i \log Φ((d - x_i)/σ) - \int d
 
-    of the distances x of the points from a curve that is moved by d, as in `fit_edge`, less what the curve gains by
-    being fitted to them. Tips, where the other flank is
+    of the distances x of the points from a curve that is moved by d, as in `fit_edge`. Tips, where the other flank is
     near, do not count. A corner that the curve cuts passes for some noise; to leave out where the curve is as soft as
-    it can be would leave out the outermost points with it, and find half of a noise of 0.2 spacings.
+    it can be would leave out the outermost points with it, and find half of a noise of 0.2 spacings. What the curve
+    gains by being fitted to the points is left in: the noise comes out a tenth too small, but with it at its size the
+    leaves of `scripts/bench_leaves.py` come out too small.
 
     Parameters
     ----------
@@ -51,13 +50,12 @@ def edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -> flo
     frame = edge_frame(curve, apexes, sample)
     blur, _, information = blurred(frame.noise)
     moved, bandwidth = widened(frame, blur, information)
-    freedom = NODE_STEP * FREEDOM / bandwidth
     deep = frame.observed & (frame.half_width > INSIDE * blur)
     likelihood = np.empty(len(SHARES))
     for row in range(len(SHARES) - 1, -1, -1):  # the widest blur first: its curve is the easiest to find
         tried = np.maximum(SHARES[row] * frame.noise, SHARPEST)
         moved = most_likely(frame, tried, information * blur / tried * bandwidth**6, moved, STEPS)
-        likelihood[row] = _log_likelihood(frame, moved, tried, deep, freedom)
+        likelihood[row] = _log_likelihood(frame, moved, tried, deep)
     return _peak(likelihood) * sample.noise
 
 
@@ -68,20 +66,11 @@ def with_edge_noise(curve: FloatArray, apexes: FloatArray, sample: EdgeSample) -
     return replace(sample, noise=edge_noise(curve, apexes, sample))
 
 
-def _log_likelihood(
-    frame: EdgeFrame, moved: FloatArray, blur: FloatArray, counted: BoolArray, freedom: FloatArray
-) -> float:
-    """Return the logarithm of the likelihood of the points at some nodes, up to a constant, less what the curve gains.
-
-    Fitted to the points, it gains half the degrees of freedom, times the squared scores over the curvature: the more,
-    the sharper an edge is assumed.
-    """
+def _log_likelihood(frame: EdgeFrame, moved: FloatArray, blur: FloatArray, counted: BoolArray) -> float:
+    """Return the logarithm of the likelihood of the points at some nodes, up to a constant."""
     rows = counted[frame.node]
     node, across = frame.node[rows], frame.across[rows]
-    z, width = (moved[node] - across) / blur[node], blur[node]
-    scores = score(z) / width
-    gained = 0.5 * freedom[counted].sum() * (scores @ scores) / (scores @ (scores + z / width))
-    return float(log_ndtr(z).sum() - NODE_STEP * moved[counted].sum() - gained)
+    return float(log_ndtr((moved[node] - across) / blur[node]).sum() - NODE_STEP * moved[counted].sum())
 
 
 def _peak(likelihood: FloatArray) -> float:
