@@ -102,7 +102,7 @@ class _Sheet:
         label = label_nodes(one[joined], other[joined], len(self.area))
         rows = np.flatnonzero(empty)
         rows = rows[np.argsort(label[rows], kind="stable")]
-        return np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1)
+        return np.split(rows, np.flatnonzero(np.diff(label[rows])) + 1) if len(rows) else []
 
     def extent(self, rows: IntArray) -> float:
         """Return the diagonal of the box around some triangles."""

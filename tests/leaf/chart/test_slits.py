@@ -36,6 +36,11 @@ def test_random_points_have_no_slit(square):
     assert find_slits(*sheet_of(square, SQUARE)) is None
 
 
+def test_a_lattice_has_no_gap_at_all():
+    lattice = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
+    assert find_slits(*sheet_of(lattice, SQUARE)) is None
+
+
 @pytest.mark.parametrize(("wide", "long"), [(2.5, 30), (2.0, 45)])
 def test_a_long_gap_is_cut_and_little_else(square, wide, long):
     """Random points leave places free beside the gap, into which an empty disc gets a few spacings far."""
