@@ -132,6 +132,20 @@ def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf):
     assert cKDTree(direct).query(mixed)[0].max() < SHARPENED * STEP
 
 
+def test_a_mesh_coarser_than_the_data_is_closed_and_has_no_hair_that_is_gone(tiles, leaf, solid):
+    step = 2.5 * STEP
+    assert step > leaf.texture.finest
+    made = leaf.plan_mesh(step, closed=True).extract()
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+    coarse = hairs_of(leaf, made.mesh.vertices)
+    assert len(coarse) > 0
+    assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(coarse)[0].max() < step
+    # With all hairs there are some that are farther off.
+    full = hairs_of(leaf, on_strip(tiles).plan_mesh(step, closed=True).extract().mesh.vertices)
+    assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(full)[0].max() > 2 * RADIUS + step
+
+
 def test_a_window_is_part_of_the_whole_and_a_file_has_what_is_extracted(leaf, solid, tmp_path):
     whole, window = (leaf.extract_mesh(STEP, region) for region in (None, [[3.0, -1.0], [6.0, 1.0]]))
     places = {row.tobytes() for row in np.asarray(whole.vertices)}
