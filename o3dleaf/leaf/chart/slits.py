@@ -14,7 +14,7 @@ from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes
 
 GAPS = ((2.0, 13.0), (1.7, 20.0), (1.5, 31.0))
 """Spacings across a gap and along it at least: longer than the longest gap as wide in nine of ten draws of 20,000
-random points (medians 10.5, 16, 26), and in all of a hundred draws of 2,000 but one."""
+random points (medians 10.5, 16, 26), and in all of a hundred draws of 2,000 but one (`scripts/measure_gaps.py`)."""
 WIDEST, NARROWEST = GAPS[0][0], GAPS[-1][0]
 NEAR = 48
 """Triangles around one that tell the density there: those of 24 points."""
@@ -48,11 +48,11 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
     triangles : (m, 3) ndarray of int
         An oriented manifold sheet.
     """
-    sheet = _Sheet.of(vertices, triangles)
+    sheet = Sheet.of(vertices, triangles)
     is_sure = np.zeros(len(triangles), bool)
     for wide, long in GAPS:
         for rows in sheet.gaps(wide):
-            is_sure[rows] |= sheet.extent(rows) >= long * np.median(sheet.spacing[rows])
+            is_sure[rows] |= sheet.length_of(rows) >= long
     for rows in sheet.gaps(WIDEST):
         is_sure[rows] |= sheet.joins_rims(rows, WIDEST)
     slits = [rows for rows in sheet.gaps(NARROWEST) if is_sure[rows].any()]
@@ -68,18 +68,23 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sheet:
-    """Triangles with what is measured of them: edge lengths (e,), areas, middles, spacing (m,); rim (m, 3) or -1."""
+class Sheet:
+    """Triangles with what is measured of them.
+
+    Lengths of their `sides` (m, 3), `area` (m,), `middles` (m, 3), 1/√density around them (`spacing`, m), and the `rim`
+    that each side lies on (m, 3), -1 for none.
+    """
 
     edges: EdgeTable
-    length: FloatArray
+    sides: FloatArray
     area: FloatArray
     middles: FloatArray
     spacing: FloatArray
     rim: IntArray
 
     @classmethod
-    def of(cls, vertices: FloatArray, triangles: IntArray) -> "_Sheet":
+    def of(cls, vertices: FloatArray, triangles: IntArray) -> "Sheet":
+        """Return what is measured of the triangles of vertices (n, 3)."""
         edges, area = EdgeTable.of(triangles), triangle_areas(vertices, triangles)
         middles = vertices[triangles].mean(axis=1)
         # From the median area of triangles near, of which a gap has few.
@@ -89,16 +94,17 @@ class _Sheet:
         rim = np.full(len(edges.ends), -1)
         rim[loops.edges] = loops.of_edge
         length = np.linalg.norm(vertices[edges.ends[:, 1]] - vertices[edges.ends[:, 0]], axis=1)
-        return cls(edges, length, area, middles, spacing, rim[edges.of_half].reshape(-1, 3))
+        sides, rims = (each[edges.of_half].reshape(-1, 3) for each in (length, rim))
+        return cls(edges, sides, area, middles, spacing, rims)
 
     def gaps(self, wide: float) -> list[IntArray]:
         """Return the triangles of each place that an empty disc of a diameter in spacings can be moved about in."""
-        sides = self.length[self.edges.of_half].reshape(-1, 3)
         least = wide * self.spacing
-        empty = sides.prod(axis=1) >= 2 * least * self.area  # a b c / 2 A is the diameter of the circle
+        empty = self.sides.prod(axis=1) >= 2 * least * self.area  # a b c / 2 A is the diameter of the circle
         inner = np.flatnonzero(self.edges.count == 2)
-        one, other = (self.edges.order[self.edges.first(inner) + side].astype(np.int64) // 3 for side in range(2))
-        joined = empty[one] & empty[other] & (self.length[inner] >= np.minimum(least[one], least[other]))
+        half, opposite = (self.edges.order[self.edges.first(inner) + side].astype(np.int64) for side in range(2))
+        one, other = half // 3, opposite // 3
+        joined = empty[one] & empty[other] & (self.sides.ravel()[half] >= np.minimum(least[one], least[other]))
         label = label_nodes(one[joined], other[joined], len(self.area))
         rows = np.flatnonzero(empty)
         rows = rows[np.argsort(label[rows], kind="stable")]
@@ -108,8 +114,11 @@ class _Sheet:
         """Return the diagonal of the box around some triangles."""
         return float(np.linalg.norm(np.ptp(self.middles[rows], axis=0)))
 
+    def length_of(self, rows: IntArray) -> float:
+        """Return the extent in spacings of the place."""
+        return self.extent(rows) / float(np.median(self.spacing[rows]))
+
     def joins_rims(self, rows: IntArray, wide: float) -> bool:
         """Return whether a disc of a diameter in spacings leaves a gap over two rims."""
-        sides = self.length[self.edges.of_half].reshape(-1, 3)[rows]
-        open_ = (self.rim[rows] >= 0) & (sides >= wide * self.spacing[rows, np.newaxis])
+        open_ = (self.rim[rows] >= 0) & (self.sides[rows] >= wide * self.spacing[rows, np.newaxis])
         return len(np.unique(self.rim[rows][open_])) > 1

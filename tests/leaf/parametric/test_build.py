@@ -39,8 +39,8 @@ def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
 
 
 def test_a_leaf_rolled_until_its_margins_nearly_meet_is_cut_open_between_them():
-    leaf = o3l.samples.leaf_shape("curled", angle=165, length=60, width=16)
-    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.7)
+    leaf = o3l.samples.leaf_shape("curled", angle=165, length=60, width=24)
+    scan = o3l.samples.scan_leaf(leaf, seed=2, spacing=0.7)
     blade = o3l.create_blade(scan.points, unit="mm")
     assert any("rolled up" in note for note in blade.notes)
     assert blade.outline.area == pytest.approx(leaf.area, rel=tol.AREA_OF_ROLLED_LEAF)
