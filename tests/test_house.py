@@ -114,6 +114,27 @@ def test_no_tolerance_replaces_another():
     assert [name for name, count in names.items() if count > 1] == []
 
 
+def test_every_tolerance_that_a_test_reads_is_there_and_every_one_there_is_read():
+    """A test that reads a missing one fails only where it gets so far; one that no test reads holds nothing."""
+    there = {
+        node.targets[0].id for node in parsed(ROOT / "tests" / "tolerances.py").body if isinstance(node, ast.Assign)
+    }
+    read = set()
+    for path in [*(ROOT / "tests").rglob("*.py"), *(ROOT / "scripts").rglob("*.py")]:
+        modules = set()
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[-1] == "tolerances":
+                read |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.Import | ast.ImportFrom):
+                modules |= {each.asname or each.name for each in node.names if each.name.endswith("tolerances")}
+        read |= {
+            node.attr
+            for node in ast.walk(parsed(path))
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules
+        }
+    assert sorted(read ^ there) == []
+
+
 def test_compiled_code_stands_on_compiled_code_alone():
     """So the stamp of a compiled module, which follows `from ..._loops import`, knows all that it depends on."""
     known = r"(o3dleaf\.[\w.]+_loops|o3dleaf\.core\.compiled\.decorator) import|\S+ import (Float|Int)Array$"

@@ -1035,6 +1035,9 @@ NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
 AREA_OF_ROLLED_LEAF = 0.009
 """Of the area: 0.006 (0.003 to 0.008 in four draws); where points at the gap are lost with it, 0.013."""
+MIRRORED_SEAM = 0.5
+"""Spacings between a surface and the mirror image of a half unlike it, beside where the image begins; 0.7 where it is
+not shifted onto what is seen."""
 
 BANDED_SOLUTION = 1e-12
 """Of systems of condition below 1e3 whose numbers are of size 1; a band that is off by one is off by 0.1."""
