@@ -1,4 +1,4 @@
-"""How long the gaps are that chance leaves among random points: what `leaf/chart/slits` takes for a slit is longer.
+"""How long the gaps are that chance leaves among random points: what `leaf/sheet/slits` takes for a slit is longer.
 
 python scripts/measure_gaps.py [--points N ...] [--draws N]
 
@@ -11,7 +11,7 @@ import argparse
 import numpy as np
 from scipy.spatial import Delaunay
 
-from o3dleaf.leaf.chart.slits import GAPS, Sheet
+from o3dleaf.leaf.sheet.slits import GAPS, Sheet
 
 BORDER = 2.0
 """Spacings along the border of the square that do not count: triangles of the convex hull are long there."""
@@ -25,7 +25,7 @@ def longest_gaps(count, rng):
     middles = flat[triangles].mean(axis=1)
     inside = np.all((middles > BORDER) & (middles < side - BORDER), axis=1)
     sheet = Sheet.of(np.column_stack([flat, np.zeros(count)]), triangles[inside])
-    return [max((sheet.length_of(rows) for rows in sheet.gaps(wide)), default=0.0) for wide, _ in GAPS]
+    return [max((sheet.length_of(rows) for rows in sheet.gaps(wide)), default=0.0) for wide, *_ in GAPS]
 
 
 def main():
@@ -36,10 +36,11 @@ def main():
     for count in given.points:
         found = np.array([longest_gaps(count, np.random.default_rng(seed)) for seed in range(given.draws)])
         print(f"{count:,} points, {given.draws} draws")
-        for (wide, long), lengths in zip(GAPS, found.T, strict=True):
+        for (wide, growth, less), lengths in zip(GAPS, found.T, strict=True):
+            long = growth * np.log(count) - less
             middle, most, largest = np.quantile(lengths, [0.5, 0.9, 1.0])
             print(
-                f"  {wide:g} across: {middle:.1f}, {most:.1f}, {largest:.1f}; longer than {long:g}: "
+                f"  {wide:g} across: {middle:.1f}, {most:.1f}, {largest:.1f}; longer than {long:.1f}: "
                 f"{np.sum(lengths >= long)}"
             )
 

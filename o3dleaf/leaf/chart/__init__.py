@@ -5,7 +5,6 @@
 `stalk`        a stalk among points, and where it widens into the blade
 `flatten`      `lay_flat`: the chart of a sheet
 `petiole`      the petiole, by its cross-section
-`slits`        gaps between the margins of a leaf that is rolled up
 `midline`      the midrib in the chart
 `turn`         the chart turned so that the midrib lies along u
 `sheet_chart`  `chart_sheet`: all of it together

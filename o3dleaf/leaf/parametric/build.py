@@ -10,10 +10,9 @@ import numpy as np
 from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
-from o3dleaf.leaf.chart.slits import find_slits
 from o3dleaf.leaf.fit_noise import local_noise
 from o3dleaf.leaf.margin.margin import Margin
 from o3dleaf.leaf.options import BladeOptions
@@ -23,7 +22,9 @@ from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
 from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
+from o3dleaf.leaf.sheet.holes import split_bow_ties
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
+from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 MAX_RESIDUAL = 10.0
@@ -133,7 +134,7 @@ def _lay_flat(
         slits = find_slits(sheet.vertices, sheet.triangles)
         if slits is None:
             raise
-    vertices, triangles = drop_unused_vertices(sheet.vertices, sheet.triangles[slits.kept])
+    vertices, triangles = split_bow_ties(sheet.vertices, sheet.triangles[slits.kept])
     cut = replace(sheet, vertices=vertices, triangles=triangles, notes=(*sheet.notes, slits.note))
     return cut, chart(vertices, triangles)
 

@@ -16,7 +16,7 @@ from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.stars import SLOPE, triangulate
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
-from o3dleaf.surface.mesh.topology import EdgeTable, label_triangles
+from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_triangles
 
 PLANE = 1.25
 """Least width, in spacings, that normals are found over: 2.5 spacings around a point some twenty others lie."""
@@ -107,6 +107,11 @@ class OpenSheets:
     def sheet(self, number: int = 0) -> tuple[FloatArray, IntArray]:
         """Return vertices and triangles of one sheet."""
         return drop_unused_vertices(self.vertices, self.triangles[self.piece == number])
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether the largest sheet has no rim."""
+        return not find_holes(*self.sheet()).is_rim.any()
 
     def rim(self) -> FloatArray:
         """Return the vertices (k, 3) on the rims of the largest sheet."""

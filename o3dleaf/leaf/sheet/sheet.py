@@ -12,10 +12,12 @@ from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
-from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
+from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
+from o3dleaf.leaf.sheet.read_out import tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.leaf.sheet.widths import (
     LINK,
     OFF,
@@ -43,6 +45,9 @@ ROUNDS = 6
 """Times that a cloud is averaged anew at most, each time where the sheet before it lay double."""
 THICK = 25.0
 """Spacings up to which the two sides of a closed surface are taken for those of a thin leaf."""
+FLAT = 0.75
+"""Mean thickness over the median distance between the sides of a thin leaf at least: 0.76 of an elliptic section three
+times as wide as high, 0.66 of one twice as wide, 0.5 of a cylinder."""
 SAMPLE = 400
 """Vertices at which the thickness of a closed surface is measured."""
 MEETING = 3.0
@@ -151,12 +156,7 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     overlaps = nearest_layers(vertices, normals, WIDEST * spacing, STEEP)
     vertices, triangles, flaps = cut_off_flaps(vertices, triangles, same_facing(overlaps))
     vertices, triangles = fill_small_holes(vertices, triangles, 2 * np.pi * sheets.gap)
-    if not find_holes(vertices, triangles).is_rim.any():
-        raise ReconstructionError(
-            f"scan: its points close around a volume at {place_of(vertices)}, {np.ptp(vertices, axis=0).max():.3g} "
-            "across, and no sheet is open there; give one side of the leaf",
-            _some(vertices),
-        )
+    vertices, triangles, slits = _opened(vertices, triangles)
     held = distance_to_mesh(vertices, triangles, sheets.points) <= OFF * spacing
     if held.sum() < FEWEST:
         raise ReconstructionError(
@@ -169,9 +169,24 @@ def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet
     rows = pool[of_sheet[query(cKDTree(scan[made_of]), scan[pool])[1]]]
     passes = find_passes(scan[solved.rows], sheets)
     joined = len(passes.places) > 0 or bool((solved.width > solved.base).any())
-    notes = tell_averaging(scan[solved.rows], solved.width, solved.base, passes) + tell_cuts(sheets.cut, flaps)
+    averaged = tell_averaging(scan[solved.rows], solved.width, solved.base, passes)
+    notes = averaged + slits + tell_cuts(sheets.cut, flaps)
     whole = spacing * float(np.sqrt(held.sum() / len(rows)))
     return OpenSheet(vertices, triangles, rows, whole, float(solved.width.max()) if joined else 0.0, notes)
+
+
+def _opened(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray, tuple[str, ...]]:
+    """Return a sheet, cut along its slits if it is closed, and a line if it was; or raise `ReconstructionError`."""
+    if find_holes(vertices, triangles).is_rim.any():
+        return vertices, triangles, ()
+    slits = find_slits(vertices, triangles)
+    if slits is None:
+        raise ReconstructionError(
+            f"scan: its points close around a volume at {place_of(vertices)}, {np.ptp(vertices, axis=0).max():.3g} "
+            "across, and no sheet is open there; give one side of the leaf",
+            _some(vertices),
+        )
+    return *split_bow_ties(vertices, triangles[slits.kept]), (slits.note,)
 
 
 def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
@@ -187,19 +202,22 @@ def _solve(scan: FloatArray, some: IntArray, *, one_sheet: bool) -> _Solved:
     width = np.full(len(cloud), base)
     layers = Layers.none()
     sheets = OpenSheets.of(cloud.points, width, spacing)
+    thickness = _thickness(sheets) if sheets.is_closed else 0.0
+    is_tube = sheets.is_closed and not np.isfinite(thickness)
     if not one_sheet:
         _refuse_layers(cloud.points, sheets)
         return _Solved(sheets, width, base, some)
-    fewer = _thin_sides(sheets)
+    # Thinned until the sides of a thin leaf lie near enough to be averaged.
+    fewer = 1 if is_tube else int(np.ceil((thickness / (MEETING * spacing)) ** 2))
     if fewer > 1 and len(some) // fewer >= FEWEST:
         return _solve(scan, some[thinned(len(some), fewer)], one_sheet=one_sheet)
-    if base == 0 and len(find_layers(sheets)[0]) >= FEWEST:
+    if base == 0 and len(find_layers(sheets, is_tube=is_tube)[0]) >= FEWEST:
         others = other_layers(cloud.points, spacing, cloud.noise)
         if len(others):
             solved = _solve(scan, np.delete(some, others), one_sheet=one_sheet)
             return solved._replace(others=np.append(some[others], solved.others))
     for round_ in range(ROUNDS):
-        after = layers.after(*find_layers(sheets), LINK * spacing)
+        after = layers.after(*find_layers(sheets, is_tube=is_tube), LINK * spacing)
         if after.like(layers):
             break
         layers = after
@@ -228,17 +246,19 @@ def _part_branches(points: FloatArray, width: FloatArray, sheets: OpenSheets) ->
     return parted if gained >= FEWEST * sheets.spacing**2 and 2 * inside.sum() > len(inside) else sheets
 
 
-def _thin_sides(sheets: OpenSheets) -> int:
-    """Return how many times to thin a closed surface for its sides to lie within three spacings of each other."""
+def _thickness(sheets: OpenSheets) -> float:
+    """Return how far apart the sides of the largest sheet, a closed one, are, inf where it is round rather than flat.
+
+    A solid of volume V and area A is 2 V / A thick on the mean if it is flat; a cylinder is twice as thick as that.
+    """
     vertices, triangles = sheets.sheet()
-    if find_holes(vertices, triangles).is_rim.any():
-        return 1
     normals = vertex_normals(vertices, triangles)
     some = thinned(len(vertices), -(-len(vertices) // SAMPLE))
     overlaps = nearest_layers(vertices, normals, THICK * sheets.spacing, STEEP, some)
-    apart = np.where(overlaps.facing < 0, overlaps.distance, np.inf).min(axis=1)
-    thick = float(np.median(apart))
-    return int(np.ceil((thick / (MEETING * sheets.spacing)) ** 2)) if np.isfinite(thick) else 1
+    apart = float(np.median(np.where(overlaps.facing < 0, overlaps.distance, np.inf).min(axis=1)))
+    middle = vertices[triangles] - vertices.mean(axis=0)
+    volume = abs(np.linalg.det(middle).sum()) / 6
+    return apart if np.isfinite(apart) and 2 * volume >= FLAT * apart * sheets.areas[0] else np.inf
 
 
 def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:

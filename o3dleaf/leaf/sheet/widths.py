@@ -12,7 +12,7 @@ from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, Overlaps, nearest_layers
 from o3dleaf.surface.cloud.surfels import thinned
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
-from o3dleaf.surface.mesh.topology import find_holes, label_nodes
+from o3dleaf.surface.mesh.topology import label_nodes
 from o3dleaf.surface.reconstruction.along_mesh import vertex_normals
 
 CLEAN = 0.05
@@ -59,11 +59,12 @@ def noise_width(noise: float, spacing: float) -> float:
     return float(spacing * np.clip(np.sqrt(PER_NOISE * noise / spacing), least, most))
 
 
-def find_layers(sheets: OpenSheets) -> tuple[FloatArray, FloatArray]:
+def find_layers(sheets: OpenSheets, *, is_tube: bool = False) -> tuple[FloatArray, FloatArray]:
     """Return places (k, 3) where a second layer lies over the largest sheet, and how far off it is (k,).
 
     Layers are points above or below the sheet that lie parallel to it, and parts of the sheet that face its way with
-    nothing between; of a sheet without a rim also the side that faces away, as of a thin leaf scanned from both sides.
+    nothing between; of a sheet without a rim, but of no tube, also the side that faces away, as of a thin leaf scanned
+    from both sides.
     """
     vertices, triangles = sheets.sheet()
     reach = WIDEST * sheets.spacing
@@ -71,7 +72,7 @@ def find_layers(sheets: OpenSheets) -> tuple[FloatArray, FloatArray]:
     off, parallel = _points_above(sheets, vertices, triangles, normals)
     distance, facing, _ = nearest_layers(vertices, normals, reach, STEEP)
     layer = np.isfinite(distance) & (facing >= PARALLEL)
-    if not find_holes(vertices, triangles).is_rim.any():
+    if sheets.is_closed and not is_tube:
         layer |= np.isfinite(distance) & (facing <= -PARALLEL)
     gap = np.where(layer, distance, 0.0)
     rows = np.flatnonzero(gap.max(axis=1) > 0)

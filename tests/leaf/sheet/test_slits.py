@@ -3,13 +3,17 @@ import pytest
 import shapely
 from scipy.spatial import Delaunay
 
+import o3dleaf as o3l
 from o3dleaf.core.mesh_arrays import triangle_areas
-from o3dleaf.leaf.chart.slits import find_slits
-from o3dleaf.surface.mesh.topology import label_triangles
+from o3dleaf.leaf.sheet.sheet import find_sheet
+from o3dleaf.leaf.sheet.slits import find_slits
+from o3dleaf.surface.mesh.topology import find_holes, label_triangles
 
 SIDE = 60.0
 ELSEWHERE = 0.04
 """Share of the area that may be cut farther than a spacing from the gap."""
+SHEET_AREA = 0.08
+"""Of the leaf's, 0.063 and 0.071 less: sheets end at the outermost points, half a spacing inside, and beside slits."""
 SQUARE = shapely.box(2, 2, SIDE - 2, SIDE - 2)
 
 
@@ -82,3 +86,17 @@ def test_a_short_gap_from_rim_to_rim_is_cut(rng, wide):
         assert area[~slits.kept][beside].sum() < ELSEWHERE * area.sum()
         assert np.ptp(cut[:, 0]) > 7
         assert "1 gap(s)" in slits.note
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_leaf_whose_margins_are_joined_all_along_is_opened(seed):
+    """Triangles close the tube of seed 0 at once, and that of seed 5 when its small holes are closed."""
+    leaf = o3l.samples.leaf_shape("curled", angle=165, length=60, width=24)
+    scan = o3l.samples.scan_leaf(leaf, seed=seed, spacing=0.7)
+    sheet = find_sheet(scan.points)
+    assert find_holes(sheet.vertices, sheet.triangles).is_rim.any()
+    assert any("rolled up" in note for note in sheet.notes)
+    area = triangle_areas(sheet.vertices, sheet.triangles).sum()
+    assert area == pytest.approx(leaf.area, rel=SHEET_AREA)
+    # It was not thinned, as the sides of a thin leaf are.
+    assert len(sheet.rows) > 0.99 * len(scan.points)

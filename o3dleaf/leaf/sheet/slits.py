@@ -9,13 +9,14 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.chart.flattening.sheet_shape import largest_sheet, place_of
-from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes
+from o3dleaf.leaf.sheet.leftovers import place_of
+from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes, label_triangles
 
-GAPS = ((2.0, 13.0), (1.7, 20.0), (1.5, 31.0))
-"""Spacings across a gap and along it at least: longer than the longest gap as wide in nine of ten draws of 20,000
-random points (medians 10.5, 16, 26), and in all of a hundred draws of 2,000 but one (`scripts/measure_gaps.py`)."""
-WIDEST, NARROWEST = GAPS[0][0], GAPS[-1][0]
+GAPS = ((2.0, 1.2, -3.3), (1.7, 2.4, 0.0), (1.5, 4.0, 3.5))
+"""Spacings w across a gap, and a and b: among n random points the longest gap as wide is no longer than a ln n - b
+spacings in 49 of 50 draws, of 500 to 20,000 points (`scripts/measure_gaps.py`). It grows as the logarithm, for where
+wide ways do not percolate, long ones are rarer exponentially."""
+WIDEST = GAPS[0][0]
 NEAR = 48
 """Triangles around one that tell the density there: those of 24 points."""
 MEDIAN = 0.376
@@ -38,8 +39,8 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
     places that an empty disc of that diameter can be moved to. Among random points it gets short ways only: what discs
     around them leave free does not percolate where they are wider than 1.2 spacings (Meester and Roy 1996). Between the
     margins of a leaf that is rolled up it goes along the leaf, or from one rim of the tube to the other. A gap is a
-    slit if part of it is long for one of `GAPS`, or joins two rims at the widest w; it is cut where it is as wide as
-    the narrowest.
+    slit if it is longer than chance has it for one of `GAPS`, or joins two rims at the widest w. It is cut on where it
+    is narrower, unless that cuts the sheet to pieces.
 
     Parameters
     ----------
@@ -49,22 +50,31 @@ def find_slits(vertices: FloatArray, triangles: IntArray) -> Slits | None:
         An oriented manifold sheet.
     """
     sheet = Sheet.of(vertices, triangles)
-    is_sure = np.zeros(len(triangles), bool)
-    for wide, long in GAPS:
-        for rows in sheet.gaps(wide):
-            is_sure[rows] |= sheet.length_of(rows) >= long
-    for rows in sheet.gaps(WIDEST):
-        is_sure[rows] |= sheet.joins_rims(rows, WIDEST)
-    slits = [rows for rows in sheet.gaps(NARROWEST) if is_sure[rows].any()]
-    if not slits:
-        return None
-    stays = np.ones(len(triangles), bool)
-    stays[np.concatenate(slits)] = False
-    kept = largest_sheet(vertices, triangles, stays)
-    if sheet.area[kept].sum() < LEAST * sheet.area.sum():
-        return None
-    told = ", ".join(f"{sheet.extent(rows):.3g} long at {place_of(sheet.middles[rows].mean(axis=0))}" for rows in slits)
-    return Slits(kept, f"rolled up: cut along {len(slits)} gap(s) between margins that hold no points, {told}")
+    is_sure, found = np.zeros(len(triangles), bool), None
+    for wide, growth, less in GAPS:
+        gaps, long = sheet.gaps(wide), growth * np.log(len(triangles) / 2) - less
+        for rows in gaps:
+            is_sure[rows] |= sheet.length_of(rows) >= long or (wide == WIDEST and sheet.joins_rims(rows, wide))
+        slits = [rows for rows in gaps if is_sure[rows].any()]
+        if slits:
+            kept = _largest(triangles, sheet.area, np.concatenate(slits))
+            if sheet.area[kept].sum() >= LEAST * sheet.area.sum():
+                found = Slits(kept, _told(sheet, slits))
+    return found
+
+
+def _told(sheet: "Sheet", slits: list[IntArray]) -> str:
+    each = ", ".join(f"{sheet.extent(rows):.3g} long at {place_of(sheet.middles[rows])}" for rows in slits)
+    return f"rolled up: cut along {len(slits)} gap(s) between margins that hold no points, {each}"
+
+
+def _largest(triangles: IntArray, area: FloatArray, without: IntArray) -> BoolArray:
+    """Return which (m,) triangles are the largest piece without some (k,)."""
+    rows = np.delete(np.arange(len(triangles)), without)
+    piece = label_triangles(triangles[rows])
+    kept = np.zeros(len(triangles), bool)
+    kept[rows[piece == np.bincount(piece, area[rows], minlength=1).argmax()]] = True
+    return kept
 
 
 @dataclass(frozen=True, eq=False)
