@@ -1031,6 +1031,9 @@ HIDDEN_AREA = 0.02
 """Of a leaf's area of which a tenth is hidden."""
 EXTENDED_FEET = 0.15
 """Between the feet of points beyond a sheet of 24 by 10 and their places in the plane that it was rolled up from."""
+BENT_TIP = 0.03
+"""Spacings off a surface of points that bend out of a plane: 0.009 to 0.021 in five draws; 0.042 to 0.2 where the
+plane's rounding is taken for the noise."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
 AREA_OF_ROLLED_LEAF = 0.009

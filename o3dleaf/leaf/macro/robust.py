@@ -28,8 +28,9 @@ from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
 
 NEIGHBORS = 12
-ROUNDING = 1e-9
-"""Of a leaf's length: heights that differ by less are equal, but for rounding."""
+LEAST_NOISE = 0.01
+"""Of the spacing. A scan that is flat for the most part and has no noise shows none at all about its planes, and a bend
+would be an error of any number of deviations; one of less than this says nothing."""
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
 MAD = 1.4826
@@ -58,7 +59,7 @@ class RobustChoice:
     bandwidth : float
         Its low-pass bandwidth, in the points' unit.
     noise : float
-        Standard deviation of the scan about its local planes.
+        Standard deviation of the scan about its local planes, or `LEAST_NOISE`.
     weights : (n,) ndarray
         Huber's, of each point: 1 within 1.345 noise of the surface, less beyond.
     """
@@ -134,7 +135,7 @@ class Trials(NamedTuple):
     Attributes
     ----------
     noise : float
-        Standard deviation of the points about their local planes.
+        Standard deviation of the points about their local planes, or `LEAST_NOISE`.
     stretches : (n,) ndarray of int64
         The stretch of the leaf that each point was held out with.
     bandwidths, smoothings : (t,) ndarrays
@@ -181,10 +182,8 @@ def try_smoothings(
         Of the leaf; by default what most points lie within of across = 0, or nearly.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
-    noise = plane_noise(leaf_points)
-    # An exactly flat leaf has no noise: what rounding leaves stands for it.
-    corner = HUBER * max(noise, ROUNDING * float(np.ptp(leaf_points, axis=0).max()))
-    problem = RobustHeight(cover, plane, heights, kernel, corner)
+    noise = max(plane_noise(leaf_points), LEAST_NOISE / np.sqrt(_density(plane)))
+    problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
     stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)

@@ -127,7 +127,7 @@ class SurfaceProblem:
 
     def reweighted(self, heights: FloatArray) -> "SurfaceProblem":
         """Return the problem with Huber's weights for the distances (n,) of the sites from the surface."""
-        if self.choice is None or self.choice.noise == 0:  # without noise no distance is a large one
+        if self.choice is None:
             return self
         corner = HUBER * self.choice.noise
         return replace(

@@ -108,6 +108,20 @@ def test_a_minority_that_lies_off_is_not_followed(scan):
     assert np.median(fit.heights[beside]) == pytest.approx(0.5, abs=tol.BESIDE_A_MAJORITY * NOISE)
 
 
+def test_a_flat_scan_without_noise_is_followed_where_it_bends():
+    """Its own planes show no noise, of which the bend is no error either."""
+    bent = LENGTH * 0.7
+
+    def hook(plane):
+        u, v = plane.T
+        turn = np.maximum(u - bent, 0) / 3.0
+        return np.column_stack([np.minimum(u, bent) + 3.0 * np.sin(turn), v, 3.0 * (1 - np.cos(turn))])
+
+    points, sheet = hook(places(900, 2)), strip()
+    heights = np.abs(fit_chart_surface(points, replace(sheet, vertices=hook(sheet.chart))).heights)
+    assert heights.max() < tol.BENT_TIP * np.sqrt(2 * LENGTH * HALF_WIDTH / len(points))
+
+
 def test_smoothing_is_less_where_the_leaf_is_wavy():
     plane = places(2400, 2)
     waves = np.where(plane[:, 0] > 0.8 * LENGTH, 0.15 * np.sin(2.5 * plane[:, 0]) * np.cos(2.5 * plane[:, 1]), 0.0)
