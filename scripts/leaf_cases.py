@@ -45,6 +45,7 @@ CONDITIONS = {
     "passes": {"noise": 0.2, "passes": 2},
     "passes 0.5": {"noise": 0.5, "passes": 2},
     "lines": {"noise": 0.2, "pattern": "lines"},
+    "stripes": {"noise": 0.2, "pattern": "stripes"},
     "grid": {"noise": 0.0, "pattern": "grid"},
 }
 FILL = 6.0

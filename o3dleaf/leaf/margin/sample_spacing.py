@@ -11,8 +11,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 NEIGHBORS = 32
 """Points that a local spacing is averaged over: a tenth of noise, over some six spacings."""
-FAR = 3.0
-"""Edges longer than this many spacings cross a gap and do not tell how the sample is spaced."""
+FAR, FAR_SIDE = 3.0, 1.25
+"""Edges longer than this many spacings, and than this many of the sides that are usual around, cross a gap and do not
+tell how the sample is spaced. Sides of random points are 1.7 spacings long; between scan lines they are the longer the
+farther the lines are apart, and neighbors of a point are all on its own line."""
 
 
 def edges_of(triangles: IntArray) -> IntArray:
@@ -39,17 +41,27 @@ def local_shape(points: FloatArray, triangles: IntArray) -> FloatArray:
     spacing = crude_spacing(points, tree)
     edges = edges_of(triangles)
     vectors = points[edges[:, 1]] - points[edges[:, 0]]
-    near = np.hypot(*vectors.T) <= FAR * spacing[edges].min(axis=1)
+    around = tree.query(points, k=min(NEIGHBORS, len(points)))[1]
+    usual = np.median(_usual_sides(points, triangles)[around], axis=1)
+    near = np.hypot(*vectors.T) <= np.maximum(FAR * spacing, FAR_SIDE * usual)[edges].min(axis=1)
     ends, vectors = edges[near].ravel(), np.repeat(vectors[near], 2, axis=0)
     products = np.stack([vectors[:, 0] ** 2, vectors[:, 0] * vectors[:, 1], vectors[:, 1] ** 2], axis=1)
     sums = np.stack([np.bincount(ends, column, len(points)) for column in products.T], axis=1)
-    around = tree.query(points, k=min(NEIGHBORS, len(points)))[1]
     xx, xy, yy = sums[around].sum(axis=1).T
     determinant = xx * yy - xy**2
     known = determinant > 1e-6 * (xx + yy) ** 2  # else they lie on a line: no shape is known
     root = np.sqrt(np.where(known, determinant, 1.0))
     metric: FloatArray = np.where(known[:, None], np.stack([yy, -xy, xx], axis=1) / root[:, None], [1.0, 0.0, 1.0])
     return metric
+
+
+def _usual_sides(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Return for each point (n,) the mean over the area of its triangles of their longest side."""
+    sides = points[triangles] - points[np.roll(triangles, 1, axis=1)]
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    longest = np.sqrt((sides**2).sum(axis=2).max(axis=1))
+    whole, weighted = (cells_of(points, triangles, each) for each in (area, area * longest))
+    return np.divide(weighted, whole, out=np.zeros(len(points)), where=whole > 0)
 
 
 def cells_of(points: FloatArray, triangles: IntArray, areas: FloatArray) -> FloatArray:

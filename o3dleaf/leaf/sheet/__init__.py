@@ -1,6 +1,7 @@
 """From any scan of a leaf to one open sheet: averaged where it must be, triangulated, and glued without handles.
 
 `average`        points averaged across their surface, and thinned
+`scan_lines`     scan lines far apart, thinned along themselves
 `stars`          triangles between points: the Delaunay stars of tangent planes
 `gluing`         triangles glued into sheets without handles
 `holes`          small holes closed, flaps of other sheets cut off

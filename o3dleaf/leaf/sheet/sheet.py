@@ -17,6 +17,7 @@ from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
 from o3dleaf.leaf.sheet.read_out import tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.leaf.sheet.widths import (
     LINK,
@@ -149,6 +150,7 @@ def _with_strays(sheet: OpenSheet, scan: FloatArray, used: IntArray) -> OpenShee
 def _sheet_of(scan: FloatArray, pool: IntArray, *, one_sheet: bool) -> OpenSheet:
     """Return the sheet through the points `pool` (k,) of a scan (n, 3)."""
     some = pool[thinned(len(pool), -(-len(pool) // MOST))]
+    some = some[without_scan_lines(scan[some])]
     solved = _solve(scan, some, one_sheet=one_sheet)
     sheets, spacing = solved.sheets, solved.sheets.spacing
     vertices, triangles = sheets.sheet()

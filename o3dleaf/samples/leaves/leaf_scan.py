@@ -20,7 +20,10 @@ from o3dleaf.core.resources.needs import in_words, require_resources
 from o3dleaf.samples.leaves.leaf_shape import LeafShape
 from o3dleaf.samples.leaves.plane_mesh import integrate
 
-PATTERNS = ("random", "lines", "grid")
+STEPS = {"lines": (2.0, 0.5), "stripes": (4.0, 0.25), "grid": (1.0, 1.0)}
+"""Of patterns that are even in the chart, in spacings: along the leaf, and across it."""
+TURNS = {"lines": 0.0, "stripes": 0.0, "grid": np.radians(20.0)}
+PATTERNS = ("random", *STEPS)
 DIRECTIONS = ("any", "normal")
 GAPS = ("none", "patches", "band", "margin")
 PATCHES = 8
@@ -35,7 +38,7 @@ DEPTH = 0.4
 MOST_PASSES = 1000
 Passes = Annotated[int, Allowed(lambda value: is_whole(value) and 1 <= value <= MOST_PASSES, "1 to 1000 passes")]
 JITTER = 0.1
-"""Of the places of lines and grids, in spacings."""
+"""Of the places of rows and grids, in spacings."""
 
 
 class LeafScan(NamedTuple):
@@ -77,9 +80,9 @@ class Scanning:
     ----------
     spacing : float
         1/√density of the points, of all passes together, in millimeters.
-    pattern : {"random", "lines", "grid"}
+    pattern : {"random", "lines", "stripes", "grid"}
         Independent points, uniform by area; rows across the leaf two spacings apart with two points a
-        spacing; a square grid, turned by 20°. The last two are even in (u, v).
+        spacing, and four apart with four; a square grid, turned by 20°. All but the first are even in (u, v).
     noise : float
         Standard deviation along each axis.
     direction : {"any", "normal"}
@@ -170,8 +173,7 @@ def draw_places(leaf: LeafShape, spacing: float, pattern: str, rng: np.random.Ge
     """Return the places (n, 2) of a leaf's points in its outline."""
     if pattern == "random":
         return _uniform(leaf, leaf.outline, round(leaf.area / spacing**2), rng)
-    steps = np.array([2.0, 0.5] if pattern == "lines" else [1.0, 1.0]) * spacing
-    angle = np.radians(0.0 if pattern == "lines" else 20.0)
+    steps, angle = spacing * np.array(STEPS[pattern]), TURNS[pattern]
     low, high = np.reshape(leaf.outline.bounds, (2, 2))
     middle, reach = (low + high) / 2, np.linalg.norm(high - low) / 2
     axes = (np.arange(-reach, reach, step) for step in steps)

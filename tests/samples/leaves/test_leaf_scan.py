@@ -19,7 +19,7 @@ def eaten():
     return leaf_shape("eaten")
 
 
-@pytest.mark.parametrize("pattern", ["random", "lines", "grid"])
+@pytest.mark.parametrize("pattern", ["random", "lines", "stripes", "grid"])
 @pytest.mark.parametrize("kind", PLAIN)
 def test_without_noise_points_lie_on_the_leaf(kind, pattern):
     leaf = leaf_shape(kind)
@@ -29,7 +29,7 @@ def test_without_noise_points_lie_on_the_leaf(kind, pattern):
     assert np.abs(leaf(scan.points) - leaf.half_thickness).max() < LIFTED_DISTANCE
 
 
-@pytest.mark.parametrize("pattern", ["random", "lines", "grid"])
+@pytest.mark.parametrize("pattern", ["random", "lines", "stripes", "grid"])
 def test_the_spacing_is_one_over_the_root_of_the_density(eaten, pattern):
     scan = scan_leaf(eaten, spacing=0.8, pattern=pattern)
     assert len(scan.points) * 0.8**2 == pytest.approx(eaten.area, rel=0.02)
