@@ -12,9 +12,10 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.leaf.blade.outline_area import sides_of
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.leaf.tile_lattice import leaf_lattice
 

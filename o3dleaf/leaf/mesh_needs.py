@@ -14,7 +14,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, in_words, need_of
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.instancing.tile import cost_of_tile
+from o3dleaf.leaf.instancing.extraction.tile_cost import cost_of_tile
 from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.quilting import SIZES

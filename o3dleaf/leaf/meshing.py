@@ -27,9 +27,9 @@ from o3dleaf.io.triangle_mesh import SUFFIXES
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly, Fragments
 from o3dleaf.leaf.instancing.block import FlatBlock
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.tile import extract_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade

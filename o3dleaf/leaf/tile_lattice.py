@@ -12,9 +12,11 @@ from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import O3DLeafError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.units import unit_scale
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
+from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
 from o3dleaf.leaf.instancing.sets.mixed_tile import MixedSet
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, Tiles, TilesAhead, TileSet, split_torus
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile, require_columns
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, TORUS, Coloring, torus_color
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.layer import LayerField

@@ -18,7 +18,7 @@ from o3dleaf.core.errors import InputError, O3DLeafError
 from o3dleaf.core.processes import spread as spreads
 from o3dleaf.core.processes.spread import Spread, each_block
 from o3dleaf.leaf.ct.voxel_file import VoxelFile
-from o3dleaf.leaf.instancing import tile
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.samples import wheat_ct
 
 
@@ -70,7 +70,7 @@ def fit_on(cluster, scan, folder, **given):
 
 @pytest.mark.parametrize("given", [{}, {"ct_crop": [[0, 30, -300], [700, 700, 200]], "tiles": "wang"}])
 def test_blocks_that_are_done_elsewhere_come_to_the_same_bytes(tmp_path, scan, monkeypatch, given):
-    monkeypatch.setitem(tile.extract_tile.__kwdefaults__, "slab_size", 1 << 12)
+    monkeypatch.setitem(extract_tile.__kwdefaults__, "slab_size", 1 << 12)
     cluster = Pickled()
     assert fit_on(cluster, scan, tmp_path / "spread", **given) == fit(scan, tmp_path / "plain", **given)
     assert cluster.sent.keys() == {"_Layers", "SolverThere", "partial"}

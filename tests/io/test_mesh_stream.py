@@ -18,7 +18,7 @@ from o3dleaf.io import obj, stl
 from o3dleaf.io.labelled_mesh import LABELS, RIM
 from o3dleaf.io.mesh_stream import Arrays, file_bytes, mesh_file
 from o3dleaf.io.ply import PlyFile, PlyLayout
-from o3dleaf.leaf.instancing.tile import extract_tile
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from tile_fields import LATTICE, assemble, layer, outline
 
 COMMENTS = ("spacing 0.05", "made by a test, in µm")

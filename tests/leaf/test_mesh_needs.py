@@ -8,7 +8,7 @@ from o3dleaf.core.resources.machine import resident
 from o3dleaf.core.resources.measured import SHEET_TRIANGLE, TILE_COLUMN
 from o3dleaf.core.resources.needs import SAFETY
 from o3dleaf.leaf.ct.volume import Volume
-from o3dleaf.leaf.instancing.tile import cost_of_tile
+from o3dleaf.leaf.instancing.extraction.tile_cost import cost_of_tile
 from o3dleaf.leaf.mesh_needs import least_area, need_for_sheet, need_for_tile
 from o3dleaf.samples.leaves.kinds import leaf_shape
 from o3dleaf.samples.leaves.leaf_scan import scan_leaf

@@ -19,6 +19,10 @@ from o3dleaf.core.resources.durations import parse_duration
 from o3dleaf.core.resources.machine import Limit
 from o3dleaf.core.resources.sizes import parse_size
 
+KEPT = 1 / 128
+"""Of the memory that was stated, which the allocator may keep of what each thread freed: one array of dozens, as it
+were."""
+
 
 class _Stated:
     """What was stated for the whole process."""
@@ -42,6 +46,7 @@ def set_memory_limit(size: str | int | None) -> None:
         If it is no size.
     """
     _Stated.limit = None if size is None else parse_size(size)
+    _hold_allocator()
 
 
 def get_memory_limit() -> int | None:
@@ -59,11 +64,22 @@ def memory_limit(size: str | int | None) -> Iterator[None]:
     InputError
         If it is no size.
     """
-    token = _within.set(_within.get() if size is None else parse_size(size))
+    if size is None:
+        yield
+        return
+    token = _within.set(parse_size(size))
+    _hold_allocator()
     try:
         yield
     finally:
         _within.reset(token)
+        _hold_allocator()
+
+
+def _hold_allocator() -> None:
+    """Hold the allocator, which the whole process shares, to its part of what is stated."""
+    stated = get_memory_limit()
+    machine.keep_freed(machine.MOST_KEPT if stated is None else KEPT * stated)
 
 
 def usable_memory() -> Limit | None:

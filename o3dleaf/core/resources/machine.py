@@ -27,8 +27,10 @@ ARENA, STACK = 64 << 20, 8 << 20
 """Addresses that threads reserve without using them: for an allocator of their own (glibc), and as stack."""
 ARENAS = 2
 """Allocators that threads share where addresses are limited."""
-M_ARENA_MAX = -8
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 """Of glibc's malloc.h."""
+LEAST_KEPT, MOST_KEPT = 128 << 10, 32 << 20
+"""Bytes that its allocator keeps of what was freed: to begin with, and what it comes to by itself, about."""
 
 
 class Limit(NamedTuple):
@@ -78,6 +80,19 @@ def release_heap() -> None:
         return
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def keep_freed(size: float) -> None:
+    """Let the allocator keep about so many bytes of what each thread freed, where it is glibc's.
+
+    By itself it keeps twice as much as the largest array that was ever freed, and of what threads freed at the end of
+    their heaps `release_heap` gives nothing back.
+    """
+    if sys.platform == "win32":
+        return
+    with suppress(OSError, AttributeError):
+        for kind in (M_TRIM_THRESHOLD, M_MMAP_THRESHOLD):
+            ctypes.CDLL(None).mallopt(kind, int(min(max(size, LEAST_KEPT), MOST_KEPT)))
 
 
 def hard_limits(threads: int) -> Iterator[Limit]:

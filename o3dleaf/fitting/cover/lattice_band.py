@@ -32,8 +32,8 @@ GUARD = 2
 edge of a lattice as fine as the voxels ends one farther."""
 MOST = 3
 """Voxels along each axis that are averaged at most: what that moves stays within the guard."""
-PART = 1 << 19
-"""Voxels that are looked at together, at least a row of tiles."""
+PART = 1 << 18
+"""Voxels that are looked at together, at least a row of tiles: sums of them take two MiB at most."""
 
 
 @dataclass(frozen=True, eq=False)

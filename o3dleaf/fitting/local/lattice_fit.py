@@ -118,17 +118,22 @@ def _solve_batches(
     """Solve for the balls of each batch, here or on the workers of a cluster, and place what comes of them."""
     spread = current_spread()
     read = None if spread is None else spread.stand_in(values.data)
-    asked = [(int(cover.classes[balls[0]]), cover.starts[balls]) for balls in batches]
+
+    def asked(number: int) -> tuple[int, IntArray]:
+        """Return the class of a batch, and where its tiles start."""
+        balls = batches[number]
+        return int(cover.classes[balls[0]]), cover.starts[balls]
+
     if spread is None or read is None:
 
         def solve(start: int, stop: int) -> None:
             for number in range(start, stop):
-                place(number, solver.solve(values, *asked[number]))
+                place(number, solver.solve(values, *asked(number)))
 
         run_blocks(solve, len(batches), 1, reports=True)
         return
     there = SolverThere(solver.cover, solver.model, read, values.isovalue, uuid4().hex)
-    for done, (number, solved) in enumerate(spread.each(there, asked), start=1):
+    for done, (number, solved) in enumerate(spread.each(there, map(asked, range(len(batches)))), start=1):
         place(number, solved)
         report(done, len(batches))
 
@@ -264,7 +269,8 @@ def averaged_voxels(cover: VoxelCover, model: SplineModel) -> float:
 
 def _batches(classes: IntArray, along: IntArray) -> Iterator[IntArray]:
     """Yield the balls of each class in the order of `along`, `COLUMNS` at a time."""
-    order = np.lexsort((along, classes))
+    order = scratch_array(classes.shape, np.int64)
+    order[:] = np.lexsort((along, classes))
     groups = np.split(order, np.flatnonzero(np.diff(classes[order])) + 1)
     for balls in groups:
         for start in range(0, len(balls), COLUMNS):

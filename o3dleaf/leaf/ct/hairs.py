@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.ndimage import find_objects, gaussian_filter, generate_binary_structure, label
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.leaf.ct.align import fit_plane, thin_axis
+from o3dleaf.leaf.ct.align import fit_plane, piece_sizes, thin_axis
 from o3dleaf.leaf.ct.volume import Volume, thinned
 
 BLUR = 0.5
@@ -84,11 +84,9 @@ def find_cut_hairs(volume: Volume, level: float) -> CutHairs:
 
 
 def _without_specks(solid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Take specks out of what is solid, and return it; plane by plane, since NumPy counts in eight bytes a voxel."""
+    """Take specks out of what is solid, and return it; plane by plane, as an index takes eight bytes a voxel."""
     pieces, count = label(solid)
-    sizes = np.zeros(count + 1, dtype=np.int64)
-    for plane in pieces:
-        sizes += np.bincount(plane.ravel(), minlength=count + 1)
+    sizes = piece_sizes(pieces, count)
     for number, plane in enumerate(pieces):
         solid[number] &= sizes[plane] >= SPECK
     return solid

@@ -53,17 +53,17 @@ def histogram_threshold(data: npt.NDArray[Any], method: str = "mixture") -> floa
     if low == high:
         raise InputError(f"volume: all voxels have one value, {low}; check the file, or scan again")
     sample = thin(data)
-    level = choose(_as_numbers(sample[sample != 0]))
+    level = choose(sample[sample != 0])
     if level is None:
-        level = choose(_as_numbers(sample))
+        level = choose(_in_a_row(sample))
     if level is None:
         raise InputError(f"threshold: the intensities do not fall into two classes, air and leaf; {CURE}")
     return level
 
 
-def _as_numbers(sample: npt.NDArray[Any]) -> FloatArray:
+def _in_a_row(sample: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return a copy of intensities in a row, whose order `_histogram` may change."""
-    return np.array(sample, dtype=np.float64, order="C").ravel()
+    return np.array(sample, order="C").ravel()
 
 
 def thin(data: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -76,7 +76,7 @@ def thinning_stride(data: npt.NDArray[Any]) -> int:
     return int(np.ceil((data.size / MAX_VOXELS) ** (1 / data.ndim)))
 
 
-def _valley(sample: FloatArray) -> float | None:
+def _valley(sample: npt.NDArray[Any]) -> float | None:
     """Lowest bin between the last two peaks of the smoothed histogram, or None if there are not two."""
     histogram = _histogram(sample)
     if histogram is None:
@@ -100,7 +100,7 @@ def _valley(sample: FloatArray) -> float | None:
     return float(centers[low - 1 + int(floor[len(floor) // 2])])
 
 
-def _otsu(sample: FloatArray) -> float | None:
+def _otsu(sample: npt.NDArray[Any]) -> float | None:
     """Otsu's threshold, or None if its two classes do not explain the variance."""
     histogram = _histogram(sample)
     if histogram is None:
@@ -121,16 +121,16 @@ def _otsu(sample: FloatArray) -> float | None:
 def find_classes(data: npt.NDArray[Any]) -> Mixture | None:
     """Return air and leaf in the intensities, any shape, or None if they cannot be told apart."""
     sample = thin(data)
-    return _classes(_as_numbers(sample[sample != 0])) or _classes(_as_numbers(sample))
+    return _classes(sample[sample != 0]) or _classes(_in_a_row(sample))
 
 
-def _mixture(sample: FloatArray) -> float | None:
+def _mixture(sample: npt.NDArray[Any]) -> float | None:
     """Middle of air and leaf, or None if they cannot be told apart."""
     mixture = _classes(sample)
     return None if mixture is None else mixture.level
 
 
-def _classes(sample: FloatArray) -> Mixture | None:
+def _classes(sample: npt.NDArray[Any]) -> Mixture | None:
     histogram = _histogram(sample)
     if histogram is None:
         return None
@@ -141,17 +141,26 @@ def _classes(sample: FloatArray) -> Mixture | None:
     return mixture if apart and centers[0] < mixture.level < centers[-1] else None
 
 
-def _histogram(sample: FloatArray) -> tuple[npt.NDArray[np.int64], FloatArray] | None:
+def _histogram(sample: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], FloatArray] | None:
     """Count voxels in bins, with the bins' centers; one voxel in two thousand at each end may fall outside them.
 
-    The sample is left in another order: a sorted copy of it would be most of what a fit holds.
+    The sample is left in another order, and in its own type: a sorted copy of it in eight bytes would be most of what a
+    fit holds.
     """
     if len(sample) == 0:
         return None
-    low, high = np.quantile(sample, [0.0005, 0.9995], overwrite_input=True)
+    low, high = (_quantile(sample, share) for share in (0.0005, 0.9995))
     if high <= low:
-        low, high = float(sample.min()), float(sample.max())
+        low, high = np.float64(sample.min()), np.float64(sample.max())
     if high <= low:
         return None
     counts, edges = np.histogram(sample, bins=BINS, range=(low, high))
     return counts, 0.5 * (edges[1:] + edges[:-1])
+
+
+def _quantile(sample: npt.NDArray[Any], share: float) -> np.float64:
+    """Return a quantile, in double precision between the two intensities beside it; the order is changed."""
+    place = share * (len(sample) - 1)
+    first = int(place)
+    sample.partition([first, min(first + 1, len(sample) - 1)])
+    return np.float64(np.quantile(sample[first : first + 2].astype(np.float64), place - first))

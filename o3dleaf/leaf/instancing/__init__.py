@@ -4,6 +4,7 @@ A tile is periodic along the first two axes, and a function takes flat coordinat
 
 `runs`         the inside, column by column: voids filled, islands removed
 `tile`         one period of the surface, its vertices named by the edges of the lattice
+`extraction`   how it is made of a field
 `sets`         several tiles, of which each place has one, or parts of two
 `footprint`    cells of the plane inside the outline, and distances of columns to its edge
 `placement`    the part of a tile that one place uses: whole cells inside the outline, or a solid that it cuts

@@ -19,9 +19,10 @@ from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, triangle_ar
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER, select_faces
+from o3dleaf.leaf.instancing.extraction.slab_surface import TINY
 from o3dleaf.leaf.instancing.footprint import Footprint, box_footprint
 from o3dleaf.leaf.instancing.stitch import Labels, LatticeMesh, stitch, weld
-from o3dleaf.leaf.instancing.tile import TINY, Tile
+from o3dleaf.leaf.instancing.tile import Tile
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import march
 from o3dleaf.surface.mesh.topology import label_triangles

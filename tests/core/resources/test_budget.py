@@ -9,7 +9,7 @@ import pytest
 
 from o3dleaf.core.errors import InputError, MemoryBudgetError
 from o3dleaf.core.resources import machine
-from o3dleaf.core.resources.budget import memory_limit, set_memory_limit, usable_memory
+from o3dleaf.core.resources.budget import KEPT, memory_limit, set_memory_limit, usable_memory
 from o3dleaf.core.resources.needs import require_resources
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what a process holds")
@@ -108,3 +108,25 @@ def test_what_was_freed_and_is_kept_does_not_count_as_held_where_memory_is_state
         free = usable_memory().free
     assert free - (10**12 - kept) > 0.9 * size
     assert last.all()
+
+
+@GLIBC
+def test_what_a_thread_frees_is_given_back_where_little_memory_is_stated():
+    stated, size = 400_000_000, 1 << 24
+    freed, looked = threading.Event(), threading.Event()
+
+    def work():
+        np.ones(size, dtype=np.uint8)
+        freed.set()
+        looked.wait()
+
+    np.ones(size, dtype=np.uint8)  # having freed so much, glibc by itself keeps as much
+    with memory_limit(stated):
+        before = machine.resident()
+        thread = threading.Thread(target=work)
+        thread.start()
+        freed.wait()
+        kept = machine.resident() - before
+        looked.set()
+        thread.join()
+    assert kept < stated * KEPT < size / 4

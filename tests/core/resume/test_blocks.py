@@ -13,7 +13,7 @@ from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.core.resume import blocks
 from o3dleaf.core.resume.blocks import BlockFile, keeping_blocks, kept, kept_block, run_kept_blocks
 from o3dleaf.core.resume.parts import SUFFIX, resuming
-from o3dleaf.leaf.instancing import tile
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.samples import Torus, wheat_ct
 
@@ -166,7 +166,7 @@ def test_the_block_of_a_patch_goes_on_after_its_finished_slabs(tmp_path, monkeyp
     monkeypatch.setattr(
         TiledField, "__call__", lambda self, points: (asked.append(len(points)), values(self, points))[1]
     )
-    monkeypatch.setattr(tile.extract_tile, "__kwdefaults__", tile.extract_tile.__kwdefaults__ | {"slab_size": 1 << 9})
+    monkeypatch.setattr(extract_tile, "__kwdefaults__", extract_tile.__kwdefaults__ | {"slab_size": 1 << 9})
 
     def run(name, **given):
         asked.clear()

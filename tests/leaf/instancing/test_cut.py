@@ -10,10 +10,11 @@ from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Assembly
 from o3dleaf.leaf.instancing.components import RIM
 from o3dleaf.leaf.instancing.cut.ear_loops import cut_ears
 from o3dleaf.leaf.instancing.cut.flip_loops import flip_diagonals
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.surface.isosurface.polygonize import METHODS
 from tile_fields import LATTICE, PERIOD, WIDE, area, layer, outline, solid_layer
 from tolerances import CHORD_AREA

@@ -7,9 +7,10 @@ from o3dleaf import mesh_report
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import Footprint, footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import METHODS, march
 from tile_fields import LATTICE, PERIOD, area, assemble, layer, made_block, outline, solid_layer

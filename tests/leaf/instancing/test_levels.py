@@ -10,10 +10,11 @@ import shapely
 
 from o3dleaf import mesh_report
 from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, _curtain, extract_levels, refine_face, signed_samples
 from o3dleaf.leaf.instancing.stitch import _on_box
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.surface.isosurface.polygonize import polygonize
 from tile_fields import LATTICE, WIDE, area, assemble, layer, outline
 

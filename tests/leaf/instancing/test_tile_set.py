@@ -11,10 +11,11 @@ from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.components import RIM
+from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.instancing.sets.tile_set import MatchingBorders, TileSet, split_torus
-from o3dleaf.leaf.instancing.tile import TileLattice, extract_tile
+from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.leaf.texture.corners import KINDS, SIDE, TORUS, kinds_of, seeded, torus_color
 from tile_fields import PERIOD, WIDE, layer, outline, solid_layer
