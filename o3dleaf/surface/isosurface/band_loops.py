@@ -207,7 +207,7 @@ def cross_faces(start, stop, corners, codes, table, keys, known, beyond):
 
 @njit(nogil=True, cache=True)
 def link_cells(corners, count):
-    """Return the (c, 6) cells across the faces of each of some, which have their corners among `count` rows; −1: none."""
+    """Return the (c, 6) cells across the faces of some, whose corners are among `count` rows; −1 for none."""
     cell_at, links = np.full(count, -1, dtype=np.int32), np.full((len(corners), 6), -1, dtype=np.int32)
     for cell in range(len(corners)):
         cell_at[corners[cell, 0]] = cell
