@@ -30,7 +30,7 @@ NARROW, WIDER = 10, 16
 """Points of two patches at a place, by which noise is told from shape."""
 FALL = 0.66
 """Deviation of the narrow patches over that of the wider ones below which it is the shape's: what quadrics leave of a
-shape falls with the third power of the radius, to 0.49, and of noise to 0.80 to 0.99, as far as ten points tell."""
+shape falls with the third power of the radius, to 0.49, and of noise to 0.75 to 0.99, as far as ten points tell."""
 NARROWEST = 8
 """Points of a narrow patch on the side of its middle, of fewer it is left out."""
 BLOCK = 64
