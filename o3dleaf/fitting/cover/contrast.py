@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import box_of
+from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -38,6 +39,9 @@ SIDES = (1 / 2, 1.0, 2.0, 4.0)
 
 SHARE = 1 / 8
 """Of the least number of a ball's points, that many are added from the cells of each side."""
+
+BATCH_SIZE = 4096
+"""Balls whose cells are marked at once."""
 
 PROBES = 16
 """Points of a ball that tell how far they are from one another."""
@@ -90,15 +94,20 @@ def widen_clusters(cover: Cover, points: FloatArray, least: int) -> Cover:
 
 def _occupied(points: FloatArray, cover: Cover) -> IntArray:
     """Return how many of the cells of each ball, (M,), have a point that it is fitted to."""
-    ball = np.repeat(np.arange(len(cover.radii)), cover.counts)
-    away = (points[cover.members] - cover.centers[ball]) / (CELL * cover.radii[ball, np.newaxis])
-    # What is borrowed lies beyond the ball: it counts by where it is seen.
-    cells = np.clip(np.floor(away), -1 / CELL - 1, 1 / CELL).astype(np.int64) + round(1 / CELL) + 1
-    key = ball
-    for axis in range(points.shape[1]):
-        key = key * (2 * round(1 / CELL) + 2) + cells[:, axis]
-    first = np.unique(key) // (2 * round(1 / CELL) + 2) ** points.shape[1]
-    return np.bincount(first, minlength=len(cover.radii))
+    found, side = np.empty(len(cover.radii), dtype=np.int64), 2 * round(1 / CELL) + 2
+    for start, stop in blocks(len(found), BATCH_SIZE):
+        first, last = cover.offsets[start], cover.offsets[stop]
+        key = np.repeat(np.arange(stop - start), cover.counts[start:stop])
+        ball, rows = start + key, cover.members[first:last]
+        for axis in range(points.shape[1]):
+            away = (points[rows, axis] - cover.centers[ball, axis]) / (CELL * cover.radii[ball])
+            # What is borrowed lies beyond the ball: it counts by where it is seen.
+            key = key * side + np.clip(np.floor(away), -1 / CELL - 1, 1 / CELL).astype(np.int64) + round(1 / CELL) + 1
+        # A mark a cell: to sort the keys, or to hash them, takes several times as long.
+        marks = np.zeros((stop - start, side ** points.shape[1]), dtype=bool)
+        marks.ravel()[key] = True
+        found[start:stop] = np.count_nonzero(marks, axis=1)
+    return found
 
 
 def _one_of_each_cell(points: FloatArray, side: float) -> IntArray:

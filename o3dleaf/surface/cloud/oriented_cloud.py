@@ -23,10 +23,10 @@ from o3dleaf.surface.cloud.neighbors import (
     smooth_spacings,
     spacing_classes,
 )
-from o3dleaf.surface.cloud.noise import PATCHES, Places, measure_places
+from o3dleaf.surface.cloud.noise import CLEAN, PATCHES, Places, is_shape, measure_places
 from o3dleaf.surface.cloud.surfels import Surfels
 
-SIDED = ("spacing", "noise", "measured")
+SIDED = ("spacing", "noise", "measured", "is_clean")
 """What is known of a cloud by the side of its points, and so anew where their normals are others."""
 
 
@@ -178,6 +178,14 @@ class OrientedCloud:
         if not self.measured.known:
             raise InputError("cloud: most neighborhoods are no piece of a surface, however large; is this a volume?")
         return float(np.nanmedian(self.measured.noise))
+
+    @cached_property
+    def is_clean(self) -> bool:
+        """Whether the noise is at most a tenth of the spacing, or what seems to be noise is detail of the shape.
+
+        What quadrics leave of a shape falls with their patches, which noise does not.
+        """
+        return self.noise <= CLEAN * self.spacing or is_shape(self.points, self.tree, self.normals)
 
     @property
     def is_measurable(self) -> bool:

@@ -1,13 +1,19 @@
-"""The compiled loops of joining points with a sign, of normals that neighbors agree on, and of the winding number."""
+"""The compiled loops of sides: points joined with a sign, normals and noise of one side, and the winding number."""
 
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE
-from o3dleaf.surface.cloud.cloud_loops import mirrored
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
+from o3dleaf.surface.cloud.cloud_loops import diagonalize, mirrored
 
 LEVELS = 64
 """Grades of confidence in which edges are joined."""
+
+MEANS = 3
+"""Times that the side of a patch is found: a mean of the normals on a side, then those on the side of the mean."""
+
+INDEPENDENT = 1e-12
+"""Share of the square of a quadric's term that those before it must leave: of points on a line they leave rounding."""
 
 TINY = 1e-200
 """Added to squared distances: a place divides by no zero where it is a source's own, and its cube is no zero either."""
@@ -62,6 +68,104 @@ def plane_normals(points, normals, rows, noise, least, start, stop, found):
         length = np.sqrt(length)
         for a in range(3):
             found[i, a] = found[i, a] / length if counted >= least and length > 0 else normals[i, a]
+
+
+@njit(nogil=True, cache=True)
+def measure_patches(points, normals, places, rows, least, start, stop, noise, area, counts):
+    """Write the standard deviations (m,) of patches off their quadrics, their areas, and how many points count.
+
+    Patch i has the points `rows[i]` (m, k) around the point `places[i]`. Where there are normals, those on its side
+    count. Patches of fewer than `least` have neither, NaN. Points all over an ellipse of area A have along its axes the
+    variances v and w with A = 4 pi sqrt(v w).
+    """
+    kept, variance = np.empty(rows.shape[1], dtype=np.int64), np.empty(3)
+    local, terms, matrix, axes = np.empty((3, kept.size)), np.empty((6, kept.size)), np.empty((3, 3)), np.empty((3, 3))
+    for i in range(start, stop):
+        counts[i] = count = on_one_side(normals, places[i], rows[i], kept)
+        noise[i] = area[i] = np.nan
+        if count >= least:
+            center_patch(points, kept, count, local, matrix)
+            across = diagonalize(matrix, axes, variance)
+            area[i] = 4 * np.pi * np.sqrt(variance[1] * variance[2])
+            noise[i] = off_quadric(local, count, axes, across, terms)
+
+
+@njit(nogil=True, cache=True)
+def on_one_side(normals, place, rows, kept):
+    """Write those of the points `rows` (k,) that are on the side of a place, without normals all; return how many.
+
+    Single normals of a noisy cloud may point anywhere into their half of space; their mean knows which it is.
+    """
+    if not len(normals):
+        kept[:] = rows
+        return rows.size
+    x, y, z = normals[place, 0], normals[place, 1], normals[place, 2]
+    for _ in range(MEANS):
+        a = b = c = 0.0
+        for j in rows:
+            along = max(x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2], 0.0)
+            a, b, c = a + along * normals[j, 0], b + along * normals[j, 1], c + along * normals[j, 2]
+        x, y, z = a, b, c
+    count = 0
+    for j in rows:
+        kept[count] = j
+        count += x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2] > 0.0
+    return count
+
+
+@njit(nogil=True, cache=True)
+def center_patch(points, rows, count, local, matrix):
+    """Write the first `count` of the points `rows`, less their mean, in columns (3, ·), and their covariance."""
+    for a in range(3):
+        mean = 0.0
+        for j in range(count):
+            local[a, j] = points[rows[j], a] - points[rows[0], a]
+            mean += local[a, j]
+        for j in range(count):
+            local[a, j] -= mean / count
+        for b in range(a + 1):
+            matrix[b, a] = dot(local[a], local[b], count) / count
+
+
+@njit(nogil=True, cache=True)
+def off_quadric(local, count, axes, across, terms):
+    """Return the standard deviation of `count` columns of `local` (3, ·) off z = q(u, v) along their axes' columns.
+
+    Its terms 1, u, v, u², uv and v² are made upright to one another, in `terms` (6, ·), and taken off z one by one.
+    """
+    u, v, height = terms[1], terms[2], terms[0]
+    one, other = (across + 1) % 3, (across + 2) % 3
+    square = 0.0
+    for j in range(count):
+        x, y, z = local[0, j], local[1, j], local[2, j]
+        u[j] = x * axes[0, one] + y * axes[1, one] + z * axes[2, one]
+        v[j] = x * axes[0, other] + y * axes[1, other] + z * axes[2, other]
+        height[j] = x * axes[0, across] + y * axes[1, across] + z * axes[2, across]
+        square += u[j] * u[j] + v[j] * v[j]
+    scale = np.sqrt(count / max(square, TINY))
+    rest = local[0]
+    for j in range(count):
+        u[j], v[j] = scale * u[j], scale * v[j]
+        terms[3, j], terms[4, j], terms[5, j] = u[j] * u[j], u[j] * v[j], v[j] * v[j]
+        rest[j], height[j] = height[j], 1.0
+    for k in range(6):
+        term, before = terms[k], dot(terms[k], terms[k], count)
+        for m in range(k):
+            take_off(terms[m], term, count)
+        square = dot(term, term, count)
+        length = np.sqrt(square) if square > INDEPENDENT * before else np.inf
+        for j in range(count):
+            term[j] /= length
+        take_off(term, rest, count)
+    return np.sqrt(dot(rest, rest, count) / (count - 6))
+
+
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def take_off(unit, vector, count):
+    """Take what a unit vector, or 0, has of another one off that one, of `count` numbers each."""
+    share = dot(unit, vector, count)
+    for j in range(count):
+        vector[j] -= share * unit[j]
 
 
 @njit(nogil=True, cache=True)

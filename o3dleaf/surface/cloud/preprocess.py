@@ -23,7 +23,6 @@ from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
 from o3dleaf.surface.cloud.given_normals import check_normals
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
-from o3dleaf.surface.cloud.noise import CLEAN
 from o3dleaf.surface.cloud.normals import plane_normals
 from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
@@ -224,7 +223,7 @@ def _cut_out(cloud: OrientedCloud, cut: npt.NDArray[np.bool_]) -> OrientedCloud:
 def _by_side(cloud: OrientedCloud) -> OrientedCloud:
     """Return a cloud with what is known of it by its sides: its spacing and, where there is noise, its normals."""
     _ = cloud.spacing
-    if not cloud.is_measurable or not CLEAN * cloud.spacing < cloud.noise <= cloud.spacing:
+    if not cloud.is_measurable or cloud.noise > cloud.spacing or cloud.is_clean:
         return cloud  # of more noise, sixteen points have no plane: normals will be averaged with the points
     normals = plane_normals(cloud.points, cloud.require_normals(), cloud.neighbors.row, cloud.noise)
     if normals is cloud.normals:

@@ -133,7 +133,8 @@ def eliminate(matrix, right):
 @njit(nogil=True, cache=True)
 def in_frame(center, frame, scale, points, i):
     """Return the coordinates of one of the points (n, 3) in a frame."""
-    x, y, z = (points[i, 0] - center[0]) / scale, (points[i, 1] - center[1]) / scale, (points[i, 2] - center[2]) / scale
+    share = 1.0 / scale
+    x, y, z = share * (points[i, 0] - center[0]), share * (points[i, 1] - center[1]), share * (points[i, 2] - center[2])
     return (
         frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
         frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
@@ -149,8 +150,9 @@ def write_distances(quadric, points, distances):
     a0, a1, a2, b0, b1, b2 = frame[0, 0], frame[0, 1], frame[0, 2], frame[1, 0], frame[1, 1], frame[1, 2]
     n0, n1, n2 = frame[2, 0], frame[2, 1], frame[2, 2]
     q0, q1, q2, q3, q4, q5 = q[0], q[1], q[2], q[3], q[4], q[5]
+    share = 1.0 / scale  # divisions take as long as all else
     for i in range(len(points)):
-        x, y, z = (points[i, 0] - c0) / scale, (points[i, 1] - c1) / scale, (points[i, 2] - c2) / scale
+        x, y, z = share * (points[i, 0] - c0), share * (points[i, 1] - c1), share * (points[i, 2] - c2)
         u, v, w = a0 * x + a1 * y + a2 * z, b0 * x + b1 * y + b2 * z, n0 * x + n1 * y + n2 * z
         along, across = -q1 - 2 * q3 * u - q4 * v, -q2 - q4 * u - 2 * q5 * v
         height = w - (q0 + q1 * u + q2 * v + q3 * u * u + q4 * u * v + q5 * v * v)

@@ -179,17 +179,30 @@ def find_sheets(rows, measured):
     return labels, lying, distances[:count], outward[:count]
 
 
+@njit(nogil=True, cache=True)
+def has_changed(sheet, labels, lying, before):
+    """Return whether other points lie on a sheet than `before`, the sheets that points lay on."""
+    for i in range(labels.size):
+        if (lying[i] and labels[i] == sheet) != (before[i] == sheet):
+            return True
+    return False
+
+
 @njit(nogil=True, cache=True, error_model="numpy")
 def place_doubtful(points, normals, labels, lying, distances, outward, count):
     """Give the points that lie on no sheet yet to the nearest one or, once, to one more; return how many there are."""
-    doubtful = ~lying
+    doubtful, before = ~lying, np.full(labels.size, -1)
     within, more = np.zeros(count + 1), count + 1
     for round_ in range(ROUNDS):
         for sheet in range(count):
-            facing = outward[sheet] if round_ == ROUNDS - 1 else outward[sheet, :0]
+            last = round_ == ROUNDS - 1
+            if not last and not has_changed(sheet, labels, lying, before):
+                continue
+            facing = outward[sheet] if last else outward[sheet, :0]
             within_reach = measure(points, normals, lying & (labels == sheet), distances[sheet], facing)
             within[sheet] = within_reach if within[sheet] == 0.0 else within[sheet]
         for i in range(labels.size):
+            before[i] = labels[i] if lying[i] else -1
             if doubtful[i]:
                 labels[i] = 0
                 for sheet in range(1, count):

@@ -78,8 +78,8 @@ class Band:
         cells, and rows in use.
     crossed : list of (corners, codes)
         The cells that the surface crosses, wave by wave.
-    visited : (c,) ndarray
-        Rising keys of the cells that were visited before the field changed, and are allowed.
+    before : (c, 8) ndarray
+        Corners of the cells that were crossed before the field changed and are allowed, by their keys.
     edges : Crossing or None
         What all crossed cells make, once it was asked for.
     """
@@ -96,7 +96,7 @@ class Band:
     known: BoolArray = attribute(default_factory=lambda: np.zeros(1 << 12, dtype=bool))
     count: int = 0
     crossed: list[tuple[CornerArray, CodeArray]] = attribute(default_factory=list)
-    visited: IntArray = attribute(default_factory=lambda: np.empty(0, dtype=np.int64))
+    before: CornerArray = attribute(default_factory=lambda: np.empty((0, 8), dtype=np.int32))
     edges: "Crossing | None" = None
 
     @classmethod
@@ -129,24 +129,39 @@ class Band:
         return _distinct(keys)
 
     def only(self, cells: IntArray, allowed: Callable[[FloatArray], BoolArray] | None) -> IntArray:
-        """Return the cells whose centers pass a test; those `visited` have passed it."""
-        if allowed is None or not len(cells):
-            return cells
-        passed = np.isin(cells, self.visited, assume_unique=True) if len(self.visited) else np.zeros(len(cells), bool)
-        passed[~passed] = allowed(self.positions(cells[~passed], 0.5))
-        return cells[passed]
+        """Return the cells whose centers pass a test."""
+        return cells if allowed is None or not len(cells) else cells[allowed(self.positions(cells, 0.5))]
 
     def change(self, field: Field, where: Callable[[FloatArray], BoolArray], *, passed: bool) -> None:
         """Take another field, and ask it at the points `where` it may differ; no cell is visited any more.
 
         `passed` says whether all that were have passed the test of cells, and need not pass it again.
         """
-        self.field, visited = field, self.keys[: self.count][self.known[: self.count]]
-        self.visited = np.sort(visited) if passed else visited[:0]
+        self.field, corners = field, self.crossing().corners
+        self.before = corners if passed else corners[:0]
         points = self.positions(self.keys[: self.count])
         rows = np.flatnonzero(where(points))
         self.values[rows] = self._ask(points[rows])
         self.known[:], self.crossed, self.edges = False, [], None
+
+    def retrace(self, cells: IntArray) -> IntArray:
+        """Visit those of the cells `before` that some cells, of rising keys, lead to; return what else they lead to.
+
+        Of those the corners are known, and which are side by side: nothing is looked up.
+        """
+        if not len(self.before):
+            return cells
+        old = self.keys[self.before[:, 0]]
+        places = np.minimum(np.searchsorted(old, cells), len(old) - 1)
+        again = old[places] == cells
+        codes = np.empty(len(old), dtype=np.uint8)
+        run_blocks(lambda i, j: loops.read_codes(i, j, self.values, self.before, codes), len(old), BLOCK)
+        reached, beyond = loops.retrace(places[again], self.before, codes, self.keys[: self.count])
+        self.known[self.before[reached, 0]] = True
+        crossed = reached & (codes > 0) & (codes < 255)
+        if crossed.any():
+            self.crossed.append((self.before[crossed], codes[crossed]))
+        return _distinct(np.concatenate([cells[~again], beyond]))
 
     def positions(self, keys: IntArray, shift: float = 0.0) -> FloatArray:
         """Return the (n, 3) positions of lattice points, a share of a cell beyond them along all axes."""

@@ -206,6 +206,64 @@ def cross_faces(start, stop, corners, codes, table, keys, known, beyond):
 
 
 @njit(nogil=True, cache=True)
+def link_cells(corners, count):
+    """Return the (c, 6) cells across the faces of some, whose corners are among `count` rows; −1 for none."""
+    cell_at, links = np.full(count, -1, dtype=np.int32), np.full((len(corners), 6), -1, dtype=np.int32)
+    for cell in range(len(corners)):
+        cell_at[corners[cell, 0]] = cell
+    for cell in range(len(corners)):
+        for axis in range(3):
+            other = cell_at[corners[cell, 1 << axis]]
+            if other >= 0:
+                links[cell, 2 * axis + 1], links[other, 2 * axis] = other, cell
+    return links
+
+
+@njit(nogil=True, cache=True)
+def retrace(start, corners, codes, keys):
+    """Return which cells some of them, `start`, lead to across faces that the surface crosses, and the keys of others.
+
+    Parameters
+    ----------
+    start : (s,) ndarray of int64
+        Numbers of cells.
+    corners, codes : (c, 8), (c,) ndarrays
+        Of the cells among which it is looked.
+    keys : (r,) ndarray of int64
+        By row.
+
+    Returns
+    -------
+    reached : (c,) ndarray of bool
+    beyond : (b,) ndarray of int64
+        Keys of cells that are not among them, some of them more than once.
+    """
+    links, reached = link_cells(corners, len(keys)), np.zeros(len(corners), dtype=np.bool_)
+    stack, depth = np.empty(len(corners), dtype=np.int64), 0
+    beyond, count = np.empty(6 * len(corners), dtype=np.int64), 0
+    for first in start:
+        if not reached[first]:
+            reached[first], stack[depth] = True, first
+            depth += 1
+        while depth > 0:
+            depth -= 1
+            cell = stack[depth]
+            for face in range(6):
+                axis, part = face >> 1, codes[cell] & FACE_CORNERS[face]
+                if part in {0, FACE_CORNERS[face]}:
+                    continue
+                other = links[cell, face]
+                if other < 0:
+                    upper = keys[corners[cell, 1 << axis]]
+                    beyond[count] = upper if face & 1 else behind(keys[corners[cell, 0]], axis)
+                    count += 1
+                elif not reached[other]:
+                    reached[other], stack[depth] = True, other
+                    depth += 1
+    return reached, beyond[:count].copy()
+
+
+@njit(nogil=True, cache=True)
 def mark_edges(corners, codes, marks):
     """Mark at each point, as three bits, along which axes an edge of some cell leaves it that the surface crosses."""
     for cell in range(len(codes)):

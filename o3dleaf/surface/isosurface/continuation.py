@@ -126,7 +126,7 @@ class Continuation:
         band, seeding, growing = self.band, *progress.split(*SHARES[:2])
         with seeding:
             moved = _toward_zero(band.field, self.seeds, band.level, TOLERANCE * float(band.step.min()))
-            cells = band.cells_of(moved if band.box is None else np.clip(moved, *band.box))
+            cells = band.retrace(band.cells_of(moved if band.box is None else np.clip(moved, *band.box)))
             if not self.trusting:
                 cells = band.only(cells, self.allowed)
         with growing:

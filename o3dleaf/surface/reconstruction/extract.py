@@ -58,7 +58,8 @@ class NearSurface:
         """Follow the surface as far as four spacings beyond the data, on a lattice of that step or of `mesh_step`."""
         data = OrientedCloud.of(cloud)
         if spacing is None:
-            noise = data.noise / data.spacing if data.is_measurable and not _is_thin(data) else 0.0
+            noisy = data.is_measurable and not data.is_clean and not _is_thin(data)
+            noise = data.noise / data.spacing if noisy else 0.0
             spacing = mesh_step(float(np.median(data.point_spacing)), len(data), noise)
         steps = as_step(require_positive(spacing, "spacing"))
         fitted = field.field if isinstance(field, RememberedField) else field

@@ -81,7 +81,7 @@ def fit_surface(
         return PUInterpolant.fit_oriented(data.points, data.require_normals(), local=local, **options)
     measuring, constraining, fitting = progress.split(1, 1, 40)
     with measuring:
-        clean = data.noise <= CLEAN * data.spacing
+        clean, noiseless = data.is_clean, data.noise <= CLEAN * data.spacing
     if clean:
         options.setdefault("points_per_ball", SMALL_BALLS)
     with constraining:
@@ -90,7 +90,7 @@ def fit_surface(
     rho = None if smoothing is not None and rho == "gcv" else rho
     options["rho"] = gcv if rho == "gcv" else rho
     options["smoothing"] = gcv if smoothing == "gcv" else smoothing
-    if creases is not False and (clean or creases != "auto"):
+    if creases is not False and (noiseless or creases != "auto"):
         options["local"] = CreasedSplines(creases, rho=options["rho"], smoothing=options["smoothing"])
     with fitting:
         return PUInterpolant.fit(

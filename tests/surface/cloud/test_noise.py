@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
+from o3dleaf.surface.cloud.noise import is_shape
 from o3dleaf.surface.cloud.normals import plane_normals
-from tolerances import MEANS, NOISE_SHARE, SPACING
+from o3dleaf.surface.cloud.parity_loops import measure_patches
+from tolerances import MEANS, NOISE_SHARE, PATCH_QUADRIC, SPACING
 
 
 @pytest.mark.parametrize("ratio", [0.1, 0.5, 1.0, 2.0])
@@ -94,6 +97,58 @@ def test_right_normals_are_kept_under_noise():
     np.testing.assert_array_equal(
         plane_normals(cloud.points, cloud.normals, cloud.neighbors.row, cloud.noise), cloud.normals
     )
+
+
+def rippled(sigma):
+    """Return a square of waves six spacings long and 0.6 high, more than a quadric follows, with noise."""
+    rng = np.random.default_rng(17)
+    plane = rng.uniform(size=(10_000, 2))
+    height = 0.006 * np.sin(plane @ [[100.0, 30.0], [-30.0, 100.0]]).sum(axis=1)
+    return np.column_stack([plane, height]) + sigma * rng.normal(size=(10_000, 3))
+
+
+def test_detail_is_not_taken_for_noise():
+    """What smaller patches leave less of is shape: waves are clean, noise of the height that they seem to have is not.
+
+    Nor are waves with noise.
+    """
+    clean = OrientedCloud.of(rippled(0.0))
+    assert clean.noise > 0.1 * clean.spacing
+    assert clean.is_clean
+    flat = OrientedCloud.of(rippled(0.0) * [1, 1, 0] + clean.noise * np.random.default_rng(18).normal(size=(10_000, 3)))
+    assert not flat.is_clean
+    assert not OrientedCloud.of(rippled(clean.noise)).is_clean
+
+
+@pytest.mark.parametrize("thickness", [0.5, 3.0, 100.0])
+def test_noise_of_any_thickness_is_no_detail(thickness):
+    """Where noise fills neighborhoods, patches of more points are wider, but no less full of it."""
+    rng = np.random.default_rng(19)
+    points = np.column_stack([rng.uniform(size=(10_000, 2)), np.zeros(10_000)])
+    points += [0, 0, 0.01 * thickness] * rng.normal(size=points.shape)
+    assert not is_shape(points, cKDTree(points))
+
+
+def test_deviations_of_patches_are_those_of_least_squares():
+    """NumPy fits the quadric of a patch over its own axes, among the points on the side of its middle."""
+    cloud, _ = two_sheets(0.005, 0.006, tilt=0.3)
+    places = np.arange(0, 10_000, 400)
+    rows = cloud.tree.query(cloud.points[places], k=40)[1]
+    noise, area, counts = np.empty(25), np.empty(25), np.empty(25, dtype=np.int64)
+    measure_patches(cloud.points, cloud.normals, places, rows, 12, 0, 25, noise, area, counts)
+    for i, near in enumerate(rows):
+        middle = cloud.normals[places[i]]
+        for _ in range(3):
+            middle = np.maximum(cloud.normals[near] @ middle, 0) @ cloud.normals[near]
+        local = cloud.points[near[cloud.normals[near] @ middle > 0]]
+        local = local - local.mean(axis=0)
+        variance, axes = np.linalg.eigh(local.T @ local / len(local))
+        z, u, v = (local @ axes).T
+        terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+        rest = z - terms @ np.linalg.lstsq(terms, z)[0]
+        assert counts[i] == len(local)
+        assert noise[i] == pytest.approx(np.sqrt(rest @ rest / (len(local) - 6)), rel=PATCH_QUADRIC)
+        assert area[i] == pytest.approx(4 * np.pi * np.sqrt(variance[1] * variance[2]), rel=PATCH_QUADRIC)
 
 
 def test_a_volume_is_no_surface():

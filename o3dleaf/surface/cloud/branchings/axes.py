@@ -68,7 +68,7 @@ def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, norma
     where it passes, least squares over the planes' distances say, those that pass by counting less and less.
     """
     owner, row = pairs_within(cKDTree(points), places, AROUND * spacing)
-    normal, arm = normals[row], points[row] - places[owner]
+    normal = normals[row]
     count = np.bincount(owner, minlength=len(places))
     spread = _squares(owner, normal, normal, len(places))
     value, vector = np.linalg.eigh(spread / np.maximum(count, 1)[:, np.newaxis, np.newaxis])
@@ -77,7 +77,7 @@ def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, norma
     number = np.full(len(places), -1)
     number[kept] = np.arange(len(kept))
     mine = edge[owner]
-    owner, normal, arm = number[owner[mine]], normal[mine], arm[mine]
+    normal, arm, owner = normal[mine], points[row[mine]] - places[owner[mine]], number[owner[mine]]
     across, width = np.ascontiguousarray(vector[kept, :, 1:]), spacing[kept]
     center = _meet(owner, normal, arm, across, width)
     near = np.flatnonzero(np.linalg.norm(center, axis=1) <= NEAR * width)
