@@ -14,7 +14,7 @@ import pytest
 from matplotlib.image import imread
 
 from o3dleaf.io.triangle_mesh import read_triangle_mesh
-from o3dleaf.leaf import pipeline
+from o3dleaf.leaf import tile_lattice
 from o3dleaf.leaf.ct.formats.tiff import write_volume
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples.ct import wheat_ct
@@ -195,14 +195,14 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files,
 
 @pytest.mark.parametrize(("frame", "stage"), [("surface", "fit surface"), ("paper", "fit height map")])
 def test_a_leaf_from_files(run, files, tmp_path, frame, stage, monkeypatch):
-    output, ahead, made = tmp_path / "leaf.ply", pipeline.extract_tiles_ahead, []
+    output, ahead, made = tmp_path / "leaf.ply", tile_lattice.extract_tiles_ahead, []
 
     def note(*arguments):
         tiles = ahead(*arguments)
         made.append((list(tiles), tiles))
         return tiles
 
-    monkeypatch.setattr(pipeline, "extract_tiles_ahead", note)
+    monkeypatch.setattr(tile_lattice, "extract_tiles_ahead", note)
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
         "--region", 90, -1, 92, 1, "--frame", frame, "-o", output,
