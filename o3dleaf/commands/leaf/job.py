@@ -215,14 +215,13 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         self.import_drawing()
         return tiles
 
-    def tiles_wanted(self) -> list[tuple[float, int, bool]]:
-        """Return the tiles that mesh and picture will be made of, as far as they are known: see `TilesAhead`."""
-        wanted = super().tiles_wanted()
+    def tiles_wanted(self) -> Iterator[tuple[float, int, bool]]:
+        """Yield the tiles that mesh and picture will be made of, as far as they are known: see `TilesAhead`."""
+        yield from super().tiles_wanted()
         if self.picture and self.around is None:
-            from o3dleaf.output.view.inset import inset_step
+            from o3dleaf.output.view.leaf_picture import inset_step
 
-            wanted.append((inset_step(self.scan_unit, self.region), 0, True))
-        return wanted
+            yield inset_step(self.scan_unit, self.region), 0, True
 
     def import_drawing(self) -> None:
         """Import what `draw` calls: half a second."""

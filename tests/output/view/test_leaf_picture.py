@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from leaf_fields import leaf_of, texture
-from o3dleaf.output.view.inset import STEPS, inset_step, inset_window
+from o3dleaf.output.view.leaf_picture import STEPS, inset_step, inset_window
 
 
 @pytest.fixture(scope="module")
