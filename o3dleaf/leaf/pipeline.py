@@ -1,7 +1,7 @@
 """The whole job, step by step, in the paper's words."""
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -36,7 +36,6 @@ from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.tiling import TiledField
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture
-from o3dleaf.leaf.tile_lattice import extract_tiles_ahead
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.preprocess import remove_faults
 
@@ -115,11 +114,11 @@ def create_texture(volume: Volume, *, options: TextureOptions | None = None) -> 
     InputError, UnitError
         If the volume's intensities do not fall into two classes, it holds no blade, or its size is impossible.
     """
-    return _begin_texture(volume, options or TextureOptions())()
+    return _build_texture(volume, options or TextureOptions())
 
 
-def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], TiledField | WangField]:
-    """Refuse a volume that holds no patch of a blade, and return what fits one that does."""
+def _build_texture(volume: Volume, options: TextureOptions) -> TiledField | WangField:
+    """Refuse a volume that holds no patch of a blade, and fit one that does."""
     _require_size(float(np.max(np.ptp(volume.bounds, axis=0))), volume.unit, PATCH_WIDTH_MM, "volume", "patch")
     # The threshold lies between air and leaf; the blade is turned into the plane.
     with stage("threshold and align"):
@@ -146,18 +145,15 @@ def _begin_texture(volume: Volume, options: TextureOptions) -> Callable[[], Tile
         bounds=box,
     )
 
-    def fit() -> TiledField | WangField:
-        # A smoothed implicit interpolant F(z) = f_surface on the voxels.
-        with stage("fit micro-scale interpolant"):
-            field = kept("patch.o3l", fit_patch)
-        # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best
-        # period; or tiles cut out of it.
-        with stage("tile"):
-            if options.tiles == "wang":
-                return WangField(field, options.period, seed=options.seed)
-            return TiledField(field, options.period, flip=options.flip, shift=options.shift)
-
-    return fit
+    # A smoothed implicit interpolant F(z) = f_surface on the voxels.
+    with stage("fit micro-scale interpolant"):
+        field = kept("patch.o3l", fit_patch)
+    # Copies displaced by exactly the width of the segment, blended by the partition of unity, or by the best period;
+    # or tiles cut out of it.
+    with stage("tile"):
+        if options.tiles == "wang":
+            return WangField(field, options.period, seed=options.seed)
+        return TiledField(field, options.period, flip=options.flip, shift=options.shift)
 
 
 def need_for_texture(voxels: int, *, corrected: bool = False) -> Need:
@@ -213,27 +209,22 @@ def build_multiscale_leaf(
     unit: str,
     blade: BladeOptions | None = None,
     texture: TextureOptions | None = None,
-    tiles: Callable[[], Iterable[tuple[float, int, bool]]] | None = None,
+    ahead: Callable[[Texture], TilesAhead] | None = None,
 ) -> MultiscaleLeaf:
-    """Return what `create_multiscale_leaf` does, with `tiles` that will be wanted of it polygonized already.
+    """Return what `create_multiscale_leaf` does, with tiles that will be wanted of it polygonized already.
 
-    These, see `TilesAhead`, are asked for when there is a texture. Where hairs are thinned out there are none.
+    `ahead` makes them of the texture, beside the blade: most of a blade's steps leave cores idle.
     """
     options = blade or BladeOptions()
     _require_maps(options, volume)
-    # A volume is refused before the long step. Both sides at once: laying a sheet flat is serial.
-    fit = _begin_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else lambda: volume
 
     def build_micro() -> tuple[Texture, TilesAhead]:
-        field = fit()
-        if tiles is None or options.hair_density is not None:
-            return field, {}
-        with stage("polygonize tiles ahead"):
-            return field, extract_tiles_ahead(field, unit, tiles())
+        field = _build_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else volume
+        return field, {} if ahead is None else ahead(field)
 
-    (micro, ahead), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
+    (micro, tiles), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
     leaf = MultiscaleLeaf(_with_density(micro, macro, options), blade=macro)
-    leaf.tiles = ahead
+    leaf.tiles = tiles
     return leaf
 
 

@@ -235,7 +235,7 @@ def test_a_dense_scan_makes_the_leaf_of_its_means(monkeypatch):
 
 @pytest.mark.parametrize("option", ["thickness", "hair_density"])
 def test_a_map_that_is_none_is_refused_before_the_volume_is_looked_at(option, monkeypatch, tmp_path):
-    monkeypatch.setattr(pipeline, "_begin_texture", lambda *_: pytest.fail("it was looked at"))
+    monkeypatch.setattr(pipeline, "_build_texture", lambda *_: pytest.fail("it was looked at"))
     options = BladeOptions(**{option: tmp_path / "missing.csv"})
     with pytest.raises(InputError, match=r"missing\.csv: no such file"):
         create_multiscale_leaf(wheat_scan(count=100).cloud, wheat_ct(size=(600, 600, 480))[0], blade=options)

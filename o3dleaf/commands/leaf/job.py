@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,11 +28,13 @@ if TYPE_CHECKING:
     from o3dleaf.leaf.blade.blade import Blade
     from o3dleaf.leaf.ct.volume import Volume
     from o3dleaf.leaf.fit_quality import FitQuality
+    from o3dleaf.leaf.instancing.sets.tile_set import TilesAhead
     from o3dleaf.leaf.meshing import MeshPlan
     from o3dleaf.leaf.multiscale import MultiscaleLeaf
     from o3dleaf.leaf.texture.patches import PatchBlend
     from o3dleaf.leaf.texture.tiling import TiledField
     from o3dleaf.leaf.texture.wang import WangField
+    from o3dleaf.leaf.textured_blade import Texture
 
 
 @dataclass(frozen=True)
@@ -146,8 +149,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         for need in self.need_for_mesh(scan, patch):
             need.require()
         with self.refusals_shown(scan):
-            # A second of imports, on a core that the fit leaves idle in part.
-            (blade, leaf), _ = run_together(lambda: self.create(scan, patch, midrib), self.import_drawing)
+            blade, leaf = self.create(scan, patch, midrib)
         step = self.step_for(scan, None if leaf is None else leaf.thickness)
 
         def measure() -> "FitQuality":
@@ -193,25 +195,36 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.leaf.pipeline import build_multiscale_leaf, create_blade
 
         if patch is None:
-            return create_blade(scan, midrib, unit=self.scan_unit, options=self), None
-        # Finished parts of a tile that are to be resumed are kept where the tile is meshed.
-        tiles = None if self.resume else self.tiles_wanted
+            create = partial(create_blade, scan, midrib, unit=self.scan_unit, options=self)
+            return run_together(create, self.import_drawing)[0], None
         leaf = build_multiscale_leaf(
-            scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self, tiles=tiles
+            scan, patch, midrib, unit=self.scan_unit, blade=self, texture=self, ahead=self.work_ahead
         )  # fmt: skip
         return leaf.blade, leaf
 
-    def tiles_wanted(self) -> list[tuple[float, int, bool]]:
-        """Return the tiles that mesh and picture will be made of, as far as they are known: see `TilesAhead`."""
-        wanted = super().tiles_wanted()
+    def work_ahead(self, texture: "Texture") -> "TilesAhead":
+        """Return the tiles of mesh and picture, and import what draws: beside the blade, which leaves a core idle."""
+        from o3dleaf.leaf.tile_lattice import extract_tiles_ahead
+
+        tiles: TilesAhead = {}
+        # Finished parts of a tile that are to be resumed are kept where the tile is meshed; with hairs thinned out, its
+        # tiles depend on the blade.
+        if not self.resume and self.hair_density is None:
+            with journal.stage("polygonize tiles ahead"):
+                tiles = extract_tiles_ahead(texture, self.scan_unit, self.tiles_wanted())
+        self.import_drawing()
+        return tiles
+
+    def tiles_wanted(self) -> Iterator[tuple[float, int, bool]]:
+        """Yield the tiles that mesh and picture will be made of, as far as they are known: see `TilesAhead`."""
+        yield from super().tiles_wanted()
         if self.picture and self.around is None:
             from o3dleaf.output.view.leaf_picture import inset_step
 
-            wanted.append((inset_step(self.scan_unit, self.region), 0, True))
-        return wanted
+            yield inset_step(self.scan_unit, self.region), 0, True
 
     def import_drawing(self) -> None:
-        """Import what `draw` calls."""
+        """Import what `draw` calls: half a second."""
         if self.picture:
             import_module("o3dleaf.output.view.leaf_picture")
 

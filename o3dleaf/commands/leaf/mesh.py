@@ -1,5 +1,6 @@
 """The mesh that `o3dleaf leaf` writes: which part of the leaf, how fine, in which triangles."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,13 +79,12 @@ class MeshOptions(ScanOptions):
             return self.region
         return blade.window(self.around, self.window or WINDOW_MM * unit_scale("mm", self.scan_unit))
 
-    def tiles_wanted(self) -> list[tuple[float, int, bool]]:
-        """Return the tiles that the mesh will be made of, as far as they are known: see `TilesAhead`."""
+    def tiles_wanted(self) -> Iterator[tuple[float, int, bool]]:
+        """Yield the tiles that the mesh will be made of, as far as they are known: see `TilesAhead`."""
         from o3dleaf.surface.isosurface.polygonize import METHODS
 
-        if self.spacing is None or self.fine:
-            return []
-        return [(self.spacing, METHODS.index(self.method), self.simplify is None and self.remesh_tile is None)]
+        if self.spacing is not None and not self.fine:
+            yield self.spacing, METHODS.index(self.method), self.simplify is None and self.remesh_tile is None
 
     def step_for(self, scan: "o3d.geometry.PointCloud", thickness: float | None) -> "MeshStep":
         """Return the mesh spacing that was given, or one that fits the data, and say so."""

@@ -133,7 +133,7 @@ def grown(curve: FloatArray, growth: FloatArray) -> shapely.Geometry:
     normal /= np.maximum(np.hypot(*normal.T), 1e-300)[:, None]
     moved = curve + growth[:, None] * normal
     quads = np.stack([curve, np.roll(curve, -1, axis=0), np.roll(moved, -1, axis=0), moved], axis=1)
-    return shapely.union_all(shapely.convex_hull(shapely.multipoints(quads)))
+    return shapely.union_all(shapely.convex_hull(shapely.linestrings(quads)))
 
 
 def polygon_of(curve: FloatArray) -> shapely.Geometry:

@@ -88,7 +88,9 @@ def _centered(curve: FloatArray, center: int, width: float) -> tuple[int, int]:
         first = wide
         around = (center + np.arange(-first, first + 1)) % count
         arc = curve[around]
-        center = int(around[np.argmax(np.linalg.norm(arc - (arc[0] + arc[-1]) / 2, axis=1))])
+        last, center = center, int(around[np.argmax(np.linalg.norm(arc - (arc[0] + arc[-1]) / 2, axis=1))])
+        if center == last:
+            break
     return center, first
 
 

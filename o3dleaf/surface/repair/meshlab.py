@@ -3,11 +3,15 @@
 Coordinates pass in double precision both ways, sizes are in the mesh's own unit, never percentages.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pymeshlab
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices
+
+if TYPE_CHECKING:
+    import pymeshlab
 
 
 def cut_ears(vertices: FloatArray, triangles: IntArray, beside: BoolArray, longest: int) -> IntArray:
@@ -52,8 +56,10 @@ def collapse_edges(
 
 def _session(
     vertices: FloatArray, triangles: IntArray, mark: FloatArray | None = None, names: FloatArray | None = None
-) -> pymeshlab.MeshSet:
+) -> "pymeshlab.MeshSet":
     """Return a MeshLab session that holds one mesh, with a scalar a face and one a vertex if given."""
+    import pymeshlab  # noqa: PLC0415 - a tenth of a second for its plugins, which few jobs need
+
     session = pymeshlab.MeshSet(verbose=False)
     scalars = {"f_scalar_array": mark, "v_scalar_array": names}
     more = {name: each for name, each in scalars.items() if each is not None}
@@ -61,7 +67,7 @@ def _session(
     return session
 
 
-def _result(session: pymeshlab.MeshSet) -> tuple[FloatArray, IntArray]:
+def _result(session: "pymeshlab.MeshSet") -> tuple[FloatArray, IntArray]:
     """Return the vertices and triangles of the session's mesh."""
     mesh = session.current_mesh()
     return np.array(mesh.vertex_matrix(), dtype=np.float64), np.array(mesh.face_matrix(), dtype=np.int64)

@@ -27,12 +27,12 @@ class ThirdDifferences:
 
     def of(self, values: FloatArray) -> FloatArray:
         """Return the differences (n,) of values at the nodes."""
-        terms = [factor * np.roll(values, -shift) for factor, shift in zip(self.factors, SHIFTS, strict=True)]
+        terms = [factor * _turned(values, -shift) for factor, shift in zip(self.factors, SHIFTS, strict=True)]
         return np.asarray(sum(terms))
 
     def transposed(self, values: FloatArray) -> FloatArray:
         """Return what the transposed differences make of (n,) values."""
-        terms = [np.roll(factor * values, shift) for factor, shift in zip(self.factors, SHIFTS, strict=True)]
+        terms = [_turned(factor * values, shift) for factor, shift in zip(self.factors, SHIFTS, strict=True)]
         return np.asarray(sum(terms))
 
     def squared(self, weights: FloatArray) -> "RingMatrix":
@@ -79,3 +79,8 @@ class RingMatrix:
         band[0, self.place] += diagonal
         ordered[self.place] = right
         return np.asarray(solveh_banded(band, ordered, lower=True, overwrite_ab=True, check_finite=False)[self.place])
+
+
+def _turned(values: FloatArray, shift: int) -> FloatArray:
+    """Return what `np.roll` does, which takes ten times as long for a row this short."""
+    return np.concatenate([values[-shift:], values[:-shift]])
