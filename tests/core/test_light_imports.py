@@ -1,4 +1,4 @@
-"""A process that starts without Dash, f2py and docs has all of Open3D and SciPy that we call; with them it has them."""
+"""A process that starts without Dash and f2py has all of Open3D and SciPy that we call; one with them keeps them."""
 
 import subprocess
 import sys
@@ -15,9 +15,6 @@ assert o3d.visualization.draw_plotly and o3d.visualization.draw_geometries
 import scipy.linalg, scipy.optimize, scipy.spatial, numba
 assert "numpy.f2py.f2py2e" not in sys.modules
 assert scipy.linalg.solve([[2.0]], [4.0]) == 2.0
-assert "Solve" in scipy.linalg.solve.__doc__ and "inspect" not in vars(sys.modules["scipy._lib._docscrape"])
-import scipy.stats
-assert scipy.stats.ttest_ind([1.0, 2.0, 3.0], [2.0, 3.0, 4.0]).pvalue < 1
 import o3dleaf.leaf.pipeline
 assert "pymeshlab" not in sys.modules
 """
@@ -29,7 +26,6 @@ import_lightly()
 import sys
 assert sys.modules["dash"] is dash and dash.Dash is not None
 import numpy.f2py
-import scipy.linalg
 assert numpy.f2py is f2py and f2py.run_main
 """
 

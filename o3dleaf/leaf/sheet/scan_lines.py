@@ -9,7 +9,7 @@ from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.average import thin
 
 NEIGHBORS = 12
-"""Points around one: of an even sample they lie on a disc, of lines a dozen times denser along than across on a line."""
+"""Points around one: of an even sample they lie on a disc, of lines that are far denser along than across on a line."""
 LINEAR = 0.05
 """Difference of the second and third variance of such neighbors, of the first, up to which they lie on a line: of an
 even sample it is 0.15 and more, noise of a spacing included, but for one point in thirty."""
@@ -27,8 +27,8 @@ def without_scan_lines(points: FloatArray) -> IntArray:
     """Return the rows (k,) of points (n, 3), all but those too close to others along the scan lines that they are on.
 
     Planes through the nearest points of such a line turn about it. Lines are thinned, round after round, until
-    neighbors lie on a surface; a scan that is not of lines stays whole. So does one whose noise is twice the distance of
-    points along its lines and more: it hides them.
+    neighbors lie on a surface; a scan that is not of lines stays whole. So does one whose noise hides them: twice the
+    distance of points along them and more.
     """
     rows = np.arange(len(points))
     for _ in range(ROUNDS):
