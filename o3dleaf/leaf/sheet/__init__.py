@@ -10,7 +10,6 @@
 `widths`         how wide a cloud must be averaged to be one sheet
 `parting`        layers told apart where they lie closer than points
 `leftovers`      pieces, layers and branchings that a sheet leaves out
-`read_out`       lines on what was averaged and cut
 `sheet`          `find_sheet`: all of it together
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars

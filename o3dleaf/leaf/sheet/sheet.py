@@ -13,10 +13,9 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
-from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of
+from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
-from o3dleaf.leaf.sheet.read_out import tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
 from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.leaf.sheet.widths import (
