@@ -29,8 +29,8 @@ from o3dleaf.fitting.rbf.tail import IntArray
 
 NEIGHBORS = 12
 LEAST_NOISE = 0.01
-"""Of the spacing. A scan that is flat for the most part and has no noise shows none at all about its planes, and a bend
-would be an error of any number of deviations; one of less than this says nothing."""
+"""Noise in spacings that is taken for granted. A scan that is flat for the most part and without noise has none about
+its planes, and where it bends every point would be an outlier."""
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
 MAD = 1.4826

@@ -14,8 +14,8 @@ LINEAR = 0.05
 """Difference of the second and third variance of such neighbors, of the first, up to which they lie on a line: of an
 even sample it is 0.15 and more, noise of a spacing included, but for one point in thirty."""
 MOST = 0.1
-"""Share of points with such neighbors from which on a scan is one of lines. Random points of a leaf three wide and more
-have a thirtieth, the real leaves that were tried a fiftieth; lines four times denser along than across a twelfth."""
+"""Share of points on lines from which on a scan is one of lines. Of random points on a leaf three wide and more it is a
+fiftieth, of the real leaves that were tried a ninetieth, of lines four times denser along than across a seventh."""
 BESIDE = 0.25
 """Share of the neighbors of a point that lie on a line, from which on it does: noise makes balls of some."""
 COARSER = 1.5

@@ -15,8 +15,8 @@ from o3dleaf.leaf.sheet.average import average_across, thin
 from o3dleaf.leaf.sheet.gluing import glue_sheets
 from o3dleaf.leaf.sheet.hole_loops import triangulate_hole
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes
-from o3dleaf.leaf.sheet.open_sheets import unit_normals
-from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
+from o3dleaf.leaf.sheet.open_sheets import OpenSheets, unit_normals
+from o3dleaf.leaf.sheet.sheet import OpenSheet, _thickness, find_sheet
 from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles
@@ -370,3 +370,27 @@ def test_a_real_leaf_is_one_open_sheet_that_holds_its_points(scan, held, real_sc
     assert_open_sheet(*_mesh(sheet))
     assert len(sheet.rows) > held * len(points)
     assert rims(*_mesh(sheet)) <= 3
+
+
+def rounded_slab(length, width, radius, rng):
+    """Points two a unit of area, at a distance from a rectangle: a slab with round edges, a capsule without width."""
+    sides = np.array([2 * length * width, 2 * np.pi * radius * (length + width), 4 * np.pi * radius**2])
+    around = rng.normal(size=(round(2 * sides.sum()), 3))
+    kind = rng.choice(3, len(around), p=sides / sides.sum())
+    lengthwise = rng.random(len(around)) * (length + width) < length
+    around[kind == 0, :2] = 0
+    around[(kind == 1) & lengthwise, 0] = 0
+    around[(kind == 1) & ~lengthwise, 1] = 0
+    around *= radius / np.linalg.norm(around, axis=1, keepdims=True)
+    half, inner = np.array([length, width]) / 2, rng.uniform(-0.5, 0.5, (len(around), 2)) * [length, width]
+    inner = np.where(around[:, :2] == 0, inner, np.sign(around[:, :2]) * half)
+    return around + np.column_stack([inner, np.zeros(len(around))])
+
+
+@pytest.mark.parametrize(("width", "radius", "is_flat"), [(12.0, 2.0, True), (0.0, 4.0, False)])
+def test_the_sides_of_a_closed_sheet_are_those_of_a_thin_leaf_if_it_is_flat(width, radius, is_flat):
+    points = rounded_slab(20.0, width, radius, np.random.default_rng(0))
+    sheets = OpenSheets.of(points, np.zeros(len(points)), np.sqrt(0.5))
+    assert sheets.is_closed
+    thickness = _thickness(sheets)
+    assert thickness == pytest.approx(2 * radius, rel=0.1) if is_flat else np.isinf(thickness)
