@@ -166,7 +166,11 @@ class Trials(NamedTuple):
 
 
 def try_smoothings(
-    cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, half_width: float | None = None
+    cover: Cover,
+    leaf_points: FloatArray,
+    kernel: Polyharmonic,
+    half_width: float | None = None,
+    widest: float = np.inf,
 ) -> Trials:
     """Fit heights robustly with every trial smoothing, and predict each stretch of the leaf from the others.
 
@@ -180,6 +184,8 @@ def try_smoothings(
         In two dimensions.
     half_width : float, optional
         Of the leaf; by default what most points lie within of across = 0, or nearly.
+    widest : float
+        Bandwidth beyond which none is tried.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = max(plane_noise(leaf_points), LEAST_NOISE / np.sqrt(_density(plane)))
@@ -191,7 +197,7 @@ def try_smoothings(
         raise InputError("leaf_points: lie on one line, seen from above; give the points of a leaf")
     stretches = np.floor((plane[:, 0] - plane[:, 0].min()) / stretch).astype(np.int64)
     weights, rows = np.ones(len(plane)), []
-    trials = list(_trial_smoothings(leaf_points, kernel, half_width))
+    trials = list(_trial_smoothings(leaf_points, kernel, min(half_width / 2, widest)))
     # From smooth to rough: each weighting starts from its smoother neighbor's, which knows the majority.
     for done, (_, smoothing) in enumerate(trials, start=1):
         with progress.silent():
@@ -218,6 +224,16 @@ def choose_robustly(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic)
 Choice = TypeVar("Choice", bound=RobustChoice)
 
 
+def widest_bandwidth(cover: Cover) -> float:
+    """Return the widest bandwidth of a smoothing that does not let balls shape the surface.
+
+    Of half a wave across a ball of radius r a bandwidth b leaves :math:`1/(1 + (π b / 2 r)^5)` by r³ in the plane: 99 %
+    at a quarter of r, 77 % at half of it. Beyond that fits are their polynomial tails, and the surface is a patchwork
+    of planes.
+    """
+    return MAX_BANDWIDTH * float(np.median(cover.radii))
+
+
 def choose_with_balls(
     leaf_points: FloatArray,
     kernel: Polyharmonic,
@@ -231,15 +247,15 @@ def choose_with_balls(
     while True:
         cover = Cover.fit(plane, bounds, size, overlap)
         choice = choose(cover, leaf_points, kernel)
-        if choice.bandwidth <= MAX_BANDWIDTH * np.median(cover.radii) or size[1] >= len(leaf_points):
+        if choice.bandwidth <= widest_bandwidth(cover) or size[1] >= len(leaf_points):
             return size, choice
         size = (2 * size[0], 2 * size[1])
 
 
 def _trial_smoothings(
-    leaf_points: FloatArray, kernel: Polyharmonic, half_width: float
+    leaf_points: FloatArray, kernel: Polyharmonic, widest: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield (bandwidth, smoothing) from a quarter of the width down to the scan's median spacing."""
+    """Yield (bandwidth, smoothing) from the widest, a quarter of the width, down to the scan's median spacing."""
     distance, _ = query(cKDTree(leaf_points), leaf_points, k=2)
     spacing = float(np.median(distance[:, 1]))
     if not spacing > 0:  # most of them stand there twice
@@ -247,8 +263,8 @@ def _trial_smoothings(
         spacing = float(np.median(query(cKDTree(distinct), distinct, k=2)[0][:, 1]))
     density = _density(leaf_points[:, :2])
     order = kernel.power + kernel.dimension
-    steps = max(int(np.ceil(order * np.log(half_width / 2 / spacing) / np.log(GRID_RATIO))), 1)
-    for bandwidth in np.geomspace(half_width / 2, spacing, steps + 1):
+    steps = max(int(np.ceil(order * np.log(widest / spacing) / np.log(GRID_RATIO))), 1)
+    for bandwidth in np.geomspace(widest, spacing, steps + 1):
         yield float(bandwidth), kernel.smoothing_for(float(bandwidth), density)
 
 

@@ -15,7 +15,7 @@ from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
 from o3dleaf.leaf.chart.flatten import carry
-from o3dleaf.leaf.macro.robust import HUBER
+from o3dleaf.leaf.macro.robust import HUBER, widest_bandwidth
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
 
@@ -88,10 +88,10 @@ class SurfaceProblem:
         """Square root of the area that a site stands for."""
         return float(np.sqrt(self.area / len(self.sites)))
 
-    @property
-    def first_smoothing(self) -> float:
-        """The smoothing of a surface that follows the blade's curls, but no pass of the scan."""
-        return self.kernel.smoothing_for(FIRST_BANDWIDTH * self.width, 1 / self.spacing**2)
+    def first_smoothing(self, near: FloatArray) -> float:
+        """Return the smoothing of a surface that follows the blade's curls, but no pass of the scan."""
+        bandwidth = min(FIRST_BANDWIDTH * self.width, widest_bandwidth(_cover(near)))
+        return self.kernel.smoothing_for(bandwidth, 1 / self.spacing**2)
 
     def fit(self, near: FloatArray, smoothing: float | None = None) -> ChartSurface:
         """Return the surface through the sites at their parameters (n, 2)."""
@@ -110,8 +110,7 @@ class SurfaceProblem:
         """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
         plane = np.ascontiguousarray(flat[:, :2])
         if smoothing is None or smoothing == "robust":
-            cover = Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
-            choice = choose_by_place(cover, flat, self.kernel, self.width / 2)
+            choice = choose_by_place(_cover(plane), flat, self.kernel, self.width / 2)
             return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
         heights = PUInterpolant.fit(plane, flat[:, 2], kernel=self.kernel, degree=1, smoothing=smoothing)
         return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
@@ -133,6 +132,11 @@ class SurfaceProblem:
         return replace(
             self, weights=self.choice.factors * np.minimum(1.0, corner / np.maximum(np.abs(heights), corner))
         )
+
+
+def _cover(plane: FloatArray) -> Cover:
+    """Return the balls over parameters (n, 2)."""
+    return Cover.fit(plane, np.array([plane.min(axis=0), plane.max(axis=0)]), POINTS_PER_BALL, OVERLAP)
 
 
 @dataclass(frozen=True, eq=False)

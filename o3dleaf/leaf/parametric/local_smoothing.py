@@ -14,7 +14,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.fitting.cover.cover import Cover
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
-from o3dleaf.leaf.macro.robust import RobustChoice, Trials, try_smoothings
+from o3dleaf.leaf.macro.robust import RobustChoice, Trials, try_smoothings, widest_bandwidth
 
 WINDOW = 600
 """Points around a ball by which its smoothing is judged: of a narrow leaf five stretches or more, of a broad one a
@@ -46,7 +46,7 @@ def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic,
     cover, leaf_points, kernel, half_width
         As in `try_smoothings`.
     """
-    trials = try_smoothings(cover, leaf_points, kernel, half_width)
+    trials = try_smoothings(cover, leaf_points, kernel, half_width, widest_bandwidth(cover))
     best = trials.best
     plane = leaf_points[:, :2]
     size = min(WINDOW, len(plane))

@@ -55,7 +55,7 @@ def fit_chart_surface(
     near = mesh.parameters(sites)
     problem = SurfaceProblem(sites, mesh.area, mesh.width, unit)
     with first:
-        base = problem.fit(near, problem.first_smoothing)
+        base = problem.fit(near, problem.first_smoothing(near))
         near, heights, _ = base.feet(sites, near)
     with choosing:
         problem = problem.choose(np.column_stack([near, heights]), smoothing)
