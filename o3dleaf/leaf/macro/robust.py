@@ -97,6 +97,9 @@ class RobustHeight:
     kernel : Polyharmonic
     corner : float
         Huber's δ.
+    space, normals : (n, 3) ndarrays, optional
+        Where heights are those over another surface, the points and that surface's unit normals: a smoothing is
+        judged by how it holds both together.
     """
 
     cover: Cover
@@ -104,6 +107,8 @@ class RobustHeight:
     heights: FloatArray
     kernel: Polyharmonic
     corner: float
+    space: FloatArray | None = None
+    normals: FloatArray | None = None
 
     def reweight(self, smoothing: float, weights: FloatArray) -> FloatArray:
         """Return the weights min(1, δ/|residual|) that reproduce themselves, by repeated fits from given ones.
@@ -123,10 +128,16 @@ class RobustHeight:
         return weights
 
     def held_out_losses(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> FloatArray:
-        """Return the Huber losses (n,) of heights predicted without their stretch; NaN where none was."""
-        data = ScatteredData(self.plane, self.heights, weights, stretches)
-        errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
-        return huber_loss(errors, self.corner)
+        """Return the Huber losses (n,) of heights, or points, predicted without their stretch; NaN where none was."""
+        model = SplineModel(self.kernel, 1, Smoothing(smoothing))
+
+        def errors_of(values: FloatArray) -> FloatArray:
+            return held_out_errors(self.cover, ScatteredData(self.plane, values, weights, stretches), model)
+
+        if self.space is None or self.normals is None:
+            return huber_loss(errors_of(self.heights), self.corner)
+        errors = [n * errors_of(x) for x, n in zip(self.space.T.copy(), self.normals.T, strict=True)]
+        return huber_loss(np.sum(errors, axis=0), self.corner)
 
 
 class Trials(NamedTuple):
@@ -171,6 +182,8 @@ def try_smoothings(
     kernel: Polyharmonic,
     half_width: float | None = None,
     widest: float = np.inf,
+    space: FloatArray | None = None,
+    normals: FloatArray | None = None,
 ) -> Trials:
     """Fit heights robustly with every trial smoothing, and predict each stretch of the leaf from the others.
 
@@ -186,10 +199,12 @@ def try_smoothings(
         Of the leaf; by default what most points lie within of across = 0, or nearly.
     widest : float
         Bandwidth beyond which none is tried.
+    space, normals : (n, 3) ndarrays, optional
+        As in `RobustHeight`.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     noise = max(plane_noise(leaf_points), LEAST_NOISE / np.sqrt(_density(plane)))
-    problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise)
+    problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise, space, normals)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
     stretch = min(half_width, float(np.ptp(plane[:, 0])) * MAX_STRETCH)

@@ -106,14 +106,17 @@ class SurfaceProblem:
             unit=self.unit,
         )
 
-    def choose(self, flat: FloatArray, smoothing: RobustSmoothing | None) -> "SurfaceProblem":
-        """Return the problem with the smoothing chosen for the heights of the sites over a smooth surface, (n, 3)."""
-        plane = np.ascontiguousarray(flat[:, :2])
+    def choose(self, base: ChartSurface, near: FloatArray, smoothing: RobustSmoothing | None) -> "SurfaceProblem":
+        """Return the problem with the smoothing chosen for the sites over a smooth surface, near parameters (n, 2)."""
+        plane, heights, _ = base.feet(self.sites, near)
         if smoothing is None or smoothing == "robust":
-            choice = choose_by_place(_cover(plane), flat, self.kernel, self.width / 2)
+            flat = np.column_stack([plane, heights])
+            choice = choose_by_place(
+                _cover(plane), flat, self.kernel, self.width / 2, self.sites, base.normals(plane)
+            )
             return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
-        heights = PUInterpolant.fit(plane, flat[:, 2], kernel=self.kernel, degree=1, smoothing=smoothing)
-        return replace(self, smoothing=float(np.median(cast("LocalSplines", heights.local).diagonals)))
+        fit = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing)
+        return replace(self, smoothing=float(np.median(cast("LocalSplines", fit.local).diagonals)))
 
     def with_sites(self, sites: FloatArray, like: IntArray) -> "SurfaceProblem":
         """Return the problem with further sites (k, 3), each of the weight of one that there is, by its row (k,).

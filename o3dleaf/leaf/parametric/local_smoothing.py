@@ -38,15 +38,22 @@ class LocalChoice(RobustChoice):
     factors: FloatArray
 
 
-def choose_by_place(cover: Cover, leaf_points: FloatArray, kernel: Polyharmonic, half_width: float) -> LocalChoice:
+def choose_by_place(
+    cover: Cover,
+    leaf_points: FloatArray,
+    kernel: Polyharmonic,
+    half_width: float,
+    space: FloatArray,
+    normals: FloatArray,
+) -> LocalChoice:
     """Return the smoothing of least Huber loss on held-out stretches, for the leaf and for each place.
 
     Parameters
     ----------
-    cover, leaf_points, kernel, half_width
+    cover, leaf_points, kernel, half_width, space, normals
         As in `try_smoothings`.
     """
-    trials = try_smoothings(cover, leaf_points, kernel, half_width, widest_bandwidth(cover))
+    trials = try_smoothings(cover, leaf_points, kernel, half_width, widest_bandwidth(cover), space, normals)
     best = trials.best
     plane = leaf_points[:, :2]
     size = min(WINDOW, len(plane))
