@@ -5,7 +5,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.parallel import single_threaded_blas
 from o3dleaf.fitting.cover.cover import Cover
-from o3dleaf.fitting.local import fit_loops
+from o3dleaf.fitting.local.columns.column_fit_loops import ball_held_out
 from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import each_ball
 from o3dleaf.fitting.rbf.smoothing import SplineModel
@@ -29,25 +29,31 @@ def held_out_errors(cover: Cover, data: ScatteredData, model: SplineModel) -> Fl
         Its groups may have any numbers.
     model : SplineModel
         Of the fit.
+
+    Returns
+    -------
+    (n,) ndarray, or (n, c) of c columns of values, by one factorization a ball
     """
-    points, values, exponents = data.points, data.weighted, model.exponents
+    points, exponents = data.points, model.exponents
+    values = data.weighted._replace(values=data.values.reshape(len(points), -1))
     groups = np.arange(len(points)) if data.groups is None else data.groups
     diagonals, power = model.smoothing.diagonals(cover.counts), model.kernel.power
 
     def errors_of(ball: int) -> FloatArray:
-        errors: FloatArray = fit_loops.ball_held_out(ball, values, cover.balls, exponents, power, diagonals, groups)
+        errors: FloatArray = ball_held_out(ball, values, cover.balls, exponents, power, diagonals, groups)
         return errors
 
     with single_threaded_blas():
         errors_of_balls = each_ball(errors_of, np.arange(len(cover.radii)))
-    total, blended = np.zeros(len(points)), np.zeros(len(points))
+    total, blended = np.zeros(len(points)), np.zeros((values.values.shape[1], len(points)))
     for ball, errors in enumerate(errors_of_balls):
-        known = ~np.isnan(errors)
+        known = ~np.isnan(errors[0])
         rows = cover.members[cover.offsets[ball] : cover.offsets[ball + 1]][known]
         weight = _wendland(np.linalg.norm(points[rows] - cover.centers[ball], axis=1) / cover.radii[ball])
         total[rows] += weight
-        blended[rows] += weight * errors[known]
-    return np.where(total > 0, blended / np.where(total > 0, total, 1.0), np.nan)
+        blended[:, rows] += weight * errors[:, known]
+    means = np.where(total > 0, blended / np.where(total > 0, total, 1.0), np.nan)
+    return means.T.reshape(data.values.shape)
 
 
 def _wendland(tau: FloatArray) -> FloatArray:

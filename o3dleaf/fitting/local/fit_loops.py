@@ -7,7 +7,6 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
-from o3dleaf.fitting.rbf.held_out_loops import held_out
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen
 from o3dleaf.fitting.rbf.solve_loops import solve_local
@@ -163,12 +162,3 @@ def ball_shared_squares(ball, data, balls, exponents, power, groups, trials, inv
     local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
     named = local_groups(rows, groups)
     return shared_squares(local, values, np.sqrt(data.weights[rows]), exponents, power, named, trials, inverses)
-
-
-@njit(nogil=True, cache=True)
-def ball_held_out(ball, data, balls, exponents, power, smoothing, groups):
-    """Return the held-out errors of one ball's fit at its own points; see `o3dleaf.fitting.rbf.held_out_loops`."""
-    rows = rows_of(balls, ball)
-    local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
-    diagonal = smoothing[ball] / balls.radii[ball] ** power / data.weights[rows]
-    return held_out(local, values, exponents, power, diagonal, groups[rows])

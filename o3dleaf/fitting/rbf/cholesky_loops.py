@@ -69,6 +69,34 @@ def solve_positive(matrix, right):
     return dropped
 
 
+@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
+def solve_rows(lower, right):
+    """Solve L Lᵀ x = b in place of each row of `right` (c, n): a row of L is read once for all of them.
+
+    Those of `column_loops` are for hundreds of columns, which this is not.
+    """
+    count, columns = len(lower), len(right)
+    for i in range(count):
+        for k in range(columns):
+            right[k, i] = (right[k, i] - dot(lower[i], right[k], i)) / lower[i, i]
+    for i in range(count - 1, -1, -1):
+        for k in range(columns):
+            right[k, i] /= lower[i, i]
+            for j in range(i):
+                right[k, j] -= lower[i, j] * right[k, i]
+
+
+@njit(nogil=True, cache=True)
+def solve_positive_rows(matrix, right):
+    """Do what `solve_positive` does, for each row of `right` (c, n)."""
+    lower, fit = cholesky(matrix)
+    if fit:
+        solve_rows(lower, right)
+        return
+    for row in right:
+        solve_positive(matrix, row)
+
+
 @njit(nogil=True, cache=True)
 def solve_few(matrix, right):
     """Do what `solve_positive` does for a few unknowns, for which calling LAPACK takes longer than solving."""

@@ -129,15 +129,10 @@ class RobustHeight:
 
     def held_out_losses(self, smoothing: float, weights: FloatArray, stretches: IntArray) -> FloatArray:
         """Return the Huber losses (n,) of heights, or points, predicted without their stretch; NaN where none was."""
-        model = SplineModel(self.kernel, 1, Smoothing(smoothing))
-
-        def errors_of(values: FloatArray) -> FloatArray:
-            return held_out_errors(self.cover, ScatteredData(self.plane, values, weights, stretches), model)
-
-        if self.space is None or self.normals is None:
-            return huber_loss(errors_of(self.heights), self.corner)
-        errors = [n * errors_of(x) for x, n in zip(self.space.T.copy(), self.normals.T, strict=True)]
-        return huber_loss(np.sum(errors, axis=0), self.corner)
+        values = self.heights if self.space is None else self.space
+        data = ScatteredData(self.plane, values, weights, stretches)
+        errors = held_out_errors(self.cover, data, SplineModel(self.kernel, 1, Smoothing(smoothing)))
+        return huber_loss(errors if self.normals is None else np.sum(errors * self.normals, axis=1), self.corner)
 
 
 class Trials(NamedTuple):
@@ -180,6 +175,7 @@ def try_smoothings(
     cover: Cover,
     leaf_points: FloatArray,
     kernel: Polyharmonic,
+    *,
     half_width: float | None = None,
     widest: float = np.inf,
     space: FloatArray | None = None,
@@ -267,9 +263,7 @@ def choose_with_balls(
         size = (2 * size[0], 2 * size[1])
 
 
-def _trial_smoothings(
-    leaf_points: FloatArray, kernel: Polyharmonic, widest: float
-) -> Iterator[tuple[float, float]]:
+def _trial_smoothings(leaf_points: FloatArray, kernel: Polyharmonic, widest: float) -> Iterator[tuple[float, float]]:
     """Yield (bandwidth, smoothing) from the widest, a quarter of the width, down to the scan's median spacing."""
     distance, _ = query(cKDTree(leaf_points), leaf_points, k=2)
     spacing = float(np.median(distance[:, 1]))

@@ -111,9 +111,7 @@ class SurfaceProblem:
         plane, heights, _ = base.feet(self.sites, near)
         if smoothing is None or smoothing == "robust":
             flat = np.column_stack([plane, heights])
-            choice = choose_by_place(
-                _cover(plane), flat, self.kernel, self.width / 2, self.sites, base.normals(plane)
-            )
+            choice = choose_by_place(_cover(plane), flat, self.kernel, self.width / 2, self.sites, base.normals(plane))
             return replace(self, smoothing=choice.smoothing, choice=choice, weights=choice.factors * choice.weights)
         fit = PUInterpolant.fit(plane, heights, kernel=self.kernel, degree=1, smoothing=smoothing)
         return replace(self, smoothing=float(np.median(cast("LocalSplines", fit.local).diagonals)))

@@ -53,7 +53,15 @@ def choose_by_place(
     cover, leaf_points, kernel, half_width, space, normals
         As in `try_smoothings`.
     """
-    trials = try_smoothings(cover, leaf_points, kernel, half_width, widest_bandwidth(cover), space, normals)
+    trials = try_smoothings(
+        cover,
+        leaf_points,
+        kernel,
+        half_width=half_width,
+        widest=widest_bandwidth(cover),
+        space=space,
+        normals=normals,
+    )
     best = trials.best
     plane = leaf_points[:, :2]
     size = min(WINDOW, len(plane))

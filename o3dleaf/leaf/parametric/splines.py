@@ -1,6 +1,5 @@
 """Splines of three components: in each ball one smoothed polyharmonic spline a coordinate, at common sites."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.local.splines import LocalSplines
+from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
@@ -44,17 +43,14 @@ class VectorSplines:
     tails: FloatArray
 
     @classmethod
-    def joined(cls, components: Sequence[LocalSplines]) -> "VectorSplines":
-        """Join the splines of three components that were fitted over one cover, or raise `InputError`."""
-        one = components[0]
-        if len(components) != 3 or any(each.kernel != CUBIC or len(each.exponents) != 3 for each in components):
-            raise InputError("components: give three splines of the kernel r³ with a linear tail in the plane")
-        if any(not np.array_equal(each.sites, one.sites) for each in components[1:]):
-            raise InputError("components: have different sites; fit all three over one cover")
-        order = [int(np.flatnonzero((one.exponents == monomial).all(axis=1))[0]) for monomial in LINEAR]
+    def of(cls, columns: LocalColumns) -> "VectorSplines":
+        """Return splines of three columns, one a component, or raise `InputError`."""
+        if columns.columns != 3 or columns.kernel != CUBIC or len(columns.exponents) != 3:
+            raise InputError("columns: give three, by splines of the kernel r³ with a linear tail in the plane")
+        order = [int(np.flatnonzero((columns.exponents == monomial).all(axis=1))[0]) for monomial in LINEAR]
         # In the layout that loops are compiled for, as those that are read from a file have.
-        tails = np.ascontiguousarray(np.stack([each.tails[:, order] for each in components], axis=1))
-        return cls(one.smoothing, one.offsets, one.sites, np.stack([each.weights for each in components]), tails)
+        tails = np.ascontiguousarray(columns.tails[:, :, order])
+        return cls(columns.smoothing, columns.offsets, columns.sites, columns.weights, tails)
 
     def __repr__(self) -> str:
         return f"VectorSplines({len(self.tails):,} balls)"

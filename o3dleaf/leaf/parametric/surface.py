@@ -1,6 +1,5 @@
 """The surface of a chart: S from the plane (u, v) to space, a partition of unity of polyharmonic splines."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -9,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, NotNegative, Order, Unit
 from o3dleaf.core.checks.arrays import FloatArray
@@ -19,8 +17,8 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.columns.column_splines import fit_columns
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
-from o3dleaf.fitting.local.splines import LocalSplines, fit_splines
 from o3dleaf.fitting.pu.interpolant import OVERLAP
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.leaf.parametric import lift_loops
@@ -100,18 +98,8 @@ class ChartSurface:
         trust = None if weights is None else as_weights(weights, len(sites))
         cover, index = Cover.indexed(sites, box, as_ball_size(points_per_ball, OVERLAP), OVERLAP)
         model = SplineModel(CUBIC, 1, Smoothing(smoothing))
-        components = []
-        for part, coordinate in zip(progress.split(1, 1, 1), space.T, strict=True):
-            with part:
-                components.append(fit_splines(cover, ScatteredData(sites, coordinate.copy(), trust), model))
-        return cls.of_components(cover, index, components, unit)
-
-    @classmethod
-    def of_components(
-        cls, cover: Cover, index: BallIndex, components: Sequence[LocalSplines], unit: str | None = None
-    ) -> "ChartSurface":
-        """Return the surface of three splines, one a coordinate, that were fitted over one cover."""
-        return cls(cover, index, VectorSplines.joined(components), check_unit(unit))
+        columns = fit_columns(cover, ScatteredData(sites, space, trust), model)
+        return cls(cover, index, VectorSplines.of(columns), check_unit(unit))
 
     def __repr__(self) -> str:
         along, across = np.ptp(self.bounds, axis=0)

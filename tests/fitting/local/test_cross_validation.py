@@ -38,6 +38,18 @@ def test_held_out_errors_equal_explicit_refits(noisy, kernel, width):
         assert found[out] == pytest.approx(values[out] - refit(points[out]), abs=HELD_OUT)
 
 
+def test_errors_of_columns_are_those_of_each(noisy):
+    points, values, weights = noisy
+    columns = np.column_stack([values, points[:, 0] ** 2, np.roll(values, 1)])
+    groups = np.floor(points[:, 1]).astype(np.int64)
+    cover = Cover.fit(points, np.array([points.min(axis=0), points.max(axis=0)]), (40, 80), 1.1)
+    model = SplineModel(polyharmonic(3, 2), 1, Smoothing(0.1))
+    together = held_out_errors(cover, ScatteredData(points, columns, weights, groups), model)
+    for found, one in zip(together.T, columns.T, strict=True):
+        alone = held_out_errors(cover, ScatteredData(points, one.copy(), weights, groups), model)
+        assert found == pytest.approx(alone, abs=HELD_OUT, nan_ok=True)
+
+
 def test_a_group_that_leaves_too_few_points_has_no_error(noisy):
     points, values, _ = noisy
     cover = Cover.fit(points, np.array([points.min(axis=0), points.max(axis=0)]), (220, 220), 1.1)

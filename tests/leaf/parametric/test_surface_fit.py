@@ -99,6 +99,25 @@ def test_the_surface_moves_with_its_scan(fit, scan):
     assert moved.heights == pytest.approx(fit.heights, abs=tol.MOVED_SURFACE)
 
 
+@pytest.mark.parametrize("noise", [0.2, 0.5])
+def test_smoothing_leaves_a_twist(noise):
+    """Its saddles are what a smoothing by far too wide takes first: of each ball a plane is left."""
+    turn, plane = 0.04, places(1800, 3)
+
+    def twist(plane, height=0.0):
+        u, v = plane.T
+        x, y = v * np.cos(turn * u), v * np.sin(turn * u)
+        normal = np.column_stack([turn * v, np.sin(turn * u), -np.cos(turn * u)])
+        return np.column_stack([u, x, y]) + np.reshape(height, (-1, 1)) * normal / np.hypot(1, turn * v)[:, np.newaxis]
+
+    sheet, spacing = strip(), np.sqrt(2 * LENGTH * HALF_WIDTH / len(plane))
+    points = twist(plane, np.random.default_rng(4).normal(0, noise * spacing, len(plane)))
+    fit = fit_chart_surface(points, replace(sheet, vertices=twist(sheet.chart)))
+    _, x, y = fit.surface.jet(fit.feet, 0)[0].T
+    off = y * np.cos(turn * plane[:, 0]) - x * np.sin(turn * plane[:, 0])
+    assert off.std() < tol.LEFT_OF_A_TWIST * noise * spacing
+
+
 def test_a_minority_that_lies_off_is_not_followed(scan):
     plane, points = scan
     beside = (plane[:, 0] > 6) & (plane[:, 0] < 15) & (np.arange(len(plane)) % 4 == 0)
@@ -129,7 +148,8 @@ def test_smoothing_is_less_where_the_leaf_is_wavy():
     bounds = np.array([plane.min(axis=0), plane.max(axis=0)])
     cover = Cover.fit(plane, bounds, (200, 400), 1.25)
     flat = np.column_stack([plane, heights])
-    choice = choose_by_place(cover, flat, as_kernel("cubic", 2), HALF_WIDTH)
+    up = np.tile([0.0, 0.0, 1.0], (len(flat), 1))
+    choice = choose_by_place(cover, flat, as_kernel("cubic", 2), HALF_WIDTH, flat, up)
     calm, wavy = choice.factors[plane[:, 0] < LENGTH / 2], choice.factors[plane[:, 0] > 0.85 * LENGTH]
     assert np.median(calm) < np.median(wavy)
 

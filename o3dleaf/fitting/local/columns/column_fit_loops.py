@@ -4,8 +4,9 @@ import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
-from o3dleaf.fitting.rbf.cholesky_loops import cholesky, solve_triangle
-from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
+from o3dleaf.fitting.rbf.cholesky_loops import cholesky, solve_rows, solve_triangle
+from o3dleaf.fitting.rbf.held_out_loops import held_out
+from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
 from o3dleaf.fitting.rbf.solve_loops import project, solve_projected
 from o3dleaf.fitting.rbf.spectrum_loops import spectra
@@ -23,23 +24,6 @@ def gather_columns(points, values, rows, center, radius):
         for axis in range(dimension):
             local[axis, j] = (points[rows[j], axis] - center[axis]) / radius
     return local, data
-
-
-@njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def solve_rows(lower, right):
-    """Solve L Lᵀ x = b in place of each row of `right` (c, n): a row of L is read once for all of them.
-
-    Those of `column_loops` are for hundreds of columns, which this is not.
-    """
-    count, columns = len(lower), len(right)
-    for i in range(count):
-        for k in range(columns):
-            right[k, i] = (right[k, i] - dot(lower[i], right[k], i)) / lower[i, i]
-    for i in range(count - 1, -1, -1):
-        for k in range(columns):
-            right[k, i] /= lower[i, i]
-            for j in range(i):
-                right[k, j] -= lower[i, j] * right[k, i]
 
 
 @njit(nogil=True, cache=True)
@@ -101,3 +85,12 @@ def ball_column_spectra(ball, data, balls, exponents, power):
     rows = rows_of(balls, ball)
     local, values = gather_columns(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
     return spectra(local, values, np.sqrt(data.weights[rows]), exponents, power)
+
+
+@njit(nogil=True, cache=True)
+def ball_held_out(ball, data, balls, exponents, power, smoothing, groups):
+    """Return the held-out errors (c, n) of one ball's fit at its own points; see `rbf.held_out_loops`."""
+    rows = rows_of(balls, ball)
+    local, values = gather_columns(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
+    diagonal = smoothing[ball] / balls.radii[ball] ** power / data.weights[rows]
+    return held_out(local, values, exponents, power, diagonal, groups[rows])
