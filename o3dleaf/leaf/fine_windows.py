@@ -46,7 +46,7 @@ def _insert(leaf: TexturedBlade, root: Level, region: FloatArray, step: float) -
     # A cell beside each curtain, and one at least between them.
     box[1] = ratio * np.maximum(box[1], box[0] + (2 if ratio == 2 else 1))
     box[0] *= ratio
-    parent.children.append(Level(refine_tiles(leaf, parent.tiles, ratio), parent.footprint, box, ratio=ratio))
+    parent.children.append(Level(refine_tiles(leaf, parent.tiles, ratio, box), parent.footprint, box, ratio=ratio))
 
 
 def _columns(level: Level, region: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import O3DLeafError, ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
@@ -119,13 +119,17 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     return tiles
 
 
-def refine_tiles(leaf: TexturedBlade, tiles: TileSet, ratio: int) -> TileSet:
-    """Polygonize again what `extract_tiles` did, on a lattice of `ratio` times as many steps along every axis."""
+def refine_tiles(leaf: TexturedBlade, tiles: TileSet, ratio: int, box: IntArray) -> TileSet:
+    """Polygonize again what `extract_tiles` did, on a lattice of `ratio` times as many steps along every axis.
+
+    They are for the columns of a `box` (2, 2) of it: where the plane is polygonized at once, all of it is not.
+    """
     (nx, ny, nz), steps = tiles.lattice.shape, np.array(tiles.lattice.spacing) / ratio
     shape = nx * ratio, ny * ratio, (nz - 1) * ratio + 1
     lattice, method = TileLattice(tiles.lattice.origin, tuple(steps.tolist()), shape), tiles.tiles[0].method
     if isinstance(leaf.texture, ThinnedField):
-        return _thinned_tiles(leaf.texture, leaf, lattice, method, together=False).parts
+        bounds = np.array(lattice.origin[:2]) + box * np.array(lattice.spacing[:2])
+        return _thinned_tiles(leaf.texture, leaf, lattice, method, together=False, bounds=bounds).parts
     if isinstance(leaf.texture, WangField):
         return _wang_tiles(leaf.texture.torus, leaf.texture, leaf.scale, lattice, method).parts
     return _tiles_on(leaf.values, lattice, lattice, method).parts
@@ -178,12 +182,18 @@ def _wang_tiles(torus: LayerField, texture: WangField, scale: float, one: TileLa
 
 
 def _thinned_tiles(
-    texture: ThinnedField, leaf: TexturedBlade, lattice: TileLattice, method: int, *, together: bool
+    texture: ThinnedField,
+    leaf: TexturedBlade,
+    lattice: TileLattice,
+    method: int,
+    *,
+    together: bool,
+    bounds: FloatArray | None = None,
 ) -> Tiles:
     """Polygonize the tiles with all hairs and with none, or, where cells are larger than hairs are apart, the plane."""
     base, bare, scale = texture.texture, texture.bare, leaf.scale
     if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
-        return extract_plane(leaf, lattice, method, together=together)
+        return extract_plane(leaf, lattice, method, together=together, bounds=bounds)
     if isinstance(base, WangField):
         whole, full, _ = _wang_tiles(base.torus, base, scale, lattice, method)
         others = _wang_tiles(bare, base, scale, lattice, method).parts
@@ -204,9 +214,20 @@ def _thinned_tiles(
     return Tiles(whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1)
 
 
-def extract_plane(leaf: TexturedBlade, lattice: TileLattice, method: int, *, together: bool = True) -> Tiles:
-    """Polygonize all of the plane that the blade covers, and set it down as one tile, or as one for each place."""
-    first, last = np.floor((leaf.blade.outline.bounds - lattice.origin[:2]) / lattice.period).astype(np.int64)
+def extract_plane(
+    leaf: TexturedBlade,
+    lattice: TileLattice,
+    method: int,
+    *,
+    together: bool = True,
+    bounds: FloatArray | None = None,
+) -> Tiles:
+    """Polygonize the plane within `bounds` (2, 2), by default those of the blade, and a tile around them.
+
+    It is set down as one tile, or as one for each place.
+    """
+    area = leaf.blade.outline.bounds if bounds is None else bounds
+    first, last = np.floor((area - lattice.origin[:2]) / lattice.period).astype(np.int64)
     first, count = first - 1, last - first + 3
     x, y = np.array(lattice.origin[:2]) + first * lattice.period
     nx, ny, nz = lattice.shape
