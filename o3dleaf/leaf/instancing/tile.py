@@ -46,7 +46,7 @@ class TileLattice:
         return np.asarray(np.asarray(self.origin) + np.asarray(lattice) * np.asarray(self.spacing), dtype=np.float64)
 
 
-class Columns(Protocol):
+class TileColumns(Protocol):
     """Columns of samples of a tile and of the next ones along and across, (nx + 1, ny + 1) of them."""
 
     def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
@@ -100,7 +100,7 @@ class Tile:
         Place in `o3dleaf.surface.isosurface.polygonize.METHODS`.
     runs : Runs
         What is inside, voids filled, of all that was polygonized together.
-    columns : Columns
+    columns : TileColumns
         The tile's own samples.
     edges : (n,) ndarray of int64
         The edges that vertices lie on, 8 · (number of the lower point) + direction, rising.
@@ -124,7 +124,7 @@ class Tile:
     lattice: TileLattice
     method: int
     runs: Runs
-    columns: Columns
+    columns: TileColumns
     edges: IntArray
     fractions: FloatArray
     sides: npt.NDArray[np.uint8]

@@ -11,7 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet
-from o3dleaf.leaf.instancing.tile import Columns, Tile
+from o3dleaf.leaf.instancing.tile import Tile, TileColumns
 
 Cells = Callable[[tuple[int, int]], tuple[BoolArray, BoolArray]]
 """Takes a place to two masks (nx, ny) of the cells of its tile: those that are the other tile's there, and all that may
@@ -69,7 +69,7 @@ class TilePair:
     ----------
     one : Tile
         The first of them.
-    columns : tuple of Columns
+    columns : tuple of TileColumns
         Of both.
     edges, shifts : (v,) ndarrays of int64
         The edge of each vertex in its own tile, and which tile that is (bits: along, across).
@@ -87,7 +87,7 @@ class TilePair:
     """
 
     one: Tile
-    columns: tuple[Columns, Columns]
+    columns: tuple[TileColumns, TileColumns]
     edges: IntArray
     shifts: IntArray
     fractions: FloatArray
@@ -178,8 +178,8 @@ class TilePair:
 class MixedColumns:
     """Columns of two tiles: those that begin one of the `chosen` cells (nx + 1, ny + 1) are the second one's."""
 
-    one: Columns
-    other: Columns
+    one: TileColumns
+    other: TileColumns
     chosen: BoolArray
 
     def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:

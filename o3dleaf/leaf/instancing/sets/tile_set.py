@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.instancing.tile import Columns, Tile, TileLattice
+from o3dleaf.leaf.instancing.tile import Tile, TileColumns, TileLattice
 
 ALONG, ACROSS = 1, 2
 """Bits of the directions of edges."""
@@ -142,7 +142,7 @@ class MatchingBorders:
 class PartColumns:
     """Columns of a part of what was polygonized together, which begin at its column `first` (2,)."""
 
-    whole: Columns
+    whole: TileColumns
     first: IntArray
 
     def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
