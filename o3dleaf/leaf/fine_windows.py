@@ -1,6 +1,6 @@
 """Windows: one mesh of the leaf without a crack, coarse but for the windows in it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,37 +12,30 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import build_mesh
 from o3dleaf.io.labelled_mesh import LabelledMesh
 from o3dleaf.leaf.blade.outline_area import sides_of
-from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
-from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.leaf.textured_blade import TexturedBlade
-from o3dleaf.leaf.tile_lattice import leaf_lattice
+from o3dleaf.leaf.tile_lattice import extract_tiles, refine_tiles
 
 
 def extract_windows(
     leaf: TexturedBlade, spacing: float, windows: Sequence[tuple[npt.ArrayLike, float]], *, closed: bool = False
 ) -> LabelledMesh:
     """Return one mesh, coarse but for windows (region, spacing) in it; see `MultiscaleLeaf.extract_levels`."""
-    if leaf.laid is not None:
-        raise InputError(
-            f"levels: finer windows are set into one periodic tile, not into {leaf.laid}; mesh a region finer"
-        )
-    lattice, cut = leaf_lattice(leaf, spacing), leaf.cuts_edges
-    plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
+    tiles = extract_tiles(leaf, spacing, 0, together=False).parts
+    plane = np.array(tiles.lattice.origin[:2]), np.array(tiles.lattice.spacing[:2])
     area = footprint(sides_of(leaf.edge_curve(closed=closed)), *plane, None)
-    root = Level(extract_tile(leaf.values, lattice, sharpen=lattice.shape[:2]), area, area.box, closed, cut=cut)
+    root = Level(tiles, area, area.box, closed, cut=leaf.cuts_edges)
     for region, step in windows:
-        _insert(root, as_bounds(region, 2, "region"), require_positive(step, "spacing"), leaf.values)
-    vertices, triangles, labels = extract_levels(root, leaf.values)
+        _insert(leaf, root, as_bounds(region, 2, "region"), require_positive(step, "spacing"))
+    vertices, triangles, labels = extract_levels(root)
     return LabelledMesh(build_mesh(leaf.blade.lift(vertices), triangles), labels, unit=leaf.unit)
 
 
-def _insert(root: Level, region: FloatArray, step: float, values: Callable[[FloatArray], FloatArray]) -> None:
+def _insert(leaf: TexturedBlade, root: Level, region: FloatArray, step: float) -> None:
     """Insert a window into the finest level that contains it; its box grows to whole columns of that level."""
     parent = _innermost(root, region)
-    lattice = parent.tile.lattice
-    coarse = max(lattice.spacing[:2])
+    coarse = max(parent.tiles.lattice.spacing[:2])
     ratio = 2 ** round(np.log2(coarse / step))
     if ratio < 2:
         raise InputError(
@@ -53,15 +46,12 @@ def _insert(root: Level, region: FloatArray, step: float, values: Callable[[Floa
     # A cell beside each curtain, and one at least between them.
     box[1] = ratio * np.maximum(box[1], box[0] + (2 if ratio == 2 else 1))
     box[0] *= ratio
-    (nx, ny, nz), spacing = lattice.shape, tuple((np.array(lattice.spacing) / ratio).tolist())
-    fine = TileLattice(lattice.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
-    tile = extract_tile(values, fine, sharpen=fine.shape[:2])
-    parent.children.append(Level(tile, parent.footprint, box, ratio=ratio))
+    parent.children.append(Level(refine_tiles(leaf, parent.tiles, ratio, box), parent.footprint, box, ratio=ratio))
 
 
 def _columns(level: Level, region: FloatArray) -> FloatArray:
     """Return a region in columns of a level's lattice."""
-    lattice = level.tile.lattice
+    lattice = level.tiles.lattice
     return np.asarray((region - lattice.origin[:2]) / lattice.spacing[:2])
 
 

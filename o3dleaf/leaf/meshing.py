@@ -31,7 +31,7 @@ from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
 from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import PeriodOf, extract_tiles, tile_lattice
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions
@@ -80,7 +80,7 @@ class MeshPlan:
         box = None if region is None else as_bounds(region, 2, "region")
         self.leaf, self.closed = leaf, closed
         reduce = _reducer(leaf, simplify, remesh_tile)
-        _require_periodic(leaf, closed=closed and not leaf.cuts_edges, remesh_tile=remesh_tile is not None)
+        _require_periodic(leaf, remesh_tile=remesh_tile is not None)
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
         with polygonizing, keeping_blocks("tile"):
             # Only whole tiles are reduced: they are kept small.
@@ -227,17 +227,15 @@ def require_reduction(simplify: float | None, remesh_tile: float | None) -> None
 
 
 def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
-    """Raise `InputError` for what tiles that repeat are needed for, where there are none, or one tile."""
+    """Raise `InputError` for what tiles that repeat, or Wang tiles, are needed for, where there are none."""
     cures = {
-        "closed": "give frame 'surface'",
         "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
         "remesh_tile": "leave it out, or give simplify",
     }
-    of_one = {"closed"} if isinstance(leaf.texture, WangField) else set(cures)
-    wanted = [name for name, wished in wishes.items() if wished and name in of_one]
-    if wanted and leaf.laid is not None:
-        what = "closed: a solid of frame 'paper'" if wanted[0] == "closed" else f"{wanted[0]}: the surface of a leaf"
-        raise InputError(f"{what} is made of periodic tiles, not of {leaf.laid}; {cures[wanted[0]]}")
+    wanted = [name for name, wished in wishes.items() if wished]
+    if wanted and isinstance(leaf.texture, ThinnedField):
+        what = f"{wanted[0]}: the surface of a leaf is made of periodic tiles, not of hairs that a map thins out"
+        raise InputError(f"{what}; {cures[wanted[0]]}")
 
 
 def _reducer(

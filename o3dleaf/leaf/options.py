@@ -130,7 +130,7 @@ class BladeOptions:
         kind=Path,
         reads=True,
         needs=("ct",),
-        unless=("remesh", "remesh_tile", "fine"),
+        unless=("remesh", "remesh_tile"),
     )
     hair_seed: Whole = option(0, "Of the hairs that are kept.", needs=("hair_density",))
     alpha: Positive | None = option(

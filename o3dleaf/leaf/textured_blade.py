@@ -97,13 +97,6 @@ class TexturedBlade:
         return period_of(self.texture.texture if isinstance(self.texture, ThinnedField) else self.texture)
 
     @property
-    def laid(self) -> str | None:
-        """What its plane is laid of instead of one tile that repeats, in words; None for a tile, or blended patches."""
-        if isinstance(self.texture, ThinnedField):
-            return "hairs that a map thins out"
-        return "Wang tiles" if isinstance(self.texture, WangField) else None
-
-    @property
     def bounds(self) -> FloatArray:
         """(2, 3) a box of the world that contains the leaf, outline and micro-structure."""
         low, high = self.heights

@@ -10,7 +10,7 @@ import numpy as np
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.scalars import require_positive
 from o3dleaf.core.errors import O3DLeafError, ReconstructionError
-from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
@@ -108,7 +108,8 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
     Where hairs are removed by a map, all of them are in the tiles, and none in as many others.
     """
     if isinstance(leaf.texture, ThinnedField):
-        return _thinned_tiles(leaf.texture, leaf, spacing, method)
+        lattice = tile_lattice(leaf.texture, leaf.scale, spacing)
+        return _thinned_tiles(leaf.texture, leaf, lattice, method, together=together)
     tiles = leaf.tiles.pop((spacing, method, together), None)
     tiles = tiles or _tiles_of(leaf.texture, leaf.scale, spacing, method, together=together)
     if tiles is None:
@@ -116,6 +117,22 @@ def extract_tiles(leaf: TexturedBlade, spacing: float, method: int, *, together:
         one = tile_lattice(leaf.texture, leaf.scale, spacing) if leaf.is_one_tile else lattice
         tiles = _tiles_on(leaf.values, lattice, one, method)
     return tiles
+
+
+def refine_tiles(leaf: TexturedBlade, tiles: TileSet, ratio: int, box: IntArray) -> TileSet:
+    """Polygonize again what `extract_tiles` did, on a lattice of `ratio` times as many steps along every axis.
+
+    They are for the columns of a `box` (2, 2) of it: where the plane is polygonized at once, all of it is not.
+    """
+    (nx, ny, nz), steps = tiles.lattice.shape, np.array(tiles.lattice.spacing) / ratio
+    shape = nx * ratio, ny * ratio, (nz - 1) * ratio + 1
+    lattice, method = TileLattice(tiles.lattice.origin, tuple(steps.tolist()), shape), tiles.tiles[0].method
+    if isinstance(leaf.texture, ThinnedField):
+        bounds = np.array(lattice.origin[:2]) + box * np.array(lattice.spacing[:2])
+        return _thinned_tiles(leaf.texture, leaf, lattice, method, together=False, bounds=bounds).parts
+    if isinstance(leaf.texture, WangField):
+        return _wang_tiles(leaf.texture.torus, leaf.texture, leaf.scale, lattice, method).parts
+    return _tiles_on(leaf.values, lattice, lattice, method).parts
 
 
 def extract_tiles_ahead(texture: Texture, unit: str | None, wanted: Iterable[tuple[float, int, bool]]) -> TilesAhead:
@@ -138,7 +155,7 @@ def _tiles_of(texture: Texture, scale: float, spacing: float, method: int, *, to
         one = tile_lattice(texture, scale, spacing)
         return _tiles_on(ScaledField(texture, scale), _repeated(one, together=together), one, method)
     if isinstance(texture, WangField):
-        return _wang_tiles(texture.torus, texture, scale, spacing, method)
+        return _wang_tiles(texture.torus, texture, scale, tile_lattice(texture, scale, spacing), method)
     return None
 
 
@@ -148,14 +165,13 @@ def _tiles_on(values: Callable[[FloatArray], FloatArray], lattice: TileLattice, 
     return Tiles(tile, TileSet.of(tile), lattice.shape[0] * lattice.shape[1] // (one.shape[0] * one.shape[1]))
 
 
-def _wang_tiles(torus: LayerField, texture: WangField, scale: float, spacing: float, method: int) -> Tiles:
+def _wang_tiles(torus: LayerField, texture: WangField, scale: float, one: TileLattice, method: int) -> Tiles:
     """Polygonize a torus with the tiles of a texture, and part it into them.
 
     On it each of them lies once, so that what hangs together hangs together over their borders.
     """
-    one = tile_lattice(texture, scale, spacing)
     (nx, ny, nz), (p, q) = one.shape, TORUS.shape
-    require_columns(float(nx * ny * KINDS), spacing)
+    require_columns(float(nx * ny * KINDS), max(one.spacing[:2]))
     lattice = replace(one, shape=(nx * p, ny * q, nz))
     borders = MatchingBorders((nx, ny), nz, TORUS)
     whole = extract_tile(ScaledField(torus, scale), lattice, method, sharpen=lattice.shape[:2], alike=borders)
@@ -165,15 +181,22 @@ def _wang_tiles(torus: LayerField, texture: WangField, scale: float, spacing: fl
     return Tiles(whole, TileSet(tuple(kinds[kind] for kind in range(KINDS)), _kind_by(texture.local.color)), 1)
 
 
-def _thinned_tiles(texture: ThinnedField, leaf: TexturedBlade, spacing: float, method: int) -> Tiles:
+def _thinned_tiles(
+    texture: ThinnedField,
+    leaf: TexturedBlade,
+    lattice: TileLattice,
+    method: int,
+    *,
+    together: bool,
+    bounds: FloatArray | None = None,
+) -> Tiles:
     """Polygonize the tiles with all hairs and with none, or, where cells are larger than hairs are apart, the plane."""
     base, bare, scale = texture.texture, texture.bare, leaf.scale
-    lattice = tile_lattice(base, scale, spacing)
     if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
-        return extract_plane(leaf, lattice, method)
+        return extract_plane(leaf, lattice, method, together=together, bounds=bounds)
     if isinstance(base, WangField):
-        whole, full, _ = _wang_tiles(base.torus, base, scale, spacing, method)
-        others = _wang_tiles(bare, base, scale, spacing, method).parts
+        whole, full, _ = _wang_tiles(base.torus, base, scale, lattice, method)
+        others = _wang_tiles(bare, base, scale, lattice, method).parts
     else:
         period = lattice.shape[:2]
         fields = ScaledField(base, scale), ScaledField(bare, scale)
@@ -191,9 +214,20 @@ def _thinned_tiles(texture: ThinnedField, leaf: TexturedBlade, spacing: float, m
     return Tiles(whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1)
 
 
-def extract_plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> Tiles:
-    """Polygonize all of the plane that the blade covers, as one tile."""
-    first, last = np.floor((leaf.blade.outline.bounds - lattice.origin[:2]) / lattice.period).astype(np.int64)
+def extract_plane(
+    leaf: TexturedBlade,
+    lattice: TileLattice,
+    method: int,
+    *,
+    together: bool = True,
+    bounds: FloatArray | None = None,
+) -> Tiles:
+    """Polygonize the plane within `bounds` (2, 2), by default those of the blade, and a tile around them.
+
+    It is set down as one tile, or as one for each place.
+    """
+    area = leaf.blade.outline.bounds if bounds is None else bounds
+    first, last = np.floor((area - lattice.origin[:2]) / lattice.period).astype(np.int64)
     first, count = first - 1, last - first + 3
     x, y = np.array(lattice.origin[:2]) + first * lattice.period
     nx, ny, nz = lattice.shape
@@ -201,7 +235,17 @@ def extract_plane(leaf: TexturedBlade, lattice: TileLattice, method: int) -> Til
         lattice, origin=(float(x), float(y), lattice.origin[2]), shape=(nx * int(count[0]), ny * int(count[1]), nz)
     )
     tile = extract_tile(leaf.values, whole, method, sharpen=whole.shape[:2])
-    return Tiles(tile, TileSet.of(tile), 1)
+    if together:
+        return Tiles(tile, TileSet.of(tile), 1)
+    parts = {place: replace(part, lattice=lattice) for place, part in split_torus(tile, (nx, ny)).items()}
+    number = {place: row for row, place in enumerate(parts)}
+
+    def kind(place: tuple[int, int]) -> int:
+        # What lies beyond the plane is outside of every outline.
+        p, q = ((np.array(place) - first) % count).tolist()
+        return number[p, q]
+
+    return Tiles(tile, TileSet(tuple(parts.values()), kind), 1)
 
 
 def _kind_by(color: Coloring) -> Callable[[tuple[int, int]], int]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
@@ -15,7 +16,7 @@ from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
-from tolerances import ON_SURFACE, SHARPENED
+from tolerances import FADE_TWIN, ON_SURFACE, SHARPENED
 
 TILE, FACE, TIP, RADIUS, STEP = 3.0, 0.15, 0.42, 0.13, 0.1
 FEET = np.array(
@@ -112,24 +113,68 @@ def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, ha
     assert heights.max() < FACE + 0.01 + tiles.data_distance
 
 
-def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf):
-    tile, tiles, _ = extract_tiles(leaf, STEP / 2, 0, together=False)
+@pytest.fixture(scope="module")
+def both_ways(leaf):
+    """Mixed tiles, and the plane polygonized at once."""
     lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP / 2)
-    whole, alone, _ = extract_plane(leaf, lattice, 0)
+    return extract_tiles(leaf, STEP / 2, 0, together=False), extract_plane(leaf, lattice, 0)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf, both_ways, closed):
+    """As open sheets, and as the solid that an outline cuts, whose rim sees the inside of its columns."""
+    (tile, tiles, _), (whole, alone, _) = both_ways
     assert tile.lattice.spacing == whole.lattice.spacing
-
-    def faces(tiles):
-        lattice = tiles.lattice
-        plane = np.array(lattice.origin[:2]), np.array(lattice.spacing[:2])
-        area = footprint(sides_of(leaf.edge_curve(closed=True)), *plane, np.array([[2.0, -2.0], [6.5, 2.0]]))
-        assembly = Assembly(tiles, area, closed=False)
-        arrays = Arrays(assembly)
-        assembly.emit(arrays, lambda flat: flat)
-        return arrays.vertices, len(arrays.triangles)
-
-    (mixed, count), (direct, number) = faces(tiles), faces(alone)
+    box = np.array([removed_hair(leaf, [[1.5, -1.8], [3.0, 0.5]]), [6.5, 2.0]])
+    (mixed, count), (direct, number) = (placed(each, leaf, box, closed=closed) for each in (tiles, alone))
     assert count == number
     assert cKDTree(direct).query(mixed)[0].max() < SHARPENED * STEP
+
+
+def test_a_plane_set_down_place_by_place_is_what_it_is_at_once(leaf):
+    lattice = tile_lattice(leaf.texture.texture, leaf.scale, 2.5 * STEP)
+    (whole, alone, _), (_, parts, _) = (extract_plane(leaf, lattice, 0, together=each) for each in (True, False))
+    assert len(parts.tiles) > len(alone.tiles) == 1
+    for closed in (False, True):
+        one, other = (placed(each, leaf, [[1.0, -2.0], [6.5, 2.0]], closed=closed) for each in (alone, parts))
+        assert len(one[0]) == len(other[0])
+        assert one[1] == other[1]
+        assert cKDTree(one[0]).query(other[0])[0].max() < FADE_TWIN * np.ptp(whole.lattice.period)
+
+
+def removed_hair(leaf, box):
+    """The place (along, across) in the middle of a hair that is not there."""
+    plane = np.stack(np.meshgrid(*(np.arange(*ends, 0.02) for ends in zip(*box, strict=True))), axis=-1).reshape(-1, 2)
+    points = np.column_stack([plane, np.full(len(plane), (FACE + TIP) / 2)])
+    with_all = np.where(leaf.texture(points) < 0, leaf.texture.texture(points), -1)
+    assert with_all.max() > 0
+    return plane[np.argmax(with_all)]
+
+
+def placed(tiles, leaf, box, *, closed):
+    """The places of the vertices over a box of the plane, as sheets or as a solid, and the number of triangles."""
+    plane = np.array(tiles.lattice.origin[:2]), np.array(tiles.lattice.spacing[:2])
+    outline, region = (shapely.box(*np.ravel(box)), None) if closed else (leaf.edge_curve(closed=True), np.array(box))
+    assembly = Assembly(tiles, footprint(sides_of(outline), *plane, region), closed=closed)
+    arrays = Arrays(assembly)
+    assembly.emit(arrays, lambda flat: flat)
+    return arrays.vertices, len(arrays.triangles)
+
+
+@pytest.mark.parametrize("step", [STEP, 2.5 * STEP])
+@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_a_finer_window_has_no_crack_and_the_hairs_of_the_finer_mesh(leaf, solid, step, closed):
+    """Its curtain hangs where one was; where the mesh around it is so coarse that a cell may see two hairs, too."""
+    region = np.array([removed_hair(leaf, [[1.5, -1.5], [3.0, 0.2]]), [5.1, 0.7]])
+    made = leaf.extract_levels(step, [(region, step / 2)], closed=closed)
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.oriented, report.genus, report.holes) == (True, True, 0, 0)
+    assert (report.components, report.boundary_loops) == ((1, 0) if closed else (2, 2))
+    window = hairs_of(leaf, made.mesh.vertices), hairs_of(leaf, solid.mesh.vertices)
+    one, other = (each[((each > [*region[0], 0]) & (each < [*region[1], 1])).all(axis=1)] for each in window)
+    assert len(one) > 0
+    assert cKDTree(window[1]).query(one)[0].max() < step
+    assert cKDTree(window[0]).query(other)[0].max() < step
 
 
 def test_a_mesh_coarser_than_the_data_is_closed_and_has_no_hair_that_is_gone(tiles, leaf, solid):
@@ -207,7 +252,6 @@ def test_derivatives_under_lids_are_limits_of_difference_quotients(half, order):
     ("call", "match"),
     [
         (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: distances are to all hairs"),
-        (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*hairs"),
         (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*hairs"),
         (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*hairs"),
     ],

@@ -5,7 +5,7 @@ import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
-from leaf_fields import leaf_of, off_the_field, texture
+from leaf_fields import FRAMES, leaf_of, off_the_field, texture
 from o3dleaf import WangField
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.labelled_mesh import RIM
@@ -87,22 +87,41 @@ def test_the_block_of_a_tile_is_the_torus_of_all(leaf):
     assert np.allclose(np.ptp(vertices[:, :2], axis=0), 4 * leaf.texture.period)
 
 
-@pytest.mark.parametrize(
-    ("call", "match"),
-    [
-        (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*Wang tiles"),
-    ],
-)
-def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):
-    with pytest.raises(InputError, match=match):
-        call(leaf)
+@pytest.mark.parametrize("closed", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_window_is_as_fine_as_it_is_to_be_and_what_is_around_it_stays(tiles, frame, closed):
+    leaf = leaf_of(tiles, bend=15.0, length=8.0, frame=frame)[0]
+    step = 0.16
+    region = np.array([[3.0, -0.9], [5.2, 0.6]])
+    made = leaf.extract_levels(step, [(region, step / 2)], closed=closed)
+    report = mesh_report(made.mesh)
+    assert (report.manifold, report.oriented, report.genus, report.holes) == (True, True, 0, 0)
+    assert (report.components, report.boundary_loops) == ((1, 0) if closed else (2, 2))
+    vertices, triangles = np.asarray(made.mesh.vertices), np.asarray(made.mesh.triangles)
+    places = leaf.blade.flatten(vertices)[:, :2]
+    within = ((places > region[0]) & (places < region[1])).all(axis=1)
+    size = np.linalg.norm(np.diff(vertices[triangles[within[triangles].all(axis=1)]][:, :2], axis=1)[:, 0], axis=1)
+    assert step / 4 < np.median(size) < step
+    # Beside the curtain vertices lie where the samples are zero between two columns.
+    inner = ((places > region[0] + step / 2) & (places < region[1] - step / 2)).all(axis=1)
+    off = np.abs(leaf(vertices[inner])) / np.linalg.norm(leaf.gradient(vertices[inner]), axis=1)
+    assert off.max() < ON_SURFACE * step
+    around = ((places < region[0] - 2 * step) | (places > region[1] + 2 * step)).any(axis=1)
+    around &= ((places > step) & (places < [8 - step, np.inf])).all(axis=1) & (np.abs(places[:, 1]) < 3 - 2 * step)
+    plain = {row.tobytes() for row in np.asarray(leaf.plan_mesh(step, closed=closed).extract().mesh.vertices)}
+    assert around.sum() > 1000
+    assert all(row.tobytes() in plain for row in vertices[around])
 
 
-def test_a_closed_solid_of_the_paper_is_refused_and_its_sheets_are_not(tiles):
-    leaf = leaf_of(tiles, frame="paper")[0]
-    with pytest.raises(InputError, match=r"closed: .*Wang tiles"):
-        leaf.plan_mesh(0.1, closed=True)
-    assert mesh_report(leaf.extract_mesh(0.1, [[2.0, -1.0], [5.0, 1.0]])).components == 2
+def test_a_closed_solid_of_the_paper_has_a_rim_and_its_faces_lie_on_the_field(tiles):
+    leaf = leaf_of(tiles, bend=15.0, length=8.0, frame="paper")[0]
+    plan = leaf.plan_mesh(STEP, closed=True)
+    made = plan.extract()
+    report = mesh_report(made.mesh)
+    assert (report.watertight, report.components, report.genus, report.self_intersections) == (True, 1, 0, 0)
+    assert len(np.asarray(made.mesh.triangles)) == plan.triangles
+    assert set(np.unique(made.labels)) == {0, 1, RIM}
+    assert off_the_field(leaf, made).max() < ON_SURFACE * STEP
 
 
 def test_options_give_wang_tiles():

@@ -7,7 +7,6 @@ surface meets the curtain in a finer copy of the curve in which the coarser one 
 coarser triangles have there is replaced by the finer vertices along it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,15 +18,11 @@ from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, triangle_ar
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER, select_faces
-from o3dleaf.leaf.instancing.extraction.slab_surface import TINY
 from o3dleaf.leaf.instancing.footprint import Footprint, box_footprint
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.stitch import Labels, LatticeMesh, stitch, weld
-from o3dleaf.leaf.instancing.tile import Tile
-from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.polygonize import march
 from o3dleaf.surface.mesh.topology import label_triangles
-
-Values = Callable[[FloatArray], FloatArray]
 
 OUTWARD = np.array([[-1, -1], [1, 1]])
 """What is added to a box of columns to make it a cell larger on every side."""
@@ -41,7 +36,7 @@ class Level:
 
     Attributes
     ----------
-    tile : Tile
+    tiles : TileSet
     footprint : Footprint
         Of the root; windows have their box.
     closed : bool
@@ -55,7 +50,7 @@ class Level:
         Whether triangles are cut along the outline; see `Assembly`.
     """
 
-    tile: Tile
+    tiles: TileSet
     footprint: Footprint
     box: IntArray
     closed: bool = False
@@ -64,14 +59,8 @@ class Level:
     cut: bool = False
 
 
-def extract_levels(root: Level, values: Values) -> tuple[FloatArray, IntArray, Labels]:
+def extract_levels(root: Level) -> tuple[FloatArray, IntArray, Labels]:
     """Return the vertices (n, 3), flat, triangles (m, 3) and labels (m,) of a level and of all windows in it.
-
-    Parameters
-    ----------
-    root : Level
-    values : callable
-        The field, > 0 inside, at (n, 3) flat positions.
 
     Raises
     ------
@@ -80,7 +69,7 @@ def extract_levels(root: Level, values: Values) -> tuple[FloatArray, IntArray, L
     ReconstructionError
         If it is not two sheets, or not one solid.
     """
-    mesh = _with_children(root, values)
+    mesh = _with_children(root)
     labels = _label_unknown(mesh)
     component, area = label_triangles(mesh.triangles), triangle_areas(mesh.positions, mesh.triangles)
     size = np.bincount(component, area)
@@ -90,7 +79,7 @@ def extract_levels(root: Level, values: Values) -> tuple[FloatArray, IntArray, L
     return vertices, triangles, labels[kept]
 
 
-def _with_children(level: Level, values: Values) -> LatticeMesh:
+def _with_children(level: Level) -> LatticeMesh:
     """Return the surface of a level with its windows in their places."""
     footprint = level.footprint
     for child in level.children:
@@ -98,32 +87,32 @@ def _with_children(level: Level, values: Values) -> LatticeMesh:
         if not footprint.contains(hole + OUTWARD):
             raise InputError("levels: a window reaches the rim, or its parent's edge; make it smaller or move it")
         footprint = footprint.without(hole)
-    assembly = Assembly(level.tile, footprint, closed=level.closed, cut=level.cut, keep_fragments=True)
+    assembly = Assembly(level.tiles, footprint, closed=level.closed, cut=level.cut, keep_fragments=True)
     arrays = Arrays(assembly)
     with progress.silent():
         assembly.emit(arrays, lambda flat: flat)
     mesh = LatticeMesh(assembly.names(), arrays.vertices, arrays.triangles, arrays.labels)
     for child in level.children:
-        mesh = stitch(mesh, _window(child, level.tile, values), child.box, child.ratio)
+        mesh = stitch(mesh, _window(child, level.tiles), child.box, child.ratio)
     return mesh
 
 
-def _window(level: Level, parent: Tile, values: Values) -> LatticeMesh:
+def _window(level: Level, parent: TileSet) -> LatticeMesh:
     """Return the surface in a window, whose outermost columns are those of the curtain."""
     low, high = level.box
     inner = replace(level, footprint=box_footprint(level.box - OUTWARD))
-    curtain = _curtain(level, parent, values)
+    curtain = _curtain(level, parent)
     wide, deep = high - low
     # Along the first and the last column with the corners, across without them.
     far = np.array([wide - 1, deep - 1])
     aside, up = np.array([1, 0]), np.array([0, 1])
     strips = [(low, (wide, 1)), (low + far * up, (wide, 1))]
     strips += [(low + up, (1, deep - 2)), (low + up + far * aside, (1, deep - 2))]
-    rings = [_strip(level, curtain, values, first, shape) for first, shape in strips]
-    return weld([_with_children(inner, values), *rings])
+    rings = [_strip(level, curtain, first, shape) for first, shape in strips]
+    return weld([_with_children(inner), *rings])
 
 
-def _curtain(level: Level, parent: Tile, values: Values) -> dict[tuple[int, int], FloatArray]:
+def _curtain(level: Level, parent: TileSet) -> dict[tuple[int, int], FloatArray]:
     """Return the samples (nz,) of each column around a window, implied by the parent's."""
     (i0, j0), (i1, j1) = level.box
     ratio = level.ratio
@@ -132,21 +121,11 @@ def _curtain(level: Level, parent: Tile, values: Values) -> dict[tuple[int, int]
         start, stop = (i0, i1) if axis == 0 else (j0, j1)
         number = np.arange(start // ratio, stop // ratio + 1)
         fixed = np.full_like(number, side // ratio)
-        coarse = signed_samples(parent, np.stack([number, fixed] if axis == 0 else [fixed, number], axis=1), values)
+        coarse = parent.samples(np.stack([number, fixed] if axis == 0 else [fixed, number], axis=1))
         fine = refine_face(coarse, level.ratio)
         for row, column in enumerate(range(start, stop + 1)):
             curtain[(column, side) if axis == 0 else (side, column)] = fine[row]
     return {(int(i), int(j)): samples for (i, j), samples in curtain.items()}
-
-
-def signed_samples(tile: Tile, columns: IntArray, values: Values) -> FloatArray:
-    """Return the samples (m, nz) of a tile's columns (m, 2), > 0 inside, voids filled and islands removed."""
-    nx, ny, nz = tile.lattice.shape
-    folded = columns % np.array([nx, ny])
-    points = np.column_stack([np.repeat(folded, nz, axis=0), np.tile(np.arange(nz), len(columns))])
-    size = np.maximum(np.abs(values(tile.lattice.positions(points))), TINY).reshape(-1, nz)
-    inside = tile.runs.expand(folded[:, 0] * ny + folded[:, 1]) == INSIDE
-    return np.where(inside, size, -size)
 
 
 def refine_face(coarse: FloatArray, ratio: int) -> FloatArray:
@@ -178,11 +157,11 @@ def _fractions(count: int, steps: int) -> tuple[IntArray, FloatArray]:
 
 
 def _strip(
-    level: Level, curtain: dict[tuple[int, int], FloatArray], values: Values, first: IntArray, shape: tuple[int, int]
+    level: Level, curtain: dict[tuple[int, int], FloatArray], first: IntArray, shape: tuple[int, int]
 ) -> LatticeMesh:
     """Return the surface over the cells first + (0, 0) to first + shape beside the curtain."""
     columns = np.argwhere(np.ones((shape[0] + 1, shape[1] + 1), dtype=bool)) + first
-    samples = signed_samples(level.tile, columns, values)
+    samples = level.tiles.samples(columns)
     for row, (i, j) in enumerate(columns.tolist()):
         samples[row] = curtain.get((i, j), samples[row])
     grid = samples.reshape(shape[0] + 1, shape[1] + 1, -1)
@@ -192,7 +171,7 @@ def _strip(
     names = np.stack(
         [first[0] + point // (ny * nz), first[1] + point // nz % ny, point % nz, surface.edges & 7], axis=1
     )
-    positions = level.tile.lattice.positions(surface.positions((int(first[0]), int(first[1]), 0)))
+    positions = level.tiles.lattice.positions(surface.positions((int(first[0]), int(first[1]), 0)))
     return LatticeMesh(names, positions, surface.triangles, np.full(len(surface.triangles), UNKNOWN, dtype=np.uint8))
 
 

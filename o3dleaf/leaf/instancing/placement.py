@@ -227,8 +227,8 @@ def solid_within(tile: Tile, distance: FloatArray, place: tuple[int, int]) -> Pl
         return None
     used = np.empty(len(tile.edges), dtype=bool)
     use_by_distance(tile.edges, tile.fractions, tile.upward, tile.lattice.shape, distance, used)
-    beyond = tile.beyond_rows * 4 + tile.beyond[:, 1]
-    vertices = TileVertices(tile.lattice.shape, tile.edges, tile.fractions, beyond)
+    fractions = np.concatenate([tile.fractions, tile.beyond_fractions])
+    vertices = TileVertices(tile.lattice.shape, tile.edges, fractions, tile.beyond_keys)
     columns = CutColumns(distance, *_cut_columns(tile, inside))
     names, fractions = _rim(tile.method, vertices, columns)
     parts = vertices, RimVertices(names, fractions), columns
@@ -268,8 +268,7 @@ def _cut_columns(tile: Tile, inside: BoolArray) -> tuple[IntArray, npt.NDArray[n
         near[i : nx + i, j : ny + j] |= cut
     row_of = np.full(inside.shape, -1)
     row_of[near] = np.arange(near.sum())
-    columns = np.argwhere(near)
-    return row_of, tile.runs.expand(columns[:, 0] % nx * ny + columns[:, 1] % ny)
+    return row_of, tile.columns.labels(np.argwhere(near))
 
 
 def _rim(method: int, tile: TileVertices, columns: CutColumns) -> tuple[IntArray, FloatArray]:

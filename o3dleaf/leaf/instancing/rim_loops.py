@@ -24,9 +24,9 @@ from o3dleaf.surface.mesh.adjacency_loops import find_root, join
 
 
 class TileVertices(NamedTuple):
-    """Vertices of a tile: steps of its lattice (nx, ny, nz), edges (n,), fractions (n,), keys (h,) of those beyond.
+    """Vertices of a tile and those beyond it: steps of its lattice (nx, ny, nz), edges (n,), fractions (n + h,), keys.
 
-    A key is 4 · (vertex of the tile) + the neighbor that it belongs to (bits: along, across).
+    A key (h,) is 4 · (edge in the neighbor's lattice) + the neighbor that it belongs to (bits: along, across), rising.
     """
 
     shape: tuple[int, int, int]
@@ -123,8 +123,7 @@ def rim_edges(method, tile, columns, names, fractions):
                         continue
                     share = low / (low - high) if upward else high / (high - low)
                     if not solid[1 if upward else 0]:
-                        name = (((i % nx) * ny + j % ny) * nz + k) * 8 + direction
-                        fraction = tile.fractions[find(tile.edges, name)]
+                        fraction = tile.fractions[vertex_at(i, j, k, direction, tile)]
                         if (fraction if upward else 1.0 - fraction) <= share:
                             continue
                     if len(names):
@@ -144,7 +143,7 @@ def cut_cells(method, tile, rim, columns, nodes, is_rim):
     """
     nx, ny, nz = tile.shape
     distance, row_of, labels = columns.distance, columns.row_of, columns.labels
-    vertices = len(tile.edges) + len(tile.beyond)
+    vertices = len(tile.fractions)
     along, places, drawn = np.empty(12), np.empty((12, 3)), np.empty((MAX_TRIANGLES, 3), dtype=np.int64)
     count = 0
     for i in range(nx):
@@ -181,28 +180,31 @@ def cut_cells(method, tile, rim, columns, nodes, is_rim):
 @njit(nogil=True, cache=True)
 def node_at(i, j, k, low, direction, tile, rim):
     """Return the node of the vertex on an edge of cell (i, j, k): one of the rim if it has one, else the tile's."""
-    nx, ny, nz = tile.shape
+    _, ny, nz = tile.shape
     u, v, w = i + (low & 1), j + (low >> 1 & 1), k + (low >> 2)
     if direction & 3:
         row = find(rim.names, ((u * (ny + 1) + v) * nz + w) * 8 + direction)
         if row >= 0:
-            return len(tile.edges) + len(tile.beyond) + row
-    vertex = find(tile.edges, (((u % nx) * ny + v % ny) * nz + w) * 8 + direction)
-    shift = (u >= nx) + 2 * (v >= ny)
+            return len(tile.fractions) + row
+    return vertex_at(u, v, w, direction, tile)
+
+
+@njit(nogil=True, cache=True)
+def vertex_at(i, j, k, direction, tile):
+    """Return the tile's vertex, or the neighbor's, on the edge from point (i, j, k) of the window."""
+    nx, ny, nz = tile.shape
+    name = (((i % nx) * ny + j % ny) * nz + k) * 8 + direction
+    shift = (i >= nx) + 2 * (j >= ny)
     if shift == 0:
-        return vertex
-    return len(tile.edges) + find(tile.beyond, vertex * 4 + shift)
+        return find(tile.edges, name)
+    return len(tile.edges) + find(tile.beyond, name * 4 + shift)
 
 
 @njit(nogil=True, cache=True)
 def vertex_fraction(node, tile, rim):
     """Return how far along its edge the vertex of a node lies."""
-    inner, beyond = len(tile.edges), len(tile.beyond)
-    if node < inner:
-        return tile.fractions[node]
-    if node < inner + beyond:
-        return tile.fractions[tile.beyond[node - inner] >> 2]
-    return rim.fractions[node - inner - beyond]
+    vertices = len(tile.fractions)
+    return tile.fractions[node] if node < vertices else rim.fractions[node - vertices]
 
 
 @njit(nogil=True, cache=True)

@@ -1,6 +1,8 @@
 """One period of a periodic surface, polygonized once to be set down everywhere."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -8,6 +10,10 @@ import numpy.typing as npt
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.leaf.instancing.runs import Runs
+from o3dleaf.leaf.instancing.tile_loops import INSIDE
+
+TINY = 1e-300
+"""Size of a sample that is zero: its sign is what says where it belongs."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,49 @@ class TileLattice:
         return np.asarray(np.asarray(self.origin) + np.asarray(lattice) * np.asarray(self.spacing), dtype=np.float64)
 
 
+class TileColumns(Protocol):
+    """Columns of samples of a tile and of the next ones along and across, (nx + 1, ny + 1) of them."""
+
+    def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
+        """Return the labels (m, nz) of the samples of some columns (m, 2)."""
+
+    def samples(self, columns: IntArray) -> FloatArray:
+        """Return these samples (m, nz), > 0 inside, voids filled and islands removed."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledColumns:
+    """Columns of what repeats, looked up or sampled again.
+
+    Attributes
+    ----------
+    field : callable
+        Values at (n, 3) points.
+    lattice : TileLattice
+    runs : Runs
+        What is inside.
+    """
+
+    field: Callable[[FloatArray], FloatArray]
+    lattice: TileLattice
+    runs: Runs
+
+    def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
+        """Return the labels (m, nz) of the samples of some columns (m, 2)."""
+        there = self._folded(columns)
+        return self.runs.expand(there[:, 0] * self.lattice.shape[1] + there[:, 1])
+
+    def samples(self, columns: IntArray) -> FloatArray:
+        """Return these samples (m, nz), > 0 inside, voids filled and islands removed."""
+        nz = self.lattice.shape[2]
+        points = np.column_stack([np.repeat(self._folded(columns), nz, axis=0), np.tile(np.arange(nz), len(columns))])
+        size = np.maximum(np.abs(self.field(self.lattice.positions(points))), TINY).reshape(-1, nz)
+        return np.where(self.labels(columns) == INSIDE, size, -size)
+
+    def _folded(self, columns: IntArray) -> IntArray:
+        return np.asarray(columns % np.array(self.lattice.shape[:2]))
+
+
 @dataclass(frozen=True, eq=False)
 class Tile:
     """The surface over one period, without the copies of its sides.
@@ -50,7 +99,9 @@ class Tile:
     method : int
         Place in `o3dleaf.surface.isosurface.polygonize.METHODS`.
     runs : Runs
-        What is inside, voids filled.
+        What is inside, voids filled, of all that was polygonized together.
+    columns : TileColumns
+        The tile's own samples.
     edges : (n,) ndarray of int64
         The edges that vertices lie on, 8 · (number of the lower point) + direction, rising.
     fractions : (n,) ndarray of float64
@@ -73,6 +124,7 @@ class Tile:
     lattice: TileLattice
     method: int
     runs: Runs
+    columns: TileColumns
     edges: IntArray
     fractions: FloatArray
     sides: npt.NDArray[np.uint8]

@@ -14,6 +14,7 @@ from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.levels import Level, extract_levels
 from o3dleaf.leaf.instancing.reduced import reduce_tile
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.surface.isosurface.polygonize import METHODS
 from tile_fields import LATTICE, PERIOD, WIDE, area, layer, outline, solid_layer
@@ -188,8 +189,10 @@ def test_a_window_beside_the_margin_leaves_it_as_it_is(closed):
     tile = extract_tile(layer, LATTICE)
     finer = TileLattice(LATTICE.origin, tuple(np.array(LATTICE.spacing) / 2), (48, 40, 61))
     plane = plane_of(LATTICE, eaten())
-    window = Level(extract_tile(layer, finer), plane, 2 * np.array([[-16, -6], [-6, 6]]), ratio=2)
-    vertices, triangles, labels = extract_levels(Level(tile, plane, plane.box, closed, 1, [window], cut=True), layer)
+    window = Level(TileSet.of(extract_tile(layer, finer)), plane, 2 * np.array([[-16, -6], [-6, 6]]), ratio=2)
+    vertices, triangles, labels = extract_levels(
+        Level(TileSet.of(tile), plane, plane.box, closed, 1, [window], cut=True)
+    )
     report = mesh_report((vertices, triangles))
     assert report.manifold
     assert report.oriented

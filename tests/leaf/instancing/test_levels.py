@@ -12,7 +12,8 @@ from o3dleaf import mesh_report
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
-from o3dleaf.leaf.instancing.levels import Level, _curtain, extract_levels, refine_face, signed_samples
+from o3dleaf.leaf.instancing.levels import Level, _curtain, extract_levels, refine_face
+from o3dleaf.leaf.instancing.sets.tile_set import TileSet
 from o3dleaf.leaf.instancing.stitch import _on_box
 from o3dleaf.leaf.instancing.tile import TileLattice
 from o3dleaf.surface.isosurface.polygonize import polygonize
@@ -23,11 +24,11 @@ SIDES = outline(reach=WIDE)
 
 @cache
 def tile(ratio=1):
-    """The tile of the layer, its lattice finer by `ratio`."""
+    """The tile of the layer, its lattice finer by `ratio`, as a set."""
     nx, ny, nz = LATTICE.shape
     spacing = tuple(np.array(LATTICE.spacing) / ratio)
     lattice = TileLattice(LATTICE.origin, spacing, (nx * ratio, ny * ratio, (nz - 1) * ratio + 1))
-    return extract_tile(layer, lattice)
+    return TileSet.of(extract_tile(layer, lattice))
 
 
 def nested(ratios=(3, 2), *, closed=False):
@@ -78,7 +79,7 @@ def are_apart(pair):
 )
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
-    vertices, triangles, labels = extract_levels(nested(ratios, closed=closed), layer)
+    vertices, triangles, labels = extract_levels(nested(ratios, closed=closed))
     report = mesh_report((vertices, triangles))
     assert report.manifold
     assert report.oriented
@@ -95,30 +96,30 @@ def test_a_mesh_with_windows_is_manifold_and_has_no_crack(ratios, closed):
 def test_a_curtain_hangs_from_every_column_around_a_window_and_keeps_the_samples_of_its_parent():
     root = nested()
     window = root.children[0]
-    curtain = _curtain(window, root.tile, layer)
+    curtain = _curtain(window, root.tiles)
     (i0, j0), (i1, j1) = window.box
     around = {(i, j) for i in range(i0, i1 + 1) for j in range(j0, j1 + 1) if i in {i0, i1} or j in {j0, j1}}
     assert curtain.keys() == around
     shared = np.array(sorted(each for each in around if not any(np.remainder(each, window.ratio))))
     kept = np.array([curtain[i, j] for i, j in shared.tolist()])[:, :: window.ratio]
-    np.testing.assert_array_equal(kept, signed_samples(root.tile, shared // window.ratio, layer))
+    np.testing.assert_array_equal(kept, root.tiles.samples(shared // window.ratio))
 
 
 def test_each_level_is_the_surface_of_its_own_spacing():
     """A ring of cells from every curtain, the vertices are those of the whole surface at that spacing."""
     root = nested()
-    vertices, _, _ = extract_levels(root, layer)
-    coarse = assemble(root.tile, SIDES)[1].vertices
+    vertices, _, _ = extract_levels(root)
+    coarse = assemble(root.tiles, SIDES)[1].vertices
     window = root.children[0]
-    low, high = (window.tile.lattice.positions([[*corner, 0]])[0, :2] for corner in window.box)
+    low, high = (window.tiles.lattice.positions([[*corner, 0]])[0, :2] for corner in window.box)
     step = np.array(LATTICE.spacing[:2])
 
     def outside(points):
         return ((points[:, :2] < low - step) | (points[:, :2] > high + step)).any(axis=1)
 
     assert np.array_equal(as_rows(vertices[outside(vertices)]), as_rows(coarse[outside(coarse)]))
-    fine = assemble(window.tile, SIDES, np.array([low, high]))[1].vertices
-    hole = np.array([window.tile.lattice.positions([[*c, 0]])[0, :2] for c in window.children[0].box // 2])
+    fine = assemble(window.tiles, SIDES, np.array([low, high]))[1].vertices
+    hole = np.array([window.tiles.lattice.positions([[*c, 0]])[0, :2] for c in window.children[0].box // 2])
 
     def within(points):
         edge = step / 3 * 1.5
@@ -169,9 +170,9 @@ def test_an_edge_lies_in_a_box_s_sides_if_its_middle_does(direction, step):
 
 def test_a_window_that_reaches_the_rim_is_refused():
     root = nested()
-    root.children[0] = Level(root.children[0].tile, root.footprint, np.array([[120, 0], [140, 12]]) * 4, False, 4)
+    root.children[0] = Level(root.children[0].tiles, root.footprint, np.array([[120, 0], [140, 12]]) * 4, False, 4)
     with pytest.raises(InputError, match="reaches the rim"):
-        extract_levels(root, layer)
+        extract_levels(root)
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -179,6 +180,6 @@ def test_an_outline_of_two_parts_is_refused_though_one_has_a_fine_window(closed)
     root = nested((2, 2), closed=closed)
     sides = np.concatenate([SIDES, SIDES + [20, 0, 20, 0]])
     plane = footprint(sides, np.array(LATTICE.origin[:2]), np.array(LATTICE.spacing[:2]), None)
-    two = Level(root.tile, plane, root.box, closed, children=root.children)
+    two = Level(root.tiles, plane, root.box, closed, children=root.children)
     with pytest.raises(ReconstructionError, match="2 pieces" if closed else "4 sheets"):
-        extract_levels(two, layer)
+        extract_levels(two)

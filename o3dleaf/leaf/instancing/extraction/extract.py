@@ -12,7 +12,7 @@ from o3dleaf.leaf.instancing.extraction.samples import Alike, find_inside
 from o3dleaf.leaf.instancing.extraction.sharpened import sharpened_fractions
 from o3dleaf.leaf.instancing.extraction.slab_surface import Slab, SlabSurfaces, labels_of, march_slab, nodes_of
 from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
-from o3dleaf.leaf.instancing.tile import Tile, TileLattice
+from o3dleaf.leaf.instancing.tile import SampledColumns, Tile, TileLattice
 
 SLAB_SIZE = 1 << 18
 """Samples in memory at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
@@ -71,6 +71,7 @@ def extract_tile(
         lattice,
         method,
         runs,
+        SampledColumns(field, lattice, runs),
         edges,
         fractions,
         sides,

@@ -11,12 +11,9 @@ from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.resources.scratch import GrowingArray
 from o3dleaf.leaf.instancing.extraction.samples import Alike, first_points
 from o3dleaf.leaf.instancing.runs import Runs
-from o3dleaf.leaf.instancing.tile import TileLattice
+from o3dleaf.leaf.instancing.tile import TINY, TileLattice
 from o3dleaf.leaf.instancing.tile_loops import INSIDE, count_cells, mark_crossed, name_in_tile
 from o3dleaf.surface.isosurface.polygonize import march
-
-TINY = 1e-300
-"""Size of a sample that is zero: its sign is what says where it belongs."""
 
 
 class Slab(NamedTuple):

@@ -11,7 +11,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.leaf.instancing.sets.tile_set import TileSet
-from o3dleaf.leaf.instancing.tile import Tile
+from o3dleaf.leaf.instancing.tile import Tile, TileColumns
 
 Cells = Callable[[tuple[int, int]], tuple[BoolArray, BoolArray]]
 """Takes a place to two masks (nx, ny) of the cells of its tile: those that are the other tile's there, and all that may
@@ -69,6 +69,8 @@ class TilePair:
     ----------
     one : Tile
         The first of them.
+    columns : tuple of TileColumns
+        Of both.
     edges, shifts : (v,) ndarrays of int64
         The edge of each vertex in its own tile, and which tile that is (bits: along, across).
     fractions, sides, upward : (v,) ndarrays
@@ -85,6 +87,7 @@ class TilePair:
     """
 
     one: Tile
+    columns: tuple[TileColumns, TileColumns]
     edges: IntArray
     shifts: IntArray
     fractions: FloatArray
@@ -116,6 +119,7 @@ class TilePair:
         cells = column // ny + nx * (shifts & 1), column % ny + ny * (shifts >> 1)
         return cls(
             one,
+            (one.columns, other.columns),
             edges[order],
             shifts[order],
             whole[0][order],
@@ -157,6 +161,7 @@ class TilePair:
         own, beyond = rows[self.shifts[rows] == 0], rows[self.shifts[rows] > 0]
         return replace(
             self.one,
+            columns=MixedColumns(*self.columns, chosen),
             edges=self.edges[own],
             fractions=self.fractions[own],
             sides=self.sides[own],
@@ -167,3 +172,22 @@ class TilePair:
             beyond_fractions=self.fractions[beyond],
             beyond_sides=self.sides[beyond],
         )
+
+
+@dataclass(frozen=True, eq=False)
+class MixedColumns:
+    """Columns of two tiles: those that begin one of the `chosen` cells (nx + 1, ny + 1) are the second one's."""
+
+    one: TileColumns
+    other: TileColumns
+    chosen: BoolArray
+
+    def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
+        """Return the labels (m, nz) of the samples of some columns (m, 2)."""
+        chosen = self.chosen[tuple(columns.T)][:, np.newaxis]
+        return np.where(chosen, self.other.labels(columns), self.one.labels(columns))
+
+    def samples(self, columns: IntArray) -> FloatArray:
+        """Return these samples (m, nz)."""
+        chosen = self.chosen[tuple(columns.T)][:, np.newaxis]
+        return np.where(chosen, self.other.samples(columns), self.one.samples(columns))

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
+from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
-from o3dleaf.leaf.instancing.tile import Tile, TileLattice
+from o3dleaf.leaf.instancing.tile import Tile, TileColumns, TileLattice
 
 ALONG, ACROSS = 1, 2
 """Bits of the directions of edges."""
@@ -41,6 +43,18 @@ class TileSet:
     def lattice(self) -> TileLattice:
         """The lattice of every tile."""
         return self.tiles[0].lattice
+
+    def samples(self, columns: IntArray) -> FloatArray:
+        """Return the samples (m, nz) of columns (m, 2) of the plane, > 0 inside, voids filled and islands removed."""
+        nx, ny, nz = self.lattice.shape
+        places, within = np.divmod(columns, np.array([nx, ny]))
+        places, number = np.unique(places, axis=0, return_inverse=True)
+        tiles = [self.at((p, q))[0] for p, q in places.tolist()]
+        samples = np.empty((len(columns), nz))
+        for tile in dict.fromkeys(tiles):
+            rows = np.flatnonzero(np.array([each is tile for each in tiles])[number.ravel()])
+            samples[rows] = tile.columns.samples(within[rows])
+        return samples
 
 
 class Tiles(NamedTuple):
@@ -124,10 +138,26 @@ class MatchingBorders:
         return np.asarray((p * nx + i) * ny * self.colors.shape[1] + q * ny + j)
 
 
+@dataclass(frozen=True, eq=False)
+class PartColumns:
+    """Columns of a part of what was polygonized together, which begin at its column `first` (2,)."""
+
+    whole: TileColumns
+    first: IntArray
+
+    def labels(self, columns: IntArray) -> npt.NDArray[np.uint8]:
+        """Return the labels (m, nz) of the samples of some columns (m, 2)."""
+        return self.whole.labels(columns + self.first)
+
+    def samples(self, columns: IntArray) -> FloatArray:
+        """Return these samples (m, nz)."""
+        return self.whole.samples(columns + self.first)
+
+
 def split_torus(torus: Tile, shape: tuple[int, int]) -> dict[tuple[int, int], Tile]:
     """Return the tiles that lie on a torus, by place, from the surface of all of it.
 
-    What is inside stays that of the torus: `Tile.runs` are its own.
+    Their columns are looked up in the torus, and `Tile.runs` stay its own.
 
     Parameters
     ----------
@@ -136,33 +166,33 @@ def split_torus(torus: Tile, shape: tuple[int, int]) -> dict[tuple[int, int], Ti
         Steps of the lattice in a tile.
     """
     counts = [whole // part for whole, part in zip(torus.lattice.shape[:2], shape, strict=True)]
-    return {(p, q): _part(torus, shape, (p, q)) for p in range(counts[0]) for q in range(counts[1])}
+    copies = torus.beyond_rows
+    return {(p, q): _part(torus, copies, shape, (p, q)) for p in range(counts[0]) for q in range(counts[1])}
 
 
-def _part(torus: Tile, shape: tuple[int, int], place: tuple[int, int]) -> Tile:
-    """Return the tile in one place of a torus."""
+def _part(torus: Tile, copies: IntArray, shape: tuple[int, int], place: tuple[int, int]) -> Tile:
+    """Return the tile in one place of a torus; `copies` are the vertices that those beyond it are copies of."""
     (nx, ny), (_, wide, nz) = shape, torus.lattice.shape
-    column, rest = torus.edges // (8 * nz), torus.edges % (8 * nz)
-    i, j = column // wide, column % wide
-    # Vertices are used by their own tile and by those before it: what lies elsewhere is a step on.
-    shifts = (i // nx != place[0]) + 2 * (j // ny != place[1])
-    names = ((i % nx) * ny + j % ny) * 8 * nz + rest
-    own = np.flatnonzero(shifts == 0)
+    row = nx * wide * 8 * nz
+    start, stop = np.searchsorted(torus.edges, [place[0] * row, (place[0] + 1) * row])
+    own = start + np.flatnonzero(torus.edges[start:stop] // (8 * nz) % wide // ny == place[1])
+    own_names = _named(torus.edges[own], torus, shape, place)[0]
     cells = (place[0] * nx + np.arange(nx))[:, np.newaxis] * wide + place[1] * ny + np.arange(ny)
     size = torus.cells[cells + 1] - torus.cells[cells]
     starts, stops = torus.cells[cells[:, 0]], torus.cells[cells[:, -1] + 1]
     nodes = np.concatenate([torus.nodes[start:stop] for start, stop in zip(starts, stops, strict=True)])
-    rows = np.concatenate([np.arange(len(torus.edges)), torus.beyond_rows])[nodes]
-    keys = names[rows] * 4 + shifts[rows]
-    beyond, first = np.unique(keys[shifts[rows] > 0], return_index=True)
-    sources = rows[shifts[rows] > 0][first]
-    local = np.where(
-        shifts[rows] > 0, len(own) + np.searchsorted(beyond, keys), np.searchsorted(names[own], names[rows])
-    )
+    rows, away = nodes.astype(np.int64), nodes >= len(torus.edges)
+    rows[away] = copies[rows[away] - len(torus.edges)]
+    names, shifts = _named(torus.edges[rows], torus, shape, place)
+    keys, elsewhere = names * 4 + shifts, shifts > 0
+    beyond, first = np.unique(keys[elsewhere], return_index=True)
+    sources = rows[elsewhere][first]
+    local = np.where(elsewhere, len(own) + np.searchsorted(beyond, keys), np.searchsorted(own_names, names))
     return replace(
         torus,
         lattice=replace(torus.lattice, shape=(nx, ny, nz)),
-        edges=names[own],
+        columns=PartColumns(torus.columns, np.array(place) * [nx, ny]),
+        edges=own_names,
         fractions=torus.fractions[own],
         sides=torus.sides[own],
         upward=torus.upward[own],
@@ -172,3 +202,15 @@ def _part(torus: Tile, shape: tuple[int, int], place: tuple[int, int]) -> Tile:
         beyond_fractions=torus.fractions[sources],
         beyond_sides=torus.sides[sources],
     )
+
+
+def _named(edges: IntArray, torus: Tile, shape: tuple[int, int], place: tuple[int, int]) -> tuple[IntArray, IntArray]:
+    """Return the names of a torus' edges in the tiles that they lie in, and where these lie, seen from one place.
+
+    Vertices are used by their own tile and by those before it: what lies elsewhere is a step on.
+    """
+    (nx, ny), (_, wide, nz) = shape, torus.lattice.shape
+    column, rest = edges // (8 * nz), edges % (8 * nz)
+    i, j = column // wide, column % wide
+    shifts = (i // nx != place[0]) + 2 * (j // ny != place[1])
+    return ((i % nx) * ny + j % ny) * 8 * nz + rest, shifts
