@@ -18,7 +18,7 @@ SHAPES = {
 }
 
 
-def elongated(*, bent=False, sideways=False, twist=0.0, taper=0.0, noise=0.0, count=1500):
+def elongated(*, bent=False, sideways=False, twist=0.0, taper=0.0, noise=0.0, count=2500):
     """A leaf as it is bent to a radius of a quarter of its length, twisted and tapered: its scan, axis and half width.
 
     The noise is a share of the width, the taper the share of it that the tip lacks.

@@ -24,7 +24,7 @@ SHAPES = {"ellipse": leaves.ellipse(), "strip": leaves.strip(20), "lobed": leave
 @pytest.mark.parametrize("shape", SHAPES)
 def test_area_and_margin_are_those_of_the_leaf_not_of_its_outermost_points(shape, sampler):
     leaf = SHAPES[shape]
-    points = leaves.SAMPLERS[sampler](leaf, 1400, np.random.default_rng(7))
+    points = leaves.SAMPLERS[sampler](leaf, 2000, np.random.default_rng(7))
     margin, spacing = Margin.fit(points), leaves.true_spacing(leaf, points)
     regular = sampler in REGULAR
     assert margin.area == pytest.approx(leaf.area, rel=MARGIN_AREA if regular else MARGIN_AREA_RANDOM)

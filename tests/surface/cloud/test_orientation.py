@@ -46,7 +46,7 @@ def test_all_normals_of_a_closed_surface_point_outward(shape):
 
 
 @pytest.mark.parametrize(
-    ("shape", "count", "share"), [("sphere", 10000, 0.01), ("torus", 20000, 0.007), ("block", 10000, 0.004)]
+    ("shape", "count", "share"), [("sphere", 10000, 0.01), ("torus", 40000, 0.005), ("block", 10000, 0.004)]
 )
 def test_under_noise_as_thick_as_the_spacing_too(shape, count, share):
     points, normals = SHAPES[shape](count)
@@ -226,7 +226,7 @@ def test_the_steps_do_alone_what_they_do_together():
 
 
 def test_voxels_average_the_two_sides_of_a_sheet_apart():
-    points, normals = slab(10000)
+    points, normals = slab(20000)
     cloud = preprocess_point_cloud(points, normals=normals, voxel_size=0.1)
     faces = np.abs(cloud.normals[:, 2]) > 0.9
     half = np.ptp(points[:, 2]) / 2
