@@ -44,7 +44,7 @@ def strip(bias=0.0):
 
 @pytest.fixture(scope="module")
 def scan():
-    plane = places(1200, 0)
+    plane = places(1800, 0)
     return plane, roll(plane, np.random.default_rng(1).normal(0, NOISE, len(plane)))
 
 
