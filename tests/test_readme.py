@@ -34,7 +34,7 @@ SHORTER = {
 def given():
     """What a reader has: a blade 8 mm long, one square millimetre of volume, and names of the README's own."""
     rng = np.random.default_rng(0)
-    across = rng.uniform([0, -1.3], [8, 1.3], (600, 2))
+    across = rng.uniform([0, -1.3], [8, 1.3], (1000, 2))
     across[0] = 4, 0
     blade = np.column_stack([across, 0.02 * across[:, 0] ** 2 + 0.03 * across[:, 1] ** 2])
     volume, _ = wheat_ct(size=(720, 720, 480))
