@@ -19,7 +19,7 @@ def micro(unit="mm", scale=1.0):
     # Not 0.1: no sample shall lie on the level but for its last bits.
     values = 0.1037 + 0.03 * np.sin(wave * y) + 0.02 * np.sin(wave * x) - np.abs(z)
     points = scale * np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    return TiledField(PUInterpolant.fit(points, values.ravel(), points_per_ball=(30, 60), unit=unit, smoothing=0.0))
+    return TiledField(PUInterpolant.fit(points, values.ravel(), points_per_ball=(60, 120), unit=unit, smoothing=0.0))
 
 
 @pytest.fixture(scope="module")

@@ -118,8 +118,8 @@ def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, ha
 
 
 def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf):
-    tile, tiles, _ = extract_tiles(leaf, STEP, 0, together=False)
-    lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP)
+    tile, tiles, _ = extract_tiles(leaf, STEP / 2, 0, together=False)
+    lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP / 2)
     whole, alone, _ = extract_plane(leaf, lattice, 0)
     assert tile.lattice.spacing == whole.lattice.spacing
 

@@ -94,7 +94,7 @@ def test_the_wheat_leaf_has_its_midrib_found_within_half_its_width(real_scan):
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_synthetic_leaves_have_their_midrib_found(seed, noise):
-    sample = wheat_scan(seed=seed, noise=noise, count=1500)
+    sample = wheat_scan(seed=seed, noise=noise, count=2500)
     points = np.asarray(sample.cloud.points)
     found = find_midrib(sample.cloud)
     distance = distance_to_axis(points, found, sample.midrib)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from cloud_shapes import slab
 from o3dleaf import OrientedCloud, estimate_noise, samples, voxel_down_sample
 from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.downsample import remove_tails
@@ -174,7 +173,7 @@ def test_merging_keeps_every_point():
 
 def test_merging_is_a_mean_by_voxel_and_facing():
     """A dictionary of voxels, filled point by point, says the same, in the order of the first points."""
-    points, normals = slab(500)
+    points, normals = samples.WavySheet().sample(500, seed=7)
     found = voxel_down_sample(OrientedCloud.of(points, normals), 0.2)
     groups: dict[tuple[int, ...], list[int]] = {}
     first: dict[tuple[int, ...], int] = {}
