@@ -11,21 +11,10 @@ from PIL import Image
 from droplet_runs import cap, write_plate, write_run
 from o3dleaf.commands.droplet.run import DropletJob
 from o3dleaf.core.journal import Journal
-from o3dleaf.output.droplet import pictures
 from o3dleaf.output.droplet.page import figures_table
-from o3dleaf.output.droplet.pictures import chosen_times
+from o3dleaf.output.droplet.pictures import PANEL, chosen_times
 from o3dleaf.output.droplet.results import DropletResults
 from o3dleaf.output.droplet.written import SETTINGS, find_cases
-
-PANEL = (180, 150)
-"""Pixels of one droplet: a quarter of those that a user gets."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _small_panels():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pictures, "PANEL", PANEL)
-        yield
 
 
 @pytest.fixture(scope="module")
