@@ -24,16 +24,16 @@ FRAMES = ("surface", "paper")
 MAIN_FRAME = ("surface", pytest.param("paper", marks=pytest.mark.slow))
 """Where one code serves both."""
 HALF_WIDTH = 3.0
-COLLAR, STEP = 2.0, 0.5
+COLLAR, STEP = 2.0, 0.75
 """Width of the strip beside the leaf that the surface is fitted to as well, and the step of its data: all in
 one ball, since a spline errs at the edges of its data."""
 
 
-def texture(function, half=0.5, tile=2.0, n=13):
+def texture(function, half=0.5, tile=2.0, n=13, per_ball=40):
     """A tile whose values are `function` of (x, y, z) about its middle; in small balls, whose values cost less."""
     x, y, z = np.meshgrid(*[np.linspace(-tile / 2, tile / 2, n)] * 2, np.linspace(-half, half, n), indexing="ij")
     points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    fit = PUInterpolant.fit(points, function(*points.T), smoothing=0.0, points_per_ball=80, unit="mm")
+    fit = PUInterpolant.fit(points, function(*points.T), smoothing=0.0, points_per_ball=per_ball, unit="mm")
     return TiledField(fit)
 
 

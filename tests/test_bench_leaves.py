@@ -39,7 +39,7 @@ def test_the_truth_has_full_marks(script, scan):
 
 @pytest.mark.parametrize("kind", ["curled", "petiole"])
 def test_so_has_the_truth_with_a_hidden_margin(script, kind):
-    hidden = scan_leaf(leaf_shape(kind), spacing=0.8, gaps="margin", noise=0.2)
+    hidden = scan_leaf(leaf_shape(kind, length=60.0), spacing=1.0, gaps="margin", noise=0.2)
     assert all(marks(script, hidden, hidden.truth).values())
 
 

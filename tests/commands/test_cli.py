@@ -24,8 +24,9 @@ from o3dleaf.surface.mesh.mesh_report import mesh_report
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(sys.executable).with_name("o3dleaf")
 MODULE = sys.executable, "-m", "o3dleaf"
-POINTS = 800
-"""Of the scan: few, since what takes most of a run is the blade's fit, which has tests of its own."""
+POINTS, HALF_LENGTH = 800, 25.0
+"""Of a whole scan, and how much of it is kept on either side of its middle: few, since what takes most of a run is the
+blade's fit, which has tests of its own."""
 
 
 def process(*arguments):
@@ -42,7 +43,9 @@ def files(tmp_path_factory):
     """A scan, a midrib and a small volume, good ones."""
     folder = tmp_path_factory.mktemp("input")
     scan = wheat_scan(count=POINTS)
-    o3d.io.write_point_cloud(folder / "scan.ply", scan.cloud)
+    along = np.asarray(scan.cloud.points)[:, 0]
+    middle = np.flatnonzero(np.abs(along - np.median(along)) < HALF_LENGTH)
+    o3d.io.write_point_cloud(folder / "scan.ply", scan.cloud.select_by_index(middle))
     midrib = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(scan.midrib))
     o3d.io.write_point_cloud(folder / "midrib.ply", midrib)
     volume, _ = wheat_ct(size=(720, 720, 480))
@@ -193,8 +196,11 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(run, files,
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("frame", "stage"), [("surface", "fit surface"), ("paper", "fit height map")])
-def test_a_leaf_from_files(run, files, tmp_path, frame, stage, monkeypatch):
+@pytest.mark.parametrize(
+    ("frame", "stage", "along"), [("surface", "fit surface", (20, 22)), ("paper", "fit height map", (90, 92))]
+)
+def test_a_leaf_from_files(run, files, tmp_path, frame, stage, along, monkeypatch):
+    """What is along the leaf begins at the base of the scan, or of the midrib, which is longer."""
     output, ahead, made = tmp_path / "leaf.ply", tile_lattice.extract_tiles_ahead, []
 
     def note(*arguments):
@@ -205,7 +211,7 @@ def test_a_leaf_from_files(run, files, tmp_path, frame, stage, monkeypatch):
     monkeypatch.setattr(tile_lattice, "extract_tiles_ahead", note)
     result = run(
         "leaf", files / "scan.ply", "--midrib", files / "midrib.ply", "--ct", files / "ct.tif", "--spacing", 0.1,
-        "--region", 90, -1, 92, 1, "--frame", frame, "-o", output,
+        "--region", along[0], -1, along[1], 1, "--frame", frame, "-o", output,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "extract mesh" in result.stderr
@@ -250,13 +256,10 @@ def test_a_closed_window_with_all_that_can_be_written_beside_it(run, files, tmp_
     assert mesh_report(read_triangle_mesh(tmp_path / "tile.stl")).watertight
 
 
-def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path_factory, tmp_path):
-    """Of a quarter of the leaf: tiles are set one by one where there is a window."""
-    scan, short = o3d.io.read_point_cloud(files / "scan.ply"), tmp_path_factory.mktemp("short") / "scan.ply"
-    along = np.asarray(scan.points)[:, 0]
-    o3d.io.write_point_cloud(short, scan.select_by_index(np.flatnonzero(np.abs(along - np.median(along)) < 25)))
+def test_a_leaf_with_a_fine_window_and_a_grid(run, files, tmp_path):
+    """Tiles are set one by one where there is a window."""
     result = run(
-        "leaf", short, "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.5,
+        "leaf", files / "scan.ply", "--ct", files / "ct.tif", "--midrib", files / "midrib.ply", "--spacing", 0.5,
         "--frame", "paper", "--fine", "95 -1 95.5 -0.5 0.125", "--no-picture",
         "--grid", tmp_path / "leaf.nrrd", "--grid-of", "mask", "--grid-step", 2,
         "-o", tmp_path / "leaf.obj", "-q",
@@ -313,7 +316,8 @@ def test_info_says_what_a_file_holds(run, files, tmp_path):
     assert contents["shape"] == [30, 30, 20]
     assert "rings around" in contents["rings"]
     assert "of the step" in contents["drift"]
-    assert str(POINTS) in run("info", files / "scan.ply", "--unit", "mm").stdout
+    points = len(o3d.io.read_point_cloud(files / "scan.ply").points)
+    assert f" {points}\n" in run("info", files / "scan.ply", "--unit", "mm").stdout
 
 
 def test_info_on_levels_of_a_volume(run, files, tmp_path):
@@ -383,7 +387,7 @@ def test_each_command_has_help(run, command):
 def test_a_patch_is_fitted_once_and_used_as_a_model(run, files, tmp_path):
     fitted = run("patch", files / "ct.tif", "-o", tmp_path / "micro.o3l")
     assert fitted.returncode == 0, fitted.stderr
-    window = ("--spacing", 0.1, "--region", 90, -1, 92, 1, "--no-picture", "-q", "--midrib", files / "midrib.ply")
+    window = ("--spacing", 0.1, "--region", 20, -1, 22, 1, "--no-picture", "-q", "--midrib", files / "midrib.ply")
     for name, ct in {"model": tmp_path / "micro.o3l", "volume": files / "ct.tif"}.items():
         result = run("leaf", files / "scan.ply", "--ct", ct, *window, "-o", tmp_path / f"{name}.ply")
         assert result.returncode == 0, result.stderr

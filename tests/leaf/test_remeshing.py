@@ -30,7 +30,7 @@ def leaf(request):
     def ridged(x, y, z):
         return HALF + 0.05 * np.cos(np.pi * x) + 0.03 * np.sin(np.pi * y) - np.abs(z)
 
-    return leaf_of(texture_of(ridged), bend=15.0, length=12.0, frame=request.param)[0]
+    return leaf_of(texture_of(ridged, per_ball=80), bend=15.0, length=12.0, frame=request.param)[0]
 
 
 @pytest.fixture(scope="module")

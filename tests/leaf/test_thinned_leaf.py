@@ -38,9 +38,14 @@ def patch():
     return texture(hairy, tile=TILE, n=31)
 
 
+@pytest.fixture(scope="module")
+def wang(patch):
+    return WangField(patch.field, seed=2)
+
+
 @pytest.fixture(scope="module", params=["periodic", pytest.param("wang", marks=pytest.mark.slow)])
-def tiles(request, patch):
-    return patch if request.param == "periodic" else WangField(patch.field, seed=2)
+def tiles(request):
+    return request.getfixturevalue("patch" if request.param == "periodic" else "wang")
 
 
 def thinned(tiles, shares, seed=1, **given):
@@ -81,8 +86,8 @@ def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
     assert off.max() < STEP
 
 
-def test_wang_tiles_fit_where_hairs_are_removed(patch):
-    leaf = on_strip(thinned(WangField(patch.field, seed=2), HALF))
+def test_wang_tiles_fit_where_hairs_are_removed(wang):
+    leaf = on_strip(thinned(wang, HALF))
     made = leaf.plan_mesh(STEP, [[1.0, -2.0], [5.0, 2.0]], closed=True).extract()
     report = mesh_report(made.mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
@@ -269,12 +274,12 @@ def test_a_patch_without_hairs_has_none():
     assert np.array_equal(field(points), bare(points))
 
 
-def test_a_table_of_other_numbers_is_refused(patch):
+def test_a_table_of_other_numbers_is_refused(patch, wang):
     for table in ([[1.5]], [[-0.1]], [0.5], [[np.nan]]):
         with pytest.raises(InputError, match="hair_density"):
             thinned(patch, table)
     with pytest.raises(InputError, match="zones"):
-        thinned(WangField(patch.field, seed=2), HALF, zones=thinned(patch, HALF).zones)
+        thinned(wang, HALF, zones=thinned(patch, HALF).zones)
 
 
 def test_tiles_are_simplified_each_by_itself(leaf, solid):

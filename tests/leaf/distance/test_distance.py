@@ -24,7 +24,7 @@ def slab():
 
 @pytest.fixture(scope="module", params=MAIN_FRAME)
 def bent(request):
-    return leaf_of(texture(lambda x, y, z: HALF**2 - z**2), bend=10.0, frame=request.param)
+    return leaf_of(texture(lambda x, y, z: HALF**2 - z**2), bend=10.0, frame=request.param, step=0.5)
 
 
 @pytest.fixture(scope="module", params=MAIN_FRAME)

@@ -7,6 +7,7 @@ import shapely
 
 import o3dleaf as o3l
 import tolerances as tol
+from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.mirror import Halves, find_peaks, mirror_points
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -134,6 +135,23 @@ def plane_box(polygon):
     return np.reshape(polygon.bounds, (2, 2)) + [[-1, -1], [1, 1]]
 
 
+@pytest.fixture
+def _fitted_once(monkeypatch):
+    """Fit the surface of a scan once for blades that differ in their margins: it takes most of their time."""
+    fit, fits = build.fit_chart_surface, {}
+
+    def once(points, mesh, **options):
+        key = points.tobytes(), mesh.vertices.tobytes(), mesh.triangles.tobytes(), mesh.chart.tobytes(), str(options)
+        if key not in fits:
+            fits[key] = fit(points, mesh, **options)
+        return fits[key]
+
+    monkeypatch.setattr(build, "fit_chart_surface", once)
+    yield
+    assert len(fits) == 1
+
+
+@pytest.mark.usefixtures("_fitted_once")
 @pytest.mark.parametrize("kind", ["twisted", "petiole"])
 def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(kind):
     leaf = o3l.samples.leaf_shape(kind)
@@ -146,6 +164,7 @@ def test_a_margin_that_is_hidden_is_told_and_completed_where_that_is_asked_for(k
     assert any("mirror image" in note for note in blade.notes)
 
 
+@pytest.mark.usefixtures("_fitted_once")
 def test_a_whole_margin_is_not_completed():
     leaf = o3l.samples.leaf_shape("twisted", length=60)
     scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.9)

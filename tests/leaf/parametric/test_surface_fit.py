@@ -142,7 +142,7 @@ def test_a_flat_scan_without_noise_is_followed_where_it_bends():
 
 
 def test_smoothing_is_less_where_the_leaf_is_wavy():
-    plane = places(2400, 2)
+    plane = places(1600, 2)
     waves = np.where(plane[:, 0] > 0.8 * LENGTH, 0.15 * np.sin(2.5 * plane[:, 0]) * np.cos(2.5 * plane[:, 1]), 0.0)
     heights = waves + np.random.default_rng(3).normal(0, 0.05, len(plane))
     bounds = np.array([plane.min(axis=0), plane.max(axis=0)])

@@ -54,7 +54,7 @@ def test_slopes_are_those_of_the_factors(thickness, product):
 @pytest.fixture(scope="module")
 def leaves():
     """A flat slab of half thickness 0.2, plain, and as thick as a map has it."""
-    plain = leaf_of(texture(lambda x, y, z: 0.2 - np.abs(z) + 0 * x), bend=15.0)[0]
+    plain = leaf_of(texture(lambda x, y, z: 0.2 - np.abs(z) + 0 * x, per_ball=80), bend=15.0)[0]
     blade = plain.blade
     mapped = ParametricBlade(blade.surface, blade.outline, thickness=ThicknessMap(TABLE, blade.outline.bounds))
     return plain, MultiscaleLeaf(plain.texture, blade=mapped)

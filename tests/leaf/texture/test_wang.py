@@ -59,7 +59,7 @@ def exact(truth, unit=None):
     axes = [np.linspace(a, b, n) for a, b, n in zip((0, 0, -1), (*EXTENT, 1), (20, 20, 9), strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     return PUInterpolant.fit(
-        points, truth(points), points_per_ball=150, local=lambda _points, _values: truth, unit=unit
+        points, truth(points), points_per_ball=500, local=lambda _points, _values: truth, unit=unit
     )
 
 
@@ -308,15 +308,19 @@ def test_patches_that_do_not_go_together_are_refused(patch):
         WangField([exact(Rough(), "mm"), exact(Rough(), "um")])
 
 
+@pytest.fixture(scope="module")
+def fitted_tiles():
+    return WangField(PUInterpolant.fit(*_cloud(), smoothing=0.0, points_per_ball=80, unit="mm"))
+
+
 @pytest.mark.parametrize(
     ("part", "value"),
     [("labels", 40), ("labels", -1), ("sources", 1), ("sources", -1), ("corners", np.nan), ("tile", 0.0)],
 )
-def test_a_file_whose_tiles_show_what_is_not_there_is_refused(tmp_path, part, value):
-    laid = WangField(PUInterpolant.fit(*_cloud(), smoothing=0.0, points_per_ball=80, unit="mm"))
-    array = getattr(laid.quilt, part).copy()
+def test_a_file_whose_tiles_show_what_is_not_there_is_refused(fitted_tiles, tmp_path, part, value):
+    array = getattr(fitted_tiles.quilt, part).copy()
     array.flat[0] = value
-    spoiled = replace(laid.quilt, **{part: array})
-    WangField(laid.fields, quilt=spoiled).save(tmp_path / "tiles.o3l")
+    spoiled = replace(fitted_tiles.quilt, **{part: array})
+    WangField(fitted_tiles.fields, quilt=spoiled).save(tmp_path / "tiles.o3l")
     with pytest.raises(o3l.errors.InputError, match="damaged"):
         o3l.load(tmp_path / "tiles.o3l")

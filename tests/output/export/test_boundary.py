@@ -30,7 +30,7 @@ def hairy(x, y, z):
 
 @pytest.fixture(scope="module")
 def leaf():
-    return leaf_of(texture(hairy, n=21), bend=30.0)[0]
+    return leaf_of(texture(hairy, n=21, per_ball=80), bend=30.0)[0]
 
 
 @pytest.fixture(scope="module")

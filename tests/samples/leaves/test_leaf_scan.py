@@ -1,5 +1,7 @@
 """Scans of leaves of known shape: points on the surface, as many, as noisy and as hidden as asked for."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import shapely
@@ -15,14 +17,26 @@ PLAIN = ["curled", "twisted", "wavy", "winding", "eaten", "lobed", "cupped"]
 
 
 @pytest.fixture(scope="module")
-def eaten():
-    return leaf_shape("eaten")
+def leaf_of():
+    """Each kind's leaf, made once: its area is an integral."""
+    return cache(leaf_shape)
+
+
+@pytest.fixture(scope="module")
+def whole_scan(leaf_of):
+    """A scan of each kind without gaps."""
+    return cache(lambda kind: scan_leaf(leaf_of(kind)))
+
+
+@pytest.fixture(scope="module")
+def eaten(leaf_of):
+    return leaf_of("eaten")
 
 
 @pytest.mark.parametrize("pattern", ["random", "lines", "stripes", "grid"])
 @pytest.mark.parametrize("kind", PLAIN)
-def test_without_noise_points_lie_on_the_leaf(kind, pattern):
-    leaf = leaf_shape(kind)
+def test_without_noise_points_lie_on_the_leaf(leaf_of, kind, pattern):
+    leaf = leaf_of(kind)
     scan = scan_leaf(leaf, spacing=1.0, pattern=pattern)
     assert leaf.contains(scan.places).all()
     assert np.abs(scan.points - leaf.lift(scan.places)).max() < LIFTED_DISTANCE
@@ -79,11 +93,11 @@ def test_noise_along_the_normal_leaves_points_where_they_are_along_the_surface(e
 
 @pytest.mark.parametrize("gaps", ["patches", "band", "margin"])
 @pytest.mark.parametrize("kind", sorted(LEAF_KINDS))
-def test_nothing_is_seen_in_gaps(kind, gaps):
-    leaf = leaf_shape(kind)
+def test_nothing_is_seen_in_gaps(leaf_of, whole_scan, kind, gaps):
+    leaf = leaf_of(kind)
     scan = scan_leaf(leaf, gaps=gaps)
     assert not shapely.contains_xy(scan.hidden, scan.places).any()
-    full = scan_leaf(leaf)
+    full = whole_scan(kind)
     lost = len(full.places) - len(scan.places)
     deviation = np.sqrt(len(full.places) * scan.hidden_share)
     assert abs(lost - scan.hidden_share * len(full.places)) < SCAN_SIGMAS * deviation
