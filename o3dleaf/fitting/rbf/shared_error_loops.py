@@ -112,12 +112,12 @@ def advance(system, krylov, shifts, first, most, link, residual):
             image[j] -= middle * vector[j] + link * before[j]
         drop_tail(system.tail, image)
         link = math.sqrt(dot(image, image, size))
+        for j in range(size):
+            before[j] = vector[j]
+            vector[j] = image[j] / link if link > 0.0 else 0.0
         reached = residual * shifts[0] * math.sqrt(dot(solutions[0], solutions[0], size))
         if link * abs(heights[0] / pivots[0]) <= reached:
             return step + 1, link, True
-        for j in range(size):
-            before[j] = vector[j]
-            vector[j] = image[j] / link
     return most, link, False
 
 
