@@ -12,15 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
+from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
-from o3dleaf.fitting.rbf.solve_loops import (
-    natural_monomials,
-    radial_matrix,
-    solve_projected,
-    solve_triangle,
-    tail_matrix,
-)
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, tail_matrix
 from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
 RESIDUAL = 1e-2
@@ -156,19 +151,25 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
     # A factor takes n³/6 products and 2 n² for each reflector of the tail, a step n².
     most = max(count // 6 + 2 * len(triangle), step + 1)
     if length > 0.0 and not advance(system, own, shift, step, most, link, EXACT)[2]:
-        tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
-        projected = project_weighted(system.matrix, tail, frame, roots)
-        matrix, rank = projected[0], len(triangle)
-        for i in range(rank, count):
-            matrix[i, i] += trials[best]
-        scaled, coefficients, rank, lost = solve_projected(weighted, projected)
-        return (scaled * roots, coefficients, rank, lost), best
+        return factor_solution(points, exponents, system, weighted, trials[best]), best
     weights, reduced = own.solutions[0] * roots, np.empty(len(triangle))
     rest = weighted - roots * (system.matrix @ weights)
     for k in range(reduced.size):
         reduced[k] = dot(system.tail[k], rest, count)
     solve_triangle(triangle, reduced)
     return (weights, basis @ reduced, reduced.size, 0), best
+
+
+@njit(nogil=True, cache=True)
+def factor_solution(points, exponents, system, weighted, smoothing):
+    """Return what `solve_local` does, by a Cholesky factor; the matrix A of the system is overwritten."""
+    tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    projected = project_weighted(system.matrix, tail, frame, system.roots)
+    matrix = projected[0]
+    for i in range(len(system.tail), len(matrix)):
+        matrix[i, i] += smoothing
+    scaled, coefficients, rank, lost = solve_projected(weighted, projected)
+    return scaled * system.roots, coefficients, rank, lost
 
 
 @njit(nogil=True, cache=True)
