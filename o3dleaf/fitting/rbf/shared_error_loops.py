@@ -1,43 +1,99 @@
 """Groups of points that share their error, left out together: of every smoothing at once, without eigenvectors.
 
 On the null space of the tail (B f)_I = B_II e_I holds for a group I of rows, e its errors when it is left out; see
-`spectrum_loops`. One Krylov space contains B f for all values of the smoothing, at the cost of about one Cholesky
-factorization; and for B_II stands its mean over groups of as many rows in some other balls, as in generalized
-cross-validation 1 − tr A/N stands for 1 − A_jj.
+`spectrum_loops`. One Krylov space contains B f for all values of the smoothing, and the solution for the one that is
+chosen, at less than the cost of a Cholesky factorization; and for B_II stands its mean over groups of as many rows in
+some other balls, as in generalized cross-validation 1 − tr A/N stands for 1 − A_jj.
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
-from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot, put
-from o3dleaf.fitting.rbf.reflector_loops import reflect
+from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
+from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
+from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, tail_matrix
 from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
 RESIDUAL = 1e-2
 """Share of s |x| that the residual of the smallest smoothing may keep: squares of errors are off by its square."""
 
+EXACT = 1e-10
+"""The same of the smoothing that is chosen: no error of a fit to noise is anywhere near it."""
+
+
+class TailFreeSystem(NamedTuple):
+    """W^½ A W^½ on the null space of (W^½ P)ᵀ, as it is multiplied with: A (n, n), √w (n,), a basis of W^½ P (r, n)."""
+
+    matrix: Any
+    roots: Any
+    tail: Any
+
+
+class Krylov(NamedTuple):
+    """How far the solutions for m shifts are: conjugate gradients, their recurrences from one product a step.
+
+    Attributes
+    ----------
+    vector, before : (n,)
+        The last two Lanczos vectors.
+    pivots, heights : (m,)
+        Of the tridiagonal matrix, shifted and eliminated.
+    directions, solutions : (m, n)
+    """
+
+    vector: Any
+    before: Any
+    pivots: Any
+    heights: Any
+    directions: Any
+    solutions: Any
+
+
+@njit(nogil=True, cache=True)
+def drop_tail(tail, vector):
+    """Take off a vector (n,) what lies along orthonormal rows (r, n)."""
+    for k in range(len(tail)):
+        subtract(tail[k], dot(tail[k], vector, vector.size), vector)
+
+
+@njit(nogil=True, cache=True)
+def begin(system, right, count):
+    """Return the Krylov space of b = `right` (n,) without its tail, for so many shifts, and |b|."""
+    size = right.size
+    vector = right.copy()
+    drop_tail(system.tail, vector)
+    length = math.sqrt(dot(vector, vector, size)) if size > len(system.tail) else 0.0
+    for j in range(size):
+        vector[j] = vector[j] / length if length > 0.0 else 0.0
+    many = (count, size)
+    krylov = Krylov(vector, np.zeros(size), np.ones(count), np.full(count, -length), np.zeros(many), np.zeros(many))
+    return krylov, length
+
 
 @njit(nogil=True, cache=True, fastmath=REASSOCIATE)
-def shifted_solutions(matrix, right, shifts):
-    r"""Return the (m, n) solutions of (M + s_i) x = b, M symmetric and semi-definite, for rising s_i > 0.
+def advance(system, krylov, shifts, first, most, link, residual):
+    r"""Solve (M + s_i) x = b, M symmetric and semi-definite, for rising s_i > 0, from the step `first` to `most`.
 
     The tridiagonal matrix of the Lanczos vectors of M and b, shifted by each s_i, is eliminated as it grows: conjugate
     gradients, with one product by M a step for all shifts (Saad 2003, Iterative Methods, 6.7.1). The smallest
-    converges last, and ends it.
+    converges last, and ends it: where its residual is below that share of s |x|, x is right to that share.
+
+    Returns
+    -------
+    step, link, whether it has converged
     """
-    size, count = right.size, shifts.size
-    solutions, directions = np.zeros((count, size)), np.zeros((count, size))
-    pivots, heights = np.ones(count), np.full(count, -math.sqrt(dot(right, right, size)))
-    if size == 0 or heights[0] == 0.0:
-        return solutions
-    vector, before, link = right / -heights[0], np.zeros(size), 0.0
-    for step in range(2 * size):
-        image = matrix @ vector
+    vector, before, pivots, heights, directions, solutions = krylov
+    roots, size = system.roots, vector.size
+    for step in range(first, most):
+        image = system.matrix @ (roots * vector)
+        for j in range(size):
+            image[j] *= roots[j]
         middle = dot(image, vector, size)
-        for i in range(count):
+        for i in range(shifts.size):
             share = link / pivots[i] if step > 0 else 1.0
             pivots[i] = middle + shifts[i] - (share * link if step > 0 else 0.0)
             heights[i] *= -share
@@ -49,17 +105,20 @@ def shifted_solutions(matrix, right, shifts):
                 solution[j] += height * moved
         for j in range(size):
             image[j] -= middle * vector[j] + link * before[j]
+        drop_tail(system.tail, image)
         link = math.sqrt(dot(image, image, size))
-        reached = RESIDUAL * shifts[0] * math.sqrt(dot(solutions[0], solutions[0], size))
+        for j in range(size):
+            before[j] = vector[j]
+            vector[j] = image[j] / link if link > 0.0 else 0.0
+        reached = residual * shifts[0] * math.sqrt(dot(solutions[0], solutions[0], size))
         if link * abs(heights[0] / pivots[0]) <= reached:
-            break
-        before, vector = vector, image / link
-    return solutions
+            return step + 1, link, True
+    return most, link, False
 
 
 @njit(nogil=True, cache=True)
 def solve_chosen(points, values, roots, exponents, power, groups, trials, inverses, usual):
-    """Choose a trial value and solve `solve_local`'s equation with it, on the system that both are projected from.
+    """Choose a trial value and solve `solve_local`'s equation with it, in the Krylov space that both are found in.
 
     Of values that two points in the weight could not tell apart, the largest, as `Smoothing.chosen_from` does; the one
     in place `usual` where no group counts.
@@ -76,20 +135,63 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
     best : int
         The place of the value among the trials.
     """
-    frame = natural_monomials(points, exponents)
-    projected = project_weighted(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
-    best = usual
-    if trials.size > 1:
-        squares, weight = projected_squares(projected, values, roots, groups, trials, inverses)
+    count = len(values)
+    system, triangle, basis = tail_free(points, exponents, power, roots)
+    weighted, best = values * roots, usual
+    krylov, length = begin(system, weighted, trials.size)
+    step, link = 0, 0.0
+    if trials.size > 1 and length > 0.0:
+        step, link, _ = advance(system, krylov, trials, 0, 2 * count, 0.0, RESIDUAL)
+        squares, weight = group_squares(krylov.solutions, len(triangle), roots, groups, trials, inverses)
         if weight > 0.0:
             limit = np.min(squares) * (1.0 + 2.0 / weight)
             for k in range(trials.size):
                 best = k if squares[k] <= limit else best
-    matrix, rank = projected[0], len(projected[3])
-    for i in range(rank, len(matrix)):
-        matrix[i, i] += trials[best]
-    scaled, tail, rank, lost = solve_projected(values * roots, projected)
-    return (scaled * roots, tail, rank, lost), best
+    own, shift = of_shift(krylov, best), trials[best : best + 1]
+    # A factor takes n³/6 products and 2 n² for each reflector of the tail, a step n².
+    most = max(count // 6 + 2 * len(triangle), step + 1)
+    if length > 0.0 and not advance(system, own, shift, step, most, link, EXACT)[2]:
+        return factor_solution(points, exponents, system, weighted, trials[best]), best
+    weights, reduced = own.solutions[0] * roots, np.empty(len(triangle))
+    rest = weighted - roots * (system.matrix @ weights)
+    for k in range(reduced.size):
+        reduced[k] = dot(system.tail[k], rest, count)
+    solve_triangle(triangle, reduced)
+    return (weights, basis @ reduced, reduced.size, 0), best
+
+
+@njit(nogil=True, cache=True)
+def factor_solution(points, exponents, system, weighted, smoothing):
+    """Return what `solve_local` does, by a Cholesky factor; the matrix A of the system is overwritten."""
+    tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    projected = project_weighted(system.matrix, tail, frame, system.roots)
+    matrix = projected[0]
+    for i in range(len(system.tail), len(matrix)):
+        matrix[i, i] += smoothing
+    scaled, coefficients, rank, lost = solve_projected(weighted, projected)
+    return scaled * system.roots, coefficients, rank, lost
+
+
+@njit(nogil=True, cache=True)
+def tail_free(points, exponents, power, roots):
+    """Return the system of some points without its tail, the tail's triangle R, and its basis; see `restrict_tail`."""
+    tail = tail_matrix(points, exponents)
+    for i in range(len(roots)):
+        tail[i] *= roots[i]
+    vectors, betas, triangle, basis = restrict_tail(tail, natural_monomials(points, exponents))
+    span = np.zeros((len(triangle), len(roots)))
+    for k in range(len(span)):
+        span[k, k] = 1.0
+        reflect(span[k], vectors, betas, False)
+    return TailFreeSystem(radial_matrix(points, power), roots, span), triangle, basis
+
+
+@njit(nogil=True, cache=True)
+def of_shift(krylov, k):
+    """Return the part of a Krylov space that belongs to one shift."""
+    vector, before, pivots, heights, directions, solutions = krylov
+    one = slice(k, k + 1)
+    return Krylov(vector, before, pivots[one], heights[one], directions[one], solutions[one])
 
 
 @njit(nogil=True, cache=True)
@@ -103,23 +205,17 @@ def shared_squares(points, values, roots, exponents, power, groups, trials, inve
     inverses : (g, m, g, g)
         Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more do not count.
     """
-    frame = natural_monomials(points, exponents)
-    projected = project_weighted(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
-    return projected_squares(projected, values, roots, groups, trials, inverses)
+    system, triangle, _ = tail_free(points, exponents, power, roots)
+    krylov, length = begin(system, values * roots, trials.size)
+    if length > 0.0:
+        advance(system, krylov, trials, 0, 2 * len(values), 0.0, RESIDUAL)
+    return group_squares(krylov.solutions, len(triangle), roots, groups, trials, inverses)
 
 
 @njit(nogil=True, cache=True)
-def projected_squares(projected, values, roots, groups, trials, inverses):
-    """Return `shared_squares` of what `project_weighted` made."""
-    matrix, vectors, betas, triangle, _ = projected
-    count, rank = len(values), len(triangle)
-    rotated = values * roots
-    reflect(rotated, vectors, betas, True)
-    pulled = np.zeros((trials.size, count))
-    free = shifted_solutions(matrix[rank:, rank:].copy(), rotated[rank:], trials)
-    for k in range(trials.size):
-        put(free[k], pulled[k, rank:])
-        reflect(pulled[k], vectors, betas, False)
+def group_squares(pulled, rank, roots, groups, trials, inverses):
+    """Return `shared_squares` of the solutions (m, n) for all trials, of points that a tail takes `rank` of."""
+    count = roots.size
     order = np.argsort(groups, kind="mergesort")
     squares, weight, first = np.zeros(trials.size), 0.0, 0
     while first < count:

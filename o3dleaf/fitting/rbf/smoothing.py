@@ -44,15 +44,20 @@ class Smoothing:
 
     def diagonal(self, count: int) -> float:
         """Return s for a system of `count` points; the value must be a number by now."""
-        if isinstance(self.value, str):
-            raise InputError(f"smoothing: is still {self.value!r}; choose it first")
-        return self.value * self.scale(count)
+        return self._number * self.scale(count)
 
     def diagonals(self, counts: IntArray, per_ball: FloatArray | None = None) -> FloatArray:
         """Return s for each of many systems, of `counts` points, from the one value or from each one's own."""
         if per_ball is None:
             return np.array([self.diagonal(int(count)) for count in counts])
         return np.array([value * self.scale(int(count)) for value, count in zip(per_ball, counts, strict=True)])
+
+    @property
+    def _number(self) -> float:
+        """The value, or raise `InputError` where it has not been chosen."""
+        if isinstance(self.value, str):
+            raise InputError(f"smoothing: is still {self.value!r}; choose it first")
+        return self.value
 
     def chosen(self, spectrum: "Spectrum") -> "Smoothing":
         """Return the smoothing with the value that `choose_by_gcv` takes, or `choose_by_risk`, and its score."""

@@ -50,6 +50,16 @@ def find_smooth(start, stop, normals, neighbors, cosine, smooth):
 
 
 @njit(nogil=True, cache=True)
+def join_alike(start, stop, normals, smooth, cosine, neighbors):
+    """Write −1 in place of those neighbors that belong to no sheet with a point: once for all balls it is in."""
+    for i in range(start, stop):
+        for k in range(neighbors.shape[1]):
+            j = neighbors[i, k]
+            if not (smooth[i] and smooth[j] and agreement(normals, i, j) >= cosine):
+                neighbors[i, k] = -1
+
+
+@njit(nogil=True, cache=True)
 def squared_distance(one, other):
     """Return the square of the distance of two points of three coordinates."""
     return (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
@@ -70,7 +80,7 @@ def place_of(rows, row):
 @njit(nogil=True, cache=True)
 def connect(rows, measured, labels):
     """Label the smooth points of rising `rows` by the components that neighbors join, −1 elsewhere; return how many."""
-    normals, neighbors, smooth = measured.normals, measured.neighbors, measured.smooth
+    joined, smooth = measured.joined, measured.smooth
     labels[:] = -1
     stack = np.empty(rows.size, dtype=np.int64)
     count = 0
@@ -83,12 +93,11 @@ def connect(rows, measured, labels):
             depth -= 1
             point = rows[stack[depth]]
             size += 1
-            for other in neighbors[point]:
-                if smooth[other] and agreement(normals, point, other) >= measured.cosine:
-                    place = place_of(rows, other)
-                    if place >= 0 and labels[place] == -1:
-                        labels[place], stack[depth] = count, place
-                        depth += 1
+            for k in range(joined.shape[1]):
+                place = place_of(rows, joined[point, k]) if joined[point, k] >= 0 else -1
+                if place >= 0 and labels[place] == -1:
+                    labels[place], stack[depth] = count, place
+                    depth += 1
         if size >= MIN_SMOOTH:
             count += 1
         else:

@@ -43,7 +43,8 @@ class MeasuredPoints(NamedTuple):
     ----------
     points, normals : (n, 3) ndarrays
         Outward unit normals, averaged over neighbors that agree.
-    neighbors : (n, k) int64 ndarray
+    joined : (n, k) int64 ndarray
+        The neighbors that agree with a smooth point and are smooth; −1 in place of others.
     smooth : (n,) ndarray of bool
         Whether all neighbors agree with the normal of a point, those on the other side of a thin sheet aside.
     cosine : float
@@ -52,7 +53,7 @@ class MeasuredPoints(NamedTuple):
 
     points: FloatArray
     normals: FloatArray
-    neighbors: IntArray
+    joined: IntArray
     smooth: BoolArray
     cosine: float
 
@@ -75,6 +76,7 @@ class MeasuredPoints(NamedTuple):
         smooth = np.empty(len(points), dtype=bool)
         with smoothing:
             _over(len(points), sheet_loops.find_smooth, normals, neighbors, cosine, smooth)
+            _over(len(points), sheet_loops.join_alike, normals, smooth, cosine, neighbors)
         return cls(points, normals, neighbors, smooth, cosine)
 
 

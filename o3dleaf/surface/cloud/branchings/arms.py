@@ -61,7 +61,7 @@ class _Ring(NamedTuple):
 
     @classmethod
     def of(cls, axes: Axes, tree: cKDTree) -> "_Ring":
-        owner, row = pairs_within(tree, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
+        owner, row = pairs_within(tree.data, axes.point, np.hypot(OUTER, ALONG) * axes.spacing)
         arm = (tree.data[row] - axes.point[owner]) / axes.spacing[owner, np.newaxis]
         along = np.einsum("pi,pi->p", arm, axes.direction[owner])
         place = np.einsum("pi,pij->pj", arm, axes.across[owner])

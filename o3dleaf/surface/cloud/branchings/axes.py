@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.trees import threads_for
+from o3dleaf.core.checks.coordinates import box_of
+from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.surface.cloud.neighbors import IndexArray
 
 AROUND = 5.0
@@ -53,12 +53,10 @@ class Axes(NamedTuple):
         return Axes(self.point[rows], self.direction[rows], self.across[rows], self.spacing[rows])
 
 
-def pairs_within(tree: cKDTree, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return for all points of a tree within the `reach` (m,) of places (m, 3) the place's row and the point's."""
-    lists = tree.query_ball_point(places, reach, workers=threads_for(len(places)), return_sorted=True)
-    counts = np.fromiter(map(len, lists), np.int64, len(places))
-    inside = np.concatenate([np.asarray(each, np.int64) for each in lists]) if len(lists) else np.empty(0, np.int64)
-    return np.repeat(np.arange(len(places)), counts), inside
+def pairs_within(points: FloatArray, places: FloatArray, reach: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return for all of the points (n, 3) within the `reach` (m,) of places (m, 3) the place's row and the point's."""
+    offsets, inside = BallIndex.build(places, reach, box_of(points)).members(points)
+    return np.repeat(np.arange(len(places)), np.diff(offsets)), inside
 
 
 def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, normals: FloatArray) -> Axes:
@@ -67,7 +65,7 @@ def find_axes(places: FloatArray, spacing: FloatArray, points: FloatArray, norma
     The line's direction t is the one that the normals n (n, 3) are all upright to, the least eigenvector of Σ n nᵀ;
     where it passes, least squares over the planes' distances say, those that pass by counting less and less.
     """
-    owner, row = pairs_within(cKDTree(points), places, AROUND * spacing)
+    owner, row = pairs_within(points, places, AROUND * spacing)
     normal = normals[row]
     count = np.bincount(owner, minlength=len(places))
     spread = _squares(owner, normal, normal, len(places))
