@@ -7,15 +7,15 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
+from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.newton import project_to_level
 from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.projection import BATCH_SIZE
 from o3dleaf.leaf.distance.search_loops import TileArrays
 from o3dleaf.leaf.distance.solid import FilledLattice
-from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.period import Period
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.isosurface.polygonize import polygonize
@@ -65,8 +65,12 @@ class TileSamples:
         First sample of each brick.
     samples : (3, n) float32 ndarray
         Relative to the middle of their block at height 0.
-    filled : FilledLattice or None
-        The air that is enclosed, if pockets were filled.
+    pieces : (bricks,) int64 ndarray
+        The piece of a zone of hairs that each brick's samples lie over, −1: none.
+    bare : (bricks,) bool ndarray
+        Whether they are seen where it is removed; else where it is not.
+    filled : tuple of FilledLattice
+        The air that is enclosed, if pockets were filled, of each of the leaf's `periods`.
     """
 
     period: Period
@@ -79,7 +83,9 @@ class TileSamples:
     boxes: Singles
     places: IntArray
     samples: Singles
-    filled: FilledLattice | None
+    pieces: IntArray
+    bare: BoolArray
+    filled: tuple[FilledLattice, ...]
 
     @classmethod
     def sample(cls, leaf: TexturedBlade, *, closed: bool = False) -> "TileSamples":
@@ -90,23 +96,22 @@ class TileSamples:
         ReconstructionError
             If the texture has no surface, or pockets cannot be filled: air reaches through the blade.
         """
-        if isinstance(leaf.texture, ThinnedField):
-            raise InputError(
-                "texture: distances are to all hairs or none, not to those that a map keeps; extract a mesh and use "
-                "Open3D's RaycastingScene"
-            )
         period = leaf.period
         low, size, tiles = leaf.texture.cell[0] / leaf.scale, period.tile / leaf.scale, np.array(period.kinds.shape)
         step = _step(leaf, float(period.tile.prod() * tiles.prod()))
-        points, filled = _surface_points(TexturedBlade(period.field, leaf.blade), period, step, closed=closed)
+        surfaces = [_surface_points(each, period, step, closed=closed) for each in leaf.periods]
         count = np.maximum(np.round(size / max(_straight_cell(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
         cell, shape = size / count, count * tiles
-        relative = points - [*low[:2], 0.0]
+        relative = np.concatenate([points for points, _ in surfaces]) - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
+        place, bare = where // count, np.repeat(np.arange(len(surfaces)), [len(points) for points, _ in surfaces])
+        piece = leaf.hairs.zones.pieces_at(period.kinds[tuple(place.T)], relative[:, :2] / size - place)
         relative[:, :2] -= (where + 0.5) * cell
-        brick = np.floor(relative / (BRICK_STEPS * step)).astype(np.int64)
+        brick = np.column_stack([np.floor(relative / (BRICK_STEPS * step)).astype(np.int64), 2 * piece + bare])
         block = where[:, 0] * shape[1] + where[:, 1]
         order = np.lexsort((*brick.T, block))
+        # Over no zone the surface without hairs is that with them.
+        order = order[(piece >= 0)[order] | (bare == 0)[order]]
         block, brick, samples = block[order], brick[order], relative[order].astype(np.float32)
         fresh = np.diff(block, prepend=-1) != 0
         fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1)
@@ -129,14 +134,26 @@ class TileSamples:
             boxes,
             np.append(starts, len(samples)),
             np.ascontiguousarray(samples.T),
-            filled,
+            brick[starts, 3] >> 1,
+            brick[starts, 3] % 2 == 1,
+            tuple(filled for _, filled in surfaces if filled is not None),
         )
+
+    @property
+    def count(self) -> IntArray:
+        """(2,) blocks along each side of a tile."""
+        return np.asarray(np.array(self.shape) // self.period.kinds.shape)
 
     def blocks_at(self, corners: IntArray) -> IntArray:
         """Return the blocks that cells (n, 2) of the plane show, counted from the period's corner."""
-        count = np.array(self.shape) // self.period.kinds.shape
-        i, j = self.period.cells(corners, count).T
+        i, j = self.period.cells(corners, self.count).T
         return np.asarray(i * self.shape[1] + j)
+
+    def pieces_in_blocks(self, count: int) -> BoolArray:
+        """Return which of so many pieces of zones of hairs each block has samples over, (blocks, count)."""
+        held = np.zeros((len(self.bricks) - 1, count + 1), dtype=bool)
+        held[np.repeat(np.arange(len(held)), np.diff(self.bricks)), self.pieces] = True
+        return np.asarray(held[:, :-1])
 
     @property
     def arrays(self) -> TileArrays:
