@@ -30,7 +30,7 @@ from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
+from o3dleaf.leaf.remeshing import LeafTarget, remesh_flat, remesh_leaf
 from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import PeriodOf, extract_tiles, tile_lattice
@@ -84,7 +84,8 @@ class MeshPlan:
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
         with polygonizing, keeping_blocks("tile"):
             # Only whole tiles are reduced: they are kept small.
-            self.tile, tiles, self._copies = extract_tiles(leaf, spacing, kind, together=reduce is None)
+            made = extract_tiles(leaf, spacing, kind, together=reduce is None)
+            self.tile, tiles, self._copies, self._bare = made
         with reducing:
             reduced = (
                 None
@@ -174,13 +175,13 @@ class MeshPlan:
             self.assembly.emit(arrays, blade.lift)
             return self._labelled(arrays)
         edge = require_positive(remesh, "remesh")
-        _require_periodic(self.leaf, remesh=True)
         emitting, remeshing = progress.split(1, 20)
         with emitting:
             self.assembly.emit(arrays, lambda flat: flat)
         with remeshing:
             parts = arrays.vertices, arrays.triangles, arrays.labels
-            mesh = remesh_leaf(self.leaf, self.outline, self.tile, *parts, target_edge=edge)
+            target = LeafTarget(self.leaf, self.outline, self.tile, self._bare)
+            mesh = remesh_leaf(target, *parts, target_edge=edge)
         return LabelledMesh(build_mesh(mesh.places, mesh.triangles), mesh.labels, unit=blade.unit)
 
     def write(self, path: str | PathLike[str]) -> None:
@@ -230,7 +231,6 @@ def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
     """Raise `InputError` for what tiles that repeat are needed for, where there are none, or one tile."""
     cures = {
         "closed": "give frame 'surface'",
-        "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
         "remesh_tile": "leave it out, or give simplify",
     }
     of_one = {"closed"} if isinstance(leaf.texture, WangField) else set(cures)

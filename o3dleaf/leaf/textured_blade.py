@@ -96,7 +96,7 @@ class TexturedBlade:
     @property
     def period(self) -> Period:
         """What repeats of the texture, all its hairs there."""
-        return period_of(self.texture.texture if isinstance(self.texture, ThinnedField) else self.texture)
+        return period_of(self.texture.base if isinstance(self.texture, LiddedField) else self.texture)
 
     @property
     def periods(self) -> tuple["TexturedBlade", ...]:

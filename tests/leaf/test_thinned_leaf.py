@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from leaf_fields import leaf_of, off_the_field, texture
+from hair_fields import AREA, FACE, HALF, RADIUS, STEP, TILE, hairs_of, hairy, on_strip, thinned
+from leaf_fields import off_the_field, texture
 from o3dleaf import ThinnedField, WangField
 from o3dleaf.core.errors import InputError
 from o3dleaf.io.mesh_stream import Arrays
@@ -16,20 +17,6 @@ from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import ON_SURFACE, SHARPENED
-
-TILE, FACE, TIP, RADIUS, STEP = 3.0, 0.15, 0.42, 0.13, 0.1
-FEET = np.array(
-    [[-1.1, -0.9], [-0.2, -1.0], [0.8, -0.7], [-1.45, 0.2], [-0.4, 0.1], [0.6, 0.4], [1.2, 1.1], [-0.7, 1.2]]
-)
-AREA = [[0.0, -3.0], [8.0, 3.0]]
-HALF = [[0.5]]
-
-
-def hairy(x, y, z):
-    """A layer with waves, and upright hairs in its upper face."""
-    blade = FACE + 0.01 * np.cos(2 * np.pi * y / TILE) - np.abs(z)
-    away = np.min([np.hypot(x - a, y - b) for a, b in FEET], axis=0)
-    return np.maximum(blade, np.minimum(RADIUS - away, np.minimum(TIP - z, z)))
 
 
 @pytest.fixture(scope="module")
@@ -42,18 +29,9 @@ def tiles(request, patch):
     return patch if request.param == "periodic" else WangField(patch.field, seed=2)
 
 
-def thinned(tiles, shares, seed=1, **given):
-    return ThinnedField(tiles, shares, AREA, seed=seed, longest=0.5, **given)
-
-
 @pytest.fixture(scope="module")
 def half(tiles):
     return thinned(tiles, HALF)
-
-
-def on_strip(field):
-    """A strip of 8 by 6, bent about a circle of radius 15."""
-    return leaf_of(field, bend=15.0, length=8.0)[0]
 
 
 @pytest.fixture(scope="module")
@@ -64,12 +42,6 @@ def leaf(half):
 @pytest.fixture(scope="module")
 def solid(leaf):
     return leaf.plan_mesh(STEP, closed=True).extract()
-
-
-def hairs_of(leaf, vertices):
-    """The places of what stands out of a leaf, farther than half of what hairs do."""
-    flat = leaf.blade.flatten(np.asarray(vertices))
-    return flat[flat[:, 2] > (FACE + TIP) / 2]
 
 
 def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
@@ -113,9 +85,9 @@ def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, ha
 
 
 def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf):
-    tile, tiles, _ = extract_tiles(leaf, STEP / 2, 0, together=False)
+    tile, tiles, *_ = extract_tiles(leaf, STEP / 2, 0, together=False)
     lattice = tile_lattice(leaf.texture.texture, leaf.scale, STEP / 2)
-    whole, alone, _ = extract_plane(leaf, lattice, 0)
+    whole, alone, *_ = extract_plane(leaf, lattice, 0)
     assert tile.lattice.spacing == whole.lattice.spacing
 
     def faces(tiles):
@@ -206,10 +178,8 @@ def test_derivatives_under_lids_are_limits_of_difference_quotients(half, order):
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: distances are to all hairs"),
         (lambda leaf: leaf.extract_levels(0.1, [([[3, -1], [5, 1]], 0.05)]), "levels: .*hairs"),
         (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*hairs"),
-        (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*hairs"),
     ],
 )
 def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):

@@ -128,7 +128,7 @@ def _hulls(
     return points, middle.columns
 
 
-def _shown_samples(  # noqa: PLR0917 - cells are their places, blocks and whether the outline cuts them
+def _shown_samples(
     leaf: TexturedBlade, solid: LeafSolid, tile: TileSamples, corners: IntArray, at_rim: BoolArray, block: IntArray
 ) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
     """Return which samples cells show, where that is not all, and of each cell its place there and its box.

@@ -37,6 +37,9 @@ SLAB = 16
 MAX_CELLS = 1 << 17
 """Cells of the blade: 14 MB. On larger blades they are larger."""
 
+UNSEEN = -1
+"""Over no zone of hairs the surface without them is that with them, and need not be sampled twice."""
+
 EPSILON = 1e-6
 """Share of its side that a brick's box is larger than its samples, against roundings in single precision."""
 
@@ -104,17 +107,16 @@ class TileSamples:
         cell, shape = size / count, count * tiles
         relative = np.concatenate([points for points, _ in surfaces]) - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
-        place, bare = where // count, np.repeat(np.arange(len(surfaces)), [len(points) for points, _ in surfaces])
-        piece = leaf.hairs.zones.pieces_at(period.kinds[tuple(place.T)], relative[:, :2] / size - place)
+        variant = _variants(leaf, where // count, relative[:, :2] / size, [len(points) for points, _ in surfaces])
         relative[:, :2] -= (where + 0.5) * cell
-        brick = np.column_stack([np.floor(relative / (BRICK_STEPS * step)).astype(np.int64), 2 * piece + bare])
+        brick = np.floor(relative / (BRICK_STEPS * step)).astype(np.int64)
         block = where[:, 0] * shape[1] + where[:, 1]
-        order = np.lexsort((*brick.T, block))
-        # Over no zone the surface without hairs is that with them.
-        order = order[(piece >= 0)[order] | (bare == 0)[order]]
+        order = np.lexsort((*brick.T, variant, block))
+        order = order[variant[order] != UNSEEN]
         block, brick, samples = block[order], brick[order], relative[order].astype(np.float32)
+        variant = variant[order]
         fresh = np.diff(block, prepend=-1) != 0
-        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1)
+        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1) | (variant[1:] != variant[:-1])
         starts = np.flatnonzero(fresh)
         least, most = np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)
         boxes = _as_boxes(least, most)
@@ -134,8 +136,8 @@ class TileSamples:
             boxes,
             np.append(starts, len(samples)),
             np.ascontiguousarray(samples.T),
-            brick[starts, 3] >> 1,
-            brick[starts, 3] % 2 == 1,
+            (variant[starts] >> 1).astype(np.int64),
+            variant[starts] % 2 == 1,
             tuple(filled for _, filled in surfaces if filled is not None),
         )
 
@@ -159,6 +161,23 @@ class TileSamples:
     def arrays(self) -> TileArrays:
         """The samples as compiled functions take them."""
         return TileArrays(self.bricks, self.boxes, self.places, self.samples, self.extents)
+
+
+def _variants(leaf: TexturedBlade, places: IntArray, shares: FloatArray, counts: list[int]) -> npt.NDArray[np.int32]:
+    """Return 2 k for samples over the piece k of a zone of hairs and −2 over none, 1 more for those without hairs.
+
+    Parameters
+    ----------
+    leaf : TexturedBlade
+    places : (n, 2) ndarray
+        Of their tiles in the period.
+    shares : (n, 2) ndarray
+        Where they lie in it, in tiles.
+    counts : list of int
+        Of the surface of each of the leaf's `periods`.
+    """
+    pieces = leaf.hairs.zones.pieces_at(leaf.period.kinds[tuple(places.T)], shares - places)
+    return (2 * pieces + np.repeat(np.arange(len(counts)), counts)).astype(np.int32)
 
 
 def _as_boxes(low: Singles, high: Singles) -> Singles:
