@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from leaf_fields import leaf_of
+from leaf_fields import leaf_of, texture
 from o3dleaf import ThinnedField
 
 TILE, FACE, TIP, RADIUS, STEP = 3.0, 0.15, 0.42, 0.13, 0.1
@@ -20,9 +20,23 @@ def hairy(x, y, z):
     return np.maximum(blade, np.minimum(RADIUS - away, np.minimum(TIP - z, z)))
 
 
-def thinned(tiles, shares, seed=1, **given):
+def hollow(x, y, z):
+    """A layer with a thick hair in the middle of each tile of 2 by 2; a void is high in it, another in the layer."""
+    hair = np.minimum(0.35 - np.hypot(x, y), np.minimum(0.75 - z, z))
+    voids = np.minimum(np.sqrt(x**2 + y**2 + (z - 0.5) ** 2), np.sqrt((x - 0.8) ** 2 + y**2 + z**2)) - 0.12
+    return np.minimum(np.maximum(0.2 - np.abs(z), hair), voids)
+
+
+def hollow_leaf():
+    """A strip of it with a part of its hairs, the middles of nine tiles, and which of them have theirs."""
+    leaf = on_strip(thinned(texture(hollow, half=0.9, tile=2.0, n=33), HALF, seed=2, longest=1.2))
+    tiles = np.stack(np.meshgrid(np.arange(1, 4), np.arange(-1, 2), indexing="ij"), axis=-1).reshape(-1, 2) * 2.0
+    return leaf, tiles, leaf.values(np.column_stack([tiles + [0.25, 0], np.full(len(tiles), 0.5)])) > 0
+
+
+def thinned(tiles, shares, seed=1, longest=0.5, **given):
     """A map over the strip that tiles are laid on."""
-    return ThinnedField(tiles, shares, AREA, seed=seed, longest=0.5, **given)
+    return ThinnedField(tiles, shares, AREA, seed=seed, longest=longest, **given)
 
 
 def on_strip(field):

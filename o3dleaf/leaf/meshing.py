@@ -56,6 +56,8 @@ class MeshPlan:
         The steps along, across and through the blade, in the scan's unit. Those in the plane divide the
         texture's period, so that they may differ a little from what was requested.
     closed : bool
+    wholes : tuple of Tile
+        The tile, all of a set, or, where hairs are thinned out, this with all of them and with none.
     vertices, triangles : int
         Of the mesh.
     voids, islands : int
@@ -84,8 +86,8 @@ class MeshPlan:
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
         with polygonizing, keeping_blocks("tile"):
             # Only whole tiles are reduced: they are kept small.
-            made = extract_tiles(leaf, spacing, kind, together=reduce is None)
-            self.tile, tiles, self._copies, self._bare = made
+            self.tile, tiles, self._copies, bare = extract_tiles(leaf, spacing, kind, together=reduce is None)
+        self.wholes = (self.tile,) if bare is None else (self.tile, bare)
         with reducing:
             reduced = (
                 None
@@ -180,7 +182,7 @@ class MeshPlan:
             self.assembly.emit(arrays, lambda flat: flat)
         with remeshing:
             parts = arrays.vertices, arrays.triangles, arrays.labels
-            target = LeafTarget(self.leaf, self.outline, self.tile, self._bare)
+            target = LeafTarget(self.leaf, self.outline, *self.wholes)
             mesh = remesh_leaf(target, *parts, target_edge=edge)
         return LabelledMesh(build_mesh(mesh.places, mesh.triangles), mesh.labels, unit=blade.unit)
 

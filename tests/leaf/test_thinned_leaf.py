@@ -5,18 +5,20 @@ import pytest
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from hair_fields import AREA, FACE, HALF, RADIUS, STEP, TILE, hairs_of, hairy, on_strip, thinned
+from hair_fields import AREA, FACE, HALF, RADIUS, STEP, TILE, hairs_of, hairy, hollow_leaf, on_strip, thinned
 from leaf_fields import off_the_field, texture
 from o3dleaf import ThinnedField, WangField
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.remeshing import LeafTarget
 from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
-from tolerances import ON_SURFACE, SHARPENED
+from tolerances import AT_VERTICES, ON_SURFACE, SHARPENED
 
 
 @pytest.fixture(scope="module")
@@ -207,3 +209,45 @@ def test_tiles_are_simplified_each_by_itself(leaf, solid):
     plan = leaf.plan_mesh(STEP / 2, closed=True, simplify=0.5)
     report = mesh_report(plan.extract().mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+
+
+@pytest.fixture(scope="module", params=[STEP, pytest.param(2.5 * STEP, marks=pytest.mark.slow)], ids=["tiles", "plane"])
+def remeshed(request, leaf):
+    """A window of tiles that are mixed, or, coarser than hairs are apart, of the plane polygonized at once."""
+    plan = leaf.plan_mesh(request.param, [[1.0, -1.5], [4.0, 1.5]], closed=True)
+    return plan, plan.extract(remesh=request.param)
+
+
+def test_a_remeshed_leaf_is_a_solid_whose_faces_lie_on_the_field(leaf, remeshed):
+    made = remeshed[1]
+    report = mesh_report(made.mesh)
+    assert report.watertight
+    assert (report.components, report.genus, report.self_intersections) == (1, 0, 0)
+    assert report.share_below_10deg < 0.02
+    off = off_the_field(leaf, made)
+    assert np.quantile(off, 0.99) < ON_SURFACE * STEP
+    triangles = np.asarray(made.mesh.triangles)
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    assert np.abs(leaf.signed_distance(np.asarray(made.mesh.vertices)[faces], closed=True)).max() < AT_VERTICES
+
+
+def test_a_remeshed_leaf_has_the_hairs_that_are_kept(leaf, solid, remeshed):
+    made = hairs_of(leaf, remeshed[1].mesh.vertices)
+    assert len(made) > 10
+    assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(made)[0].max() < remeshed[0].spacing[0]
+
+
+def test_walls_of_voids_are_no_place_to_go_to_with_hairs_or_without():
+    leaf, tiles, kept = hollow_leaf()
+    plan = leaf.plan_mesh(0.08, closed=True)
+    target = LeafTarget(leaf, plan.outline, *plan.wholes)
+
+    def reached(offset, height):
+        flat = np.column_stack([tiles + [offset, 0], np.full(len(tiles), height)])
+        return target.project(flat, np.zeros_like(flat), np.ones(len(flat), dtype=np.uint8), kept)[2]
+
+    assert not reached(0.8, 0.1).any()
+    assert not reached(0.0, 0.4)[kept].any()
+    assert reached(0.36, 0.5)[kept].all()
+    assert reached(0.0, 0.22)[~kept].all()
+    assert reached(0.5, 0.21).all()

@@ -10,10 +10,11 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
 from o3dleaf.core.mesh_arrays import BoolArray
-from o3dleaf.core.newton import project_to_level
+from o3dleaf.core.newton import euclidean
 from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.projection import BATCH_SIZE
+from o3dleaf.leaf.distance.roots import find_roots
 from o3dleaf.leaf.distance.search_loops import TileArrays
 from o3dleaf.leaf.distance.solid import FilledLattice
 from o3dleaf.leaf.texture.period import Period
@@ -37,6 +38,8 @@ SLAB = 16
 MAX_CELLS = 1 << 17
 """Cells of the blade: 14 MB. On larger blades they are larger."""
 
+BENT = 1 / 64
+"""Share of |F| that is left after two of Newton's steps where the field is not smooth; else it is near its square."""
 UNSEEN = -1
 """Over no zone of hairs the surface without them is that with them, and need not be sampled twice."""
 
@@ -233,21 +236,34 @@ def _surface_points(
         vertices = vertices[filled.is_crossed_at(vertices)]
     points = origin + vertices * steps
     for first, last in blocks(len(points), BATCH_SIZE):
-        points[first:last] = _onto_surface(leaf, points[first:last], step / 4)
+        edges = [origin + end(vertices[first:last]) * steps for end in (np.floor, np.ceil)]
+        points[first:last] = _onto_surface(leaf, points[first:last], edges, step / 4)
     return points, filled
 
 
-def _onto_surface(leaf: TexturedBlade, points: FloatArray, reach: float) -> FloatArray:
-    """Return points moved onto F = 0, in each step by at most `reach` along each axis."""
+def _onto_surface(leaf: TexturedBlade, points: FloatArray, edges: list[FloatArray], reach: float) -> FloatArray:
+    """Return points moved onto F = 0: by two of Newton's steps, each at most `reach` along each axis.
 
-    def advance(points: FloatArray, _: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        steps = np.clip(steps, -reach, reach)
-        return points + steps, np.abs(steps).max(axis=1, initial=0.0)
+    Where F bends these may lead astray; there it is sought between the two ends of the point's edge of the lattice.
+    """
+    before = []
+    for _ in range(2):
+        values, gradients = leaf.values_and_gradients(points)
+        before.append(np.abs(values))
+        points = points + np.clip(euclidean(points, values, gradients, np.inf), -reach, reach)
+    rows = np.flatnonzero(before[1] > BENT * before[0])
+    rows = rows[np.abs(leaf.values(points[rows])) > BENT * before[0][rows]]
+    low, high = (end[rows] for end in edges)
+    f_low, f_high = leaf.values(low), leaf.values(high)
+    some = (f_low > 0) != (f_high > 0)
+    low, way = low[some], (high - low)[some]
 
-    moved, _ = project_to_level(
-        points, leaf.values_and_gradients, max_step=np.inf, tolerance=0.0, max_iterations=2, advance=advance
-    )
-    return moved
+    def along(part: IntArray, share: FloatArray) -> FloatArray:
+        return leaf.values(low[part] + share[:, np.newaxis] * way[part])
+
+    share = find_roots(along, np.zeros(len(low)), np.ones(len(low)), f_low[some], f_high[some])
+    points[rows[some]] = low + share[:, np.newaxis] * way
+    return points
 
 
 def _slab_vertices(
