@@ -9,7 +9,7 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.distance.boxes import grow_tree
-from o3dleaf.leaf.distance.roots import find_roots
+from o3dleaf.leaf.distance.roots import MAX_STEPS, STEPS, find_roots
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.strip_loops import Strips
 from o3dleaf.leaf.textured_blade import TexturedBlade
@@ -61,7 +61,9 @@ def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: 
     values[:, [0, -1]] = np.minimum(values[:, [0, -1]], -1e-300)
     piece, layer = np.nonzero((values[:, :-1] > 0) != (values[:, 1:] > 0))
     bracket = heights[layer], heights[layer + 1], values[piece, layer], values[piece, layer + 1]
-    ends = find_roots(lambda rows, z: field(piece[rows], z), *bracket).reshape(-1, 2)
+    # Under lids the field bends.
+    most = MAX_STEPS if leaf.hairs.zones.count else STEPS
+    ends = find_roots(lambda rows, z: field(piece[rows], z), *bracket, most=most).reshape(-1, 2)
     middle = piece[::2]
     lifted = leaf.blade.lift_with_jacobian(np.column_stack([middles[middle], np.zeros(len(middle))]))
     along, across = halves[middle, :1], halves[middle, 1:]

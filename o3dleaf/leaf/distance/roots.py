@@ -10,7 +10,7 @@ from o3dleaf.core.mesh_arrays import IntArray
 STEPS = 4
 """Steps that all take: enough where the field is smooth."""
 MAX_STEPS = 16
-"""Where it bends they go on."""
+"""Steps where it bends."""
 TOLERANCE = 1e-4
 """Share of the way by which the next step would move a root that is found."""
 
@@ -21,6 +21,7 @@ def find_roots(
     high: FloatArray,
     f_low: FloatArray,
     f_high: FloatArray,
+    most: int = MAX_STEPS,
 ) -> FloatArray:
     """Return where fields change their sign between `low` and `high`, all (n,).
 
@@ -30,10 +31,12 @@ def find_roots(
         Takes rows and places there to values.
     low, high, f_low, f_high : (n,) ndarrays
         Places with values of both signs.
+    most : int
+        Steps that are taken at most.
     """
     rows, roots = np.arange(len(low)), np.empty(len(low))
     a, b, fa, fb = low, high, f_low, f_high
-    for step in range(MAX_STEPS):
+    for step in range(most):
         z = (a * fb - b * fa) / (fb - fa)
         f = field(rows, z)
         crossed = (f > 0) != (fb > 0)
