@@ -62,7 +62,7 @@ def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: 
     piece, layer = np.nonzero((values[:, :-1] > 0) != (values[:, 1:] > 0))
     bracket = heights[layer], heights[layer + 1], values[piece, layer], values[piece, layer + 1]
     # Under lids the field bends.
-    most = MAX_STEPS if leaf.hairs.zones.count else STEPS
+    most = MAX_STEPS if leaf.hairs.removed.any() else STEPS
     ends = find_roots(lambda rows, z: field(piece[rows], z), *bracket, most=most).reshape(-1, 2)
     middle = piece[::2]
     lifted = leaf.blade.lift_with_jacobian(np.column_stack([middles[middle], np.zeros(len(middle))]))

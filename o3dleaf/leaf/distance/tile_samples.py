@@ -39,7 +39,7 @@ MAX_CELLS = 1 << 17
 """Cells of the blade: 14 MB. On larger blades they are larger."""
 
 BENT = 1 / 64
-"""Share of |F| that is left after two of Newton's steps where the field is not smooth; else it is near its square."""
+"""Share of |F|: a field of which more is left after two of Newton's steps bends there."""
 UNSEEN = -1
 """Over no zone of hairs the surface without them is that with them, and need not be sampled twice."""
 
