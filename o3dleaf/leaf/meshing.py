@@ -30,7 +30,7 @@ from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
 from o3dleaf.leaf.instancing.reduced import reduce_tile
-from o3dleaf.leaf.remeshing import remesh_flat, remesh_leaf
+from o3dleaf.leaf.remeshing import LeafTarget, remesh_flat, remesh_leaf
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.textured_blade import Texture, TexturedBlade
 from o3dleaf.leaf.tile_lattice import PeriodOf, extract_tiles, tile_lattice
@@ -56,6 +56,8 @@ class MeshPlan:
         The steps along, across and through the blade, in the scan's unit. Those in the plane divide the
         texture's period, so that they may differ a little from what was requested.
     closed : bool
+    wholes : tuple of Tile
+        The tile, all of a set, or, where hairs are thinned out, this with all of them and with none.
     vertices, triangles : int
         Of the mesh.
     voids, islands : int
@@ -80,11 +82,16 @@ class MeshPlan:
         box = None if region is None else as_bounds(region, 2, "region")
         self.leaf, self.closed = leaf, closed
         reduce = _reducer(leaf, simplify, remesh_tile)
-        _require_periodic(leaf, remesh_tile=remesh_tile is not None)
+        if remesh_tile is not None and isinstance(leaf.texture, ThinnedField):
+            raise InputError(
+                "remesh_tile: the surface of a leaf is made of periodic tiles, not of hairs that a map thins out; "
+                "leave it out, or give simplify"
+            )
         polygonizing, reducing, counting = progress.split(4, 2 if reduce else 0, 1)
         with polygonizing, keeping_blocks("tile"):
             # Only whole tiles are reduced: they are kept small.
-            self.tile, tiles, self._copies = extract_tiles(leaf, spacing, kind, together=reduce is None)
+            self.tile, tiles, self._copies, bare = extract_tiles(leaf, spacing, kind, together=reduce is None)
+        self.wholes = (self.tile,) if bare is None else (self.tile, bare)
         with reducing:
             reduced = (
                 None
@@ -174,13 +181,13 @@ class MeshPlan:
             self.assembly.emit(arrays, blade.lift)
             return self._labelled(arrays)
         edge = require_positive(remesh, "remesh")
-        _require_periodic(self.leaf, remesh=True)
         emitting, remeshing = progress.split(1, 20)
         with emitting:
             self.assembly.emit(arrays, lambda flat: flat)
         with remeshing:
             parts = arrays.vertices, arrays.triangles, arrays.labels
-            mesh = remesh_leaf(self.leaf, self.outline, self.tile, *parts, target_edge=edge)
+            target = LeafTarget(self.leaf, self.outline, *self.wholes)
+            mesh = remesh_leaf(target, *parts, target_edge=edge)
         return LabelledMesh(build_mesh(mesh.places, mesh.triangles), mesh.labels, unit=blade.unit)
 
     def write(self, path: str | PathLike[str]) -> None:
@@ -224,18 +231,6 @@ def require_reduction(simplify: float | None, remesh_tile: float | None) -> None
         raise InputError(f"simplify: is {simplify:g}; give the share of triangles to keep, between 0 and 1")
     if remesh_tile is not None:
         require_positive(remesh_tile, "remesh_tile")
-
-
-def _require_periodic(leaf: TexturedBlade, **wishes: bool) -> None:
-    """Raise `InputError` for what tiles that repeat, or Wang tiles, are needed for, where there are none."""
-    cures = {
-        "remesh": "leave it out, or remesh the mesh with o3dleaf.remesh",
-        "remesh_tile": "leave it out, or give simplify",
-    }
-    wanted = [name for name, wished in wishes.items() if wished]
-    if wanted and isinstance(leaf.texture, ThinnedField):
-        what = f"{wanted[0]}: the surface of a leaf is made of periodic tiles, not of hairs that a map thins out"
-        raise InputError(f"{what}; {cures[wanted[0]]}")
 
 
 def _reducer(

@@ -1,5 +1,7 @@
 """The leaf's surface as the projection target of remeshing: points that have moved a little are put back onto it."""
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -39,12 +41,18 @@ class LeafTarget:
     A chart is flat coordinates z; a step in the world is one in z through the lift's Jacobian.
     """
 
-    def __init__(self, leaf: TexturedBlade, outline: shapely.Geometry, tile: Tile) -> None:
-        """Take a leaf that is cut along an outline in the plane (along, across); the `tile` knows its pockets."""
+    def __init__(self, leaf: TexturedBlade, outline: shapely.Geometry, tile: Tile, bare: Tile | None = None) -> None:
+        """Take a leaf that is cut along an outline in the plane (along, across).
+
+        The `tile` knows its pockets, and `bare` those where hairs are removed; without it, of such a leaf, the tile is
+        all of the plane.
+        """
         self.leaf, self.outline, self.sides = leaf, outline, sides_of(outline)
-        nx, ny, nz = tile.lattice.shape
+        tiles = [each for each in (tile, bare) if each is not None]
+        self.inside = [_inside(each) for each in tiles]
         self.lattice, self.period = tile.lattice, leaf.period
-        self.inside = (tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
+        if len(tiles) < len(leaf.periods):
+            self.period = replace(self.period, kinds=np.zeros((1, 1), dtype=np.int64), color=None)
         self.tree = shapely.STRtree(shapely.linestrings(self.sides.reshape(-1, 2, 2)))
 
     def project(
@@ -85,14 +93,22 @@ class LeafTarget:
 
         Where the patch is cut, at its bottom or top, the surface is no wall.
         """
-        shape, tiles = np.array(self.inside.shape), self.period.kinds.shape
         low = np.floor((flat - self.lattice.origin) / self.lattice.spacing).astype(np.int64)
         inside = np.asarray(~np.isin(flat[:, 2], self.leaf.heights))
         for corner in np.ndindex(2, 2, 2):
-            cell = low + corner
-            i, j = self.period.cells(cell[:, :2], shape[:2] // tiles).T
-            inside &= self.inside[i, j, np.clip(cell[:, 2], 0, shape[2] - 1)]
+            inside &= self._inside_at(low + corner)
         return inside
+
+    def _inside_at(self, places: IntArray) -> BoolArray:
+        """Return which places (n, 3) of the lattice are inside."""
+        lattice = self.lattice
+        i, j = self.period.cells(places[:, :2], np.array(lattice.shape[:2]) // self.period.kinds.shape).T
+        node = i, j, np.clip(places[:, 2], 0, lattice.shape[2] - 1)
+        if len(self.inside) == 1:
+            return np.asarray(self.inside[0][node])
+        plane = lattice.origin[:2] + places[:, :2] * np.array(lattice.spacing[:2])
+        bare = self.leaf.hairs.bare_at(plane * self.leaf.scale)
+        return np.asarray(np.where(bare, self.inside[1][node], self.inside[0][node]))
 
     def _wall_steps(self, points: FloatArray, values: FloatArray, gradients: FloatArray, max_step: float) -> FloatArray:
         """Return Newton's steps within the wall over the outline."""
@@ -134,23 +150,20 @@ class LeafTarget:
         return sides[:, :2] + np.clip(share, 0, 1) * along, along / length
 
 
-def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
-    leaf: TexturedBlade,
-    outline: shapely.Geometry,
-    tile: Tile,
-    flat: FloatArray,
-    triangles: IntArray,
-    labels: Labels,
-    target_edge: float,
+def _inside(tile: Tile) -> BoolArray:
+    """Return which points of its lattice are inside a tile."""
+    nx, ny, nz = tile.lattice.shape
+    return np.asarray(tile.runs.expand(np.arange(nx * ny)) == INSIDE).reshape(nx, ny, nz)
+
+
+def remesh_leaf(
+    target: LeafTarget, flat: FloatArray, triangles: IntArray, labels: Labels, target_edge: float
 ) -> Charted:
     """Return the mesh of a leaf's surface, remeshed; its rim meets the faces in a sharp edge over the outline.
 
     Parameters
     ----------
-    leaf : TexturedBlade
-    outline : shapely geometry
-        The area in the plane (along, across) that the leaf covers.
-    tile : Tile
+    target : LeafTarget
     flat : (n, 3) ndarray
         Vertices in flat coordinates: on F = 0, or on the rim.
     triangles : (m, 3) ndarray of int64
@@ -158,11 +171,11 @@ def remesh_leaf(  # noqa: PLR0917 - a mesh is its vertices, triangles and labels
         Adaxial, abaxial, rim.
     target_edge : float
     """
-    places = np.empty_like(flat)
+    leaf, places = target.leaf, np.empty_like(flat)
     run_blocks(lambda i, j: places.__setitem__(slice(i, j), leaf.blade.lift(flat[i:j])), len(flat), BLOCK)
     if not leaf.cuts_edges:
         labels = _without_chamfers(triangles, labels, _on_faces(leaf, flat, FACE_TOLERANCE * target_edge))
-    return remesh_charted(Charted.of(places, flat, triangles, labels), LeafTarget(leaf, outline, tile), target_edge)
+    return remesh_charted(Charted.of(places, flat, triangles, labels), target, target_edge)
 
 
 def remesh_flat(

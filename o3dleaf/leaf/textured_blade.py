@@ -1,5 +1,6 @@
 """The implicit function of a texture on a blade, G(x) = F(T*(x)) (paper, section 2.6)."""
 
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -12,7 +13,8 @@ from o3dleaf.core.parallel import blocks
 from o3dleaf.core.units import unit_scale
 from o3dleaf.leaf.blade.blade import Blade
 from o3dleaf.leaf.instancing.sets.tile_set import TilesAhead
-from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
+from o3dleaf.leaf.texture.hairs.laid_hairs import LaidHairs
+from o3dleaf.leaf.texture.hairs.thinned import LiddedField, ThinnedField
 from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.period import Period, period_of
 from o3dleaf.leaf.texture.tiling import TiledField
@@ -21,7 +23,7 @@ from o3dleaf.leaf.texture.wang import WangField, WangTorus
 BATCH_SIZE = 1 << 17
 """Points evaluated together: gradients need 160 bytes each, 20 MB, and the threads of each part have enough to do."""
 
-Texture: TypeAlias = TiledField | PatchBlend | WangField | WangTorus | ThinnedField
+Texture: TypeAlias = TiledField | PatchBlend | WangField | WangTorus | LiddedField
 """A field over the plane that repeats, or that is laid of tiles, in its own unit of length."""
 
 
@@ -35,7 +37,7 @@ class TexturedBlade:
 
     Attributes
     ----------
-    texture : TiledField, PatchBlend, WangField or ThinnedField
+    texture : TiledField, PatchBlend, WangField, WangTorus or LiddedField
     blade : Blade
     scale : float
         Factor from the blade's unit to the texture's.
@@ -94,7 +96,21 @@ class TexturedBlade:
     @property
     def period(self) -> Period:
         """What repeats of the texture, all its hairs there."""
-        return period_of(self.texture.texture if isinstance(self.texture, ThinnedField) else self.texture)
+        return period_of(self.texture.base if isinstance(self.texture, LiddedField) else self.texture)
+
+    @property
+    def periods(self) -> tuple["TexturedBlade", ...]:
+        """What repeats of the texture, on the blade: all its hairs there and, if a map removes some, none of them."""
+        fields = [self.period.field, *([self.texture.bare] if isinstance(self.texture, ThinnedField) else [])]
+        return tuple(TexturedBlade(field, self.blade) for field in fields)
+
+    @cached_property
+    def hairs(self) -> LaidHairs:
+        """The hairs over the plane, in the texture's unit: where which of the `periods` is seen."""
+        if isinstance(self.texture, ThinnedField):
+            return self.texture.hairs
+        period = self.period
+        return LaidHairs.all_kept(period.corner, period.tile, period.kinds)
 
     @property
     def bounds(self) -> FloatArray:

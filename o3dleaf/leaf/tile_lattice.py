@@ -195,13 +195,9 @@ def _thinned_tiles(
     if np.any(np.array(lattice.spacing[:2]) * scale > texture.finest * (1 + 1e-9)):
         return extract_plane(leaf, lattice, method, together=together, bounds=bounds)
     if isinstance(base, WangField):
-        whole, full, _ = _wang_tiles(base.torus, base, scale, lattice, method)
-        others = _wang_tiles(bare, base, scale, lattice, method).parts
+        full, others = (_wang_tiles(each, base, scale, lattice, method) for each in (base.torus, bare))
     else:
-        period = lattice.shape[:2]
-        fields = ScaledField(base, scale), ScaledField(bare, scale)
-        whole, other = (extract_tile(each, lattice, method, sharpen=period) for each in fields)
-        full, others = TileSet.of(whole), TileSet.of(other)
+        full, others = (_tiles_on(ScaledField(each, scale), lattice, lattice, method) for each in (base, bare))
     shape = lattice.shape[0], lattice.shape[1]
     # Where all hairs of a tile are removed follows from the tile, as its neighbors' lids beside its borders do.
     places = [(int(p), int(q)) for p, q in leaf.period.places]
@@ -209,9 +205,10 @@ def _thinned_tiles(
 
     @lru_cache(PLACES)
     def cells(place: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-        return texture.hairs.low_cells(place, shape), most[full.kind(place)]
+        return texture.hairs.low_cells(place, shape), most[full.parts.kind(place)]
 
-    return Tiles(whole, MixedSet((*full.tiles, *others.tiles), full.kind, cells), 1)
+    mixed = MixedSet((*full.parts.tiles, *others.parts.tiles), full.parts.kind, cells)
+    return Tiles(full.whole, mixed, 1, others.whole)
 
 
 def extract_plane(

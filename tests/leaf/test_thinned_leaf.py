@@ -6,31 +6,20 @@ import shapely
 from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
-from leaf_fields import leaf_of, off_the_field, texture
+from hair_fields import AREA, FACE, HALF, RADIUS, STEP, TILE, TIP, hairs_of, hairy, hollow_leaf, on_strip, thinned
+from leaf_fields import off_the_field, texture
 from o3dleaf import ThinnedField, WangField
 from o3dleaf.core.errors import InputError
+from o3dleaf.io.labelled_mesh import RIM
 from o3dleaf.io.mesh_stream import Arrays
 from o3dleaf.io.triangle_mesh import read_mesh
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.instancing.assembly import Assembly
 from o3dleaf.leaf.instancing.footprint import footprint
+from o3dleaf.leaf.remeshing import LeafTarget
 from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
-from tolerances import FADE_TWIN, ON_SURFACE, SHARPENED
-
-TILE, FACE, TIP, RADIUS, STEP = 3.0, 0.15, 0.42, 0.13, 0.1
-FEET = np.array(
-    [[-1.1, -0.9], [-0.2, -1.0], [0.8, -0.7], [-1.45, 0.2], [-0.4, 0.1], [0.6, 0.4], [1.2, 1.1], [-0.7, 1.2]]
-)
-AREA = [[0.0, -3.0], [8.0, 3.0]]
-HALF = [[0.5]]
-
-
-def hairy(x, y, z):
-    """A layer with waves, and upright hairs in its upper face."""
-    blade = FACE + 0.01 * np.cos(2 * np.pi * y / TILE) - np.abs(z)
-    away = np.min([np.hypot(x - a, y - b) for a, b in FEET], axis=0)
-    return np.maximum(blade, np.minimum(RADIUS - away, np.minimum(TIP - z, z)))
+from tolerances import AT_VERTICES, FADE_TWIN, ON_SURFACE, SHARPENED
 
 
 @pytest.fixture(scope="module")
@@ -48,18 +37,9 @@ def tiles(request):
     return request.getfixturevalue("patch" if request.param == "periodic" else "wang")
 
 
-def thinned(tiles, shares, seed=1, **given):
-    return ThinnedField(tiles, shares, AREA, seed=seed, longest=0.5, **given)
-
-
 @pytest.fixture(scope="module")
 def half(tiles):
     return thinned(tiles, HALF)
-
-
-def on_strip(field):
-    """A strip of 8 by 6, bent about a circle of radius 15."""
-    return leaf_of(field, bend=15.0, length=8.0)[0]
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +50,6 @@ def leaf(half):
 @pytest.fixture(scope="module")
 def solid(leaf):
     return leaf.plan_mesh(STEP, closed=True).extract()
-
-
-def hairs_of(leaf, vertices):
-    """The places of what stands out of a leaf, farther than half of what hairs do."""
-    flat = leaf.blade.flatten(np.asarray(vertices))
-    return flat[flat[:, 2] > (FACE + TIP) / 2]
 
 
 def test_the_solid_is_closed_and_its_faces_lie_on_the_field(leaf, solid):
@@ -128,7 +102,7 @@ def both_ways(leaf):
 @pytest.mark.parametrize("closed", [False, True])
 def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf, both_ways, closed):
     """As open sheets, and as the solid that an outline cuts, whose rim sees the inside of its columns."""
-    (tile, tiles, _), (whole, alone, _) = both_ways
+    (tile, tiles, *_), (whole, alone, *_) = both_ways
     assert tile.lattice.spacing == whole.lattice.spacing
     box = np.array([removed_hair(leaf, [[1.5, -1.8], [3.0, 0.5]]), [6.5, 2.0]])
     (mixed, count), (direct, number) = (placed(each, leaf, box, closed=closed) for each in (tiles, alone))
@@ -253,17 +227,9 @@ def test_derivatives_under_lids_are_limits_of_difference_quotients(half, order):
         assert np.abs(quotient - exact[:, axis]).max() < 1e-4 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize(
-    ("call", "match"),
-    [
-        (lambda leaf: leaf.signed_distance(np.zeros((1, 3))), "texture: distances are to all hairs"),
-        (lambda leaf: leaf.plan_mesh(0.1, remesh_tile=0.1), "remesh_tile: .*hairs"),
-        (lambda leaf: leaf.extract_mesh(0.3, remesh=0.3), "remesh: .*hairs"),
-    ],
-)
-def test_what_needs_one_tile_is_refused_by_name(leaf, call, match):
-    with pytest.raises(InputError, match=match):
-        call(leaf)
+def test_tiles_that_are_remeshed_each_by_itself_are_refused(leaf):
+    with pytest.raises(InputError, match=r"remesh_tile: .*hairs"):
+        leaf.plan_mesh(0.1, remesh_tile=0.1)
 
 
 def test_a_patch_without_hairs_has_none():
@@ -286,3 +252,45 @@ def test_tiles_are_simplified_each_by_itself(leaf, solid):
     plan = leaf.plan_mesh(STEP / 2, closed=True, simplify=0.5)
     report = mesh_report(plan.extract().mesh)
     assert (report.manifold, report.boundary_edges, report.components) == (True, 0, 1)
+
+
+@pytest.fixture(scope="module", params=[STEP, pytest.param(2.5 * STEP, marks=pytest.mark.slow)], ids=["tiles", "plane"])
+def remeshed(request, leaf):
+    """A window of tiles that are mixed, or, coarser than hairs are apart, of the plane polygonized at once."""
+    plan = leaf.plan_mesh(request.param, [[1.0, -1.5], [4.0, 1.5]], closed=True)
+    return plan, plan.extract(remesh=request.param)
+
+
+def test_a_remeshed_leaf_is_a_solid_whose_faces_lie_on_the_field(leaf, remeshed):
+    made = remeshed[1]
+    report = mesh_report(made.mesh)
+    assert report.watertight
+    assert (report.components, report.genus, report.self_intersections) == (1, 0, 0)
+    assert report.share_below_10deg < 0.02
+    off = off_the_field(leaf, made)
+    assert np.quantile(off, 0.99) < ON_SURFACE * STEP
+    triangles = np.asarray(made.mesh.triangles)
+    faces = np.setdiff1d(triangles[made.labels != RIM], triangles[made.labels == RIM])
+    assert np.abs(leaf.signed_distance(np.asarray(made.mesh.vertices)[faces], closed=True)).max() < AT_VERTICES
+
+
+def test_a_remeshed_leaf_has_the_hairs_that_are_kept(leaf, solid, remeshed):
+    made = hairs_of(leaf, remeshed[1].mesh.vertices)
+    assert len(made) > 10
+    assert cKDTree(hairs_of(leaf, solid.mesh.vertices)).query(made)[0].max() < remeshed[0].spacing[0]
+
+
+def test_walls_of_voids_are_no_place_to_go_to_with_hairs_or_without():
+    leaf, tiles, kept = hollow_leaf()
+    plan = leaf.plan_mesh(0.08, closed=True)
+    target = LeafTarget(leaf, plan.outline, *plan.wholes)
+
+    def reached(offset, height):
+        flat = np.column_stack([tiles + [offset, 0], np.full(len(tiles), height)])
+        return target.project(flat, np.zeros_like(flat), np.ones(len(flat), dtype=np.uint8), kept)[2]
+
+    assert not reached(0.8, 0.1).any()
+    assert not reached(0.0, 0.4)[kept].any()
+    assert reached(0.36, 0.5)[kept].all()
+    assert reached(0.0, 0.22)[~kept].all()
+    assert reached(0.5, 0.21).all()

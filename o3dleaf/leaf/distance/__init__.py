@@ -2,6 +2,7 @@
 
 `projection`        projection onto the surface, normals, mean curvature
 `solid`             the field in the outline, or the closed solid
+`roots`             roots of a field on the way between two points
 `tile_samples`      one tile's surface as samples
 `rim_strips`        the rim as strips
 `boxes`             a tree of boxes over the blade

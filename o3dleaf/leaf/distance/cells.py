@@ -18,8 +18,8 @@ from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 10
 """Cells that a thread looks at together: 1 MB."""
-RIM_BLOCK = 16
-"""The same at the rim."""
+VIEW_BLOCK = 16
+"""The same where a cell does not show all samples."""
 MIN_VOLUME = 1e-3
 """Determinant of the lift's Jacobian below which a cell lies in a fold of the frame and is left out."""
 
@@ -34,7 +34,7 @@ class CellTree:
         Each cell's place in the plane, in cells from the tile's corner.
     cells : BladeCells
     mask : (m,) uint8 ndarray
-        Which samples of the cells at the rim are in the outline, a bit each.
+        Which samples cells show, a bit each, where they do not show all of their block's.
     boxes : (2k, 15) float32 ndarray
         The tree; see `o3dleaf.leaf.distance.boxes`.
     """
@@ -55,7 +55,7 @@ class CellTree:
         order = morton_order(corners - corners.min(axis=0), 31)
         corners, at_rim, block = corners[order], at_rim[order], block[order]
         centers, columns = _lifted_middles(leaf, tile, corners)
-        mask, bits, ends = _shown_samples(solid, tile, corners, at_rim, block)
+        mask, bits, ends = _shown_samples(leaf, solid, tile, corners, at_rim, block)
         kept = (ends[0, :, 0] <= ends[1, :, 0]) & (np.abs(np.linalg.det(columns)) > MIN_VOLUME)
         corners, ends = corners[kept], ends[:, kept]
 
@@ -129,34 +129,53 @@ def _hulls(
 
 
 def _shown_samples(
-    solid: LeafSolid, tile: TileSamples, corners: IntArray, at_rim: BoolArray, block: IntArray
+    leaf: TexturedBlade, solid: LeafSolid, tile: TileSamples, corners: IntArray, at_rim: BoolArray, block: IntArray
 ) -> tuple[npt.NDArray[np.uint8], IntArray, FloatArray]:
-    """Return which samples of cells at the rim are in the outline, and of each cell its place there and its box.
+    """Return which samples cells show, where that is not all, and of each cell its place there and its box.
+
+    At the rim it is those in the outline, over zones of hairs those of the hairs that stand there, or of what is
+    there without them.
 
     Returns
     -------
     mask : (m,) uint8 ndarray
-        Whole bytes for each cell at the rim, so that no two threads write the same one.
+        Whole bytes for each cell, so that no two threads write the same one; cells with the same samples share them.
     bits : (n,) ndarray
         Where each cell's bits begin, −1: it shows all samples.
     ends : (2, n, 3) ndarray
         The box of the samples that it shows; ∞ and −∞ where there are none.
     """
-    firsts, rows = tile.places[tile.bricks], np.flatnonzero(at_rim)
-    sizes = np.where(at_rim, -(-(firsts[block + 1] - firsts[block]) // 8), 0)
-    bits = np.where(at_rim, 8 * (np.cumsum(sizes) - sizes), -1)
-    mask = np.empty(sizes.sum(), dtype=np.uint8)
-    middle, half = tile.extents[block].transpose(1, 0, 2)
-    ends = np.stack([middle - half, middle + half])
+    firsts = tile.places[tile.bricks]
+    hairs = leaf.hairs
+    removed, held = hairs.states(*(corners // tile.count).T), tile.pieces_in_blocks(hairs.zones.count)[block]
+    rows = np.flatnonzero(at_rim | held.any(axis=1))
+    # A cell at the rim is like no other one.
+    alike = np.column_stack(
+        [np.where(at_rim[rows], rows, -1), block[rows], np.packbits(removed[rows, :-1] & held[rows], axis=1)]
+    )
+    _, first, view = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    views = rows[first]
+    sizes = -(-(firsts[block[views] + 1] - firsts[block[views]]) // 8)
+    starts = np.cumsum(sizes) - sizes
+    bits = np.full(len(corners), -1)
+    bits[rows] = 8 * starts[view]
+    mask, boxes = np.empty(sizes.sum(), dtype=np.uint8), np.empty((2, len(views), 3))
 
     def task(start: int, stop: int) -> None:
-        for cell in rows[start:stop]:
+        for number in range(start, stop):
+            cell = views[number]
+            bricks = slice(*tile.bricks[block[cell] : block[cell] + 2])
             samples = tile.samples[:, firsts[block[cell]] : firsts[block[cell] + 1]]
-            shown = solid.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
-            first = bits[cell] >> 3
-            mask[first : first + sizes[cell]] = np.packbits(shown, bitorder="little")
+            seen = removed[cell, tile.pieces[bricks]] == tile.bare[bricks]
+            shown = np.repeat(seen, np.diff(tile.places[bricks.start : bricks.stop + 1]))
+            if at_rim[cell]:
+                shown &= solid.contains(samples[:2].T + (tile.origin + (corners[cell] + 0.5) * tile.cell))
+            mask[starts[number] : starts[number] + sizes[number]] = np.packbits(shown, bitorder="little")
             part = samples[:, shown]
-            ends[0, cell], ends[1, cell] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
+            boxes[:, number] = part.min(axis=1, initial=np.inf), part.max(axis=1, initial=-np.inf)
 
-    run_blocks(task, len(rows), RIM_BLOCK)
+    run_blocks(task, len(views), VIEW_BLOCK)
+    middle, half = tile.extents[block].transpose(1, 0, 2)
+    ends = np.stack([middle - half, middle + half])
+    ends[:, rows] = boxes[:, view]
     return mask, bits, ends

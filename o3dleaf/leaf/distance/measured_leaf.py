@@ -36,7 +36,7 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf, or a map thins out its hairs.
+            If several patches are blended along the leaf.
         """
         return self.solid_index if closed else self.surface_index
 
@@ -67,7 +67,7 @@ class MeasuredLeaf(TexturedBlade):
         Raises
         ------
         InputError
-            If several patches are blended along the leaf, or a map thins out its hairs.
+            If several patches are blended along the leaf.
         ReconstructionError
             If it is to be closed, and air reaches through the blade.
         """
@@ -148,4 +148,4 @@ class MeasuredLeaf(TexturedBlade):
         if what == "distance":
             return self.index_of(closed=closed).signed_distance
         outline = self.edge_curve(closed=False)
-        return mask_sampler(self, self.solid_index.solid if closed else LeafSolid(outline, None))
+        return mask_sampler(self, self.solid_index.solid if closed else LeafSolid(outline, ()))

@@ -1,7 +1,5 @@
 """The rim of the leaf: where the outline cuts it, a band of short flat strips, straight along up."""
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -11,14 +9,13 @@ from o3dleaf.core.parallel import run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.blade.outline_area import sides_of
 from o3dleaf.leaf.distance.boxes import grow_tree
+from o3dleaf.leaf.distance.roots import MAX_STEPS, STEPS, find_roots
 from o3dleaf.leaf.distance.solid import LeafSolid
 from o3dleaf.leaf.distance.strip_loops import Strips
 from o3dleaf.leaf.textured_blade import TexturedBlade
 
 BLOCK = 1 << 5
 """Pieces of the rim that a thread looks at together: half a megabyte."""
-ROOT_ITERATIONS = 4
-"""Regula falsi steps towards the ends of a strip, from the neighboring samples."""
 
 
 def rim_pieces(polygon: shapely.Polygon, step: float) -> tuple[FloatArray, FloatArray]:
@@ -64,7 +61,9 @@ def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: 
     values[:, [0, -1]] = np.minimum(values[:, [0, -1]], -1e-300)
     piece, layer = np.nonzero((values[:, :-1] > 0) != (values[:, 1:] > 0))
     bracket = heights[layer], heights[layer + 1], values[piece, layer], values[piece, layer + 1]
-    ends = _roots(lambda z: field(piece, z), *bracket).reshape(-1, 2)
+    # Under lids the field bends.
+    most = MAX_STEPS if leaf.hairs.removed.any() else STEPS
+    ends = find_roots(lambda rows, z: field(piece[rows], z), *bracket, most=most).reshape(-1, 2)
     middle = piece[::2]
     lifted = leaf.blade.lift_with_jacobian(np.column_stack([middles[middle], np.zeros(len(middle))]))
     along, across = halves[middle, :1], halves[middle, 1:]
@@ -72,17 +71,3 @@ def _strips(leaf: TexturedBlade, solid: LeafSolid, middles: FloatArray, halves: 
     return Strips(
         lifted.world, edges.astype(np.float32), lifted.columns[:, 2].astype(np.float32), ends.astype(np.float32)
     )
-
-
-def _roots(
-    field: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, f_low: FloatArray, f_high: FloatArray
-) -> FloatArray:
-    """Return where a field changes its sign between `low` and `high`, by the Illinois variant of regula falsi."""
-    a, b, fa, fb = low.copy(), high.copy(), f_low.copy(), f_high.copy()
-    for _ in range(ROOT_ITERATIONS):
-        z = (a * fb - b * fa) / (fb - fa)
-        f = field(z)
-        crossed = (f > 0) != (fb > 0)
-        a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
-        b, fb = z, f
-    return b

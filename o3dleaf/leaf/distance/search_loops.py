@@ -98,7 +98,7 @@ def near_first(x, boxes, node, best, stack, bounds, top):
 def nearest_samples(points, boxes, cells, tile, mask, slack, nearest_cells, nearest, distances):
     """Write the cells and the samples that are nearer to the points than √distances, −1 where none is.
 
-    mask: which of the samples of cells at the rim are in the outline, a bit each. slack: a length that is safely
+    mask: which of their block's samples cells show that do not show all, a bit each. slack: a length that is safely
     more than what cells' straight copies of a bent surface, and single precision, are off by.
     """
     stack, bounds = np.empty(DEPTH, dtype=np.int64), np.empty(DEPTH)

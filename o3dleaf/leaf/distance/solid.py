@@ -71,18 +71,17 @@ class FilledLattice:
         low, high = (self._codes_at(ends(vertices).astype(np.int64)) for ends in (np.floor, np.ceil))
         return np.asarray(low >> 1 != high >> 1)
 
-    def values(self, leaf: TexturedBlade, flat: FloatArray) -> FloatArray:
-        """Return |F| in the filled leaf and −|F| beside it, (n,), at (n, 3) flat coordinates.
+    def contains(self, flat: FloatArray, values: FloatArray) -> Bools:
+        """Return which of (n, 3) flat coordinates, F being `values` there, lie in the filled leaf.
 
         A point belongs to what the nearest corner of its cell belongs to at which F has the sign that it has at the
         point; where none has, to what the nearest corner does.
         """
-        values = leaf.values(flat)
         inside = np.empty(len(flat), dtype=bool)
         plane = self.period.points(flat[:, :2] * self.scale) / self.scale
         places = (np.column_stack([plane, flat[:, 2]]) - self.origin) / self.steps
         look_up(places, values, self.codes, inside)
-        return np.where(inside, np.abs(values), -np.abs(values))
+        return inside
 
     def _codes_at(self, places: IntArray) -> npt.NDArray[np.uint8]:
         """Return the codes at lattice points (n, 3)."""
@@ -98,12 +97,12 @@ class LeafSolid:
     ----------
     outline : shapely.Polygon
         The curve that the plane is cut along.
-    filled : FilledLattice or None
-        The air that the blade encloses; None: pockets are not leaf.
+    filled : tuple of FilledLattice
+        The air that the blade encloses, of each of the leaf's `periods`; (): pockets are not leaf.
     """
 
     outline: shapely.Polygon
-    filled: FilledLattice | None
+    filled: tuple[FilledLattice, ...]
 
     def contains(self, plane: FloatArray) -> Bools:
         """Return which of the (n, 2) places along and across lie in the outline."""
@@ -111,7 +110,14 @@ class LeafSolid:
 
     def values(self, leaf: TexturedBlade, flat: FloatArray) -> FloatArray:
         """Return F at (n, 3) flat coordinates or, where pockets are filled, ±|F| with the sign of the filled leaf."""
-        return leaf.values(flat) if self.filled is None else self.filled.values(leaf, flat)
+        values = leaf.values(flat)
+        if not self.filled:
+            return values
+        inside, bare = np.empty(len(flat), dtype=bool), leaf.hairs.bare_at(flat[:, :2] * leaf.scale)
+        for number, filled in enumerate(self.filled):
+            rows = np.flatnonzero(bare == number)
+            inside[rows] = filled.contains(flat[rows], values[rows])
+        return np.where(inside, np.abs(values), -np.abs(values))
 
     def contains_points(self, leaf: TexturedBlade, points: FloatArray) -> Bools:
         """Return which of the (n, 3) world points lie in the leaf."""

@@ -7,15 +7,16 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import InputError, ReconstructionError
+from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.lattice import Lattice, sample_lattice
-from o3dleaf.core.newton import project_to_level
+from o3dleaf.core.mesh_arrays import BoolArray
+from o3dleaf.core.newton import euclidean
 from o3dleaf.core.parallel import blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance.projection import BATCH_SIZE
+from o3dleaf.leaf.distance.roots import find_roots
 from o3dleaf.leaf.distance.search_loops import TileArrays
 from o3dleaf.leaf.distance.solid import FilledLattice
-from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.period import Period
 from o3dleaf.leaf.textured_blade import TexturedBlade
 from o3dleaf.surface.isosurface.polygonize import polygonize
@@ -36,6 +37,11 @@ SLAB = 16
 """Layers of the lattice that are polygonized at once, so that a tile never needs the memory of its lattice."""
 MAX_CELLS = 1 << 17
 """Cells of the blade: 14 MB. On larger blades they are larger."""
+
+BENT = 1 / 64
+"""Share of |F|: a field of which more is left after two of Newton's steps bends there."""
+UNSEEN = -1
+"""Over no zone of hairs the surface without them is that with them, and need not be sampled twice."""
 
 EPSILON = 1e-6
 """Share of its side that a brick's box is larger than its samples, against roundings in single precision."""
@@ -65,8 +71,12 @@ class TileSamples:
         First sample of each brick.
     samples : (3, n) float32 ndarray
         Relative to the middle of their block at height 0.
-    filled : FilledLattice or None
-        The air that is enclosed, if pockets were filled.
+    pieces : (bricks,) int64 ndarray
+        The piece of a zone of hairs that each brick's samples lie over, −1: none.
+    bare : (bricks,) bool ndarray
+        Whether they are seen where it is removed; else where it is not.
+    filled : tuple of FilledLattice
+        The air that is enclosed, if pockets were filled, of each of the leaf's `periods`.
     """
 
     period: Period
@@ -79,7 +89,9 @@ class TileSamples:
     boxes: Singles
     places: IntArray
     samples: Singles
-    filled: FilledLattice | None
+    pieces: IntArray
+    bare: BoolArray
+    filled: tuple[FilledLattice, ...]
 
     @classmethod
     def sample(cls, leaf: TexturedBlade, *, closed: bool = False) -> "TileSamples":
@@ -90,26 +102,24 @@ class TileSamples:
         ReconstructionError
             If the texture has no surface, or pockets cannot be filled: air reaches through the blade.
         """
-        if isinstance(leaf.texture, ThinnedField):
-            raise InputError(
-                "texture: distances are to all hairs or none, not to those that a map keeps; extract a mesh and use "
-                "Open3D's RaycastingScene"
-            )
         period = leaf.period
         low, size, tiles = leaf.texture.cell[0] / leaf.scale, period.tile / leaf.scale, np.array(period.kinds.shape)
         step = _step(leaf, float(period.tile.prod() * tiles.prod()))
-        points, filled = _surface_points(TexturedBlade(period.field, leaf.blade), period, step, closed=closed)
+        surfaces = [_surface_points(each, period, step, closed=closed) for each in leaf.periods]
         count = np.maximum(np.round(size / max(_straight_cell(leaf, step), _least_cell(leaf))), 1).astype(np.int64)
         cell, shape = size / count, count * tiles
-        relative = points - [*low[:2], 0.0]
+        relative = np.concatenate([points for points, _ in surfaces]) - [*low[:2], 0.0]
         where = np.clip((relative[:, :2] // cell).astype(np.int64), 0, shape - 1)
+        variant = _variants(leaf, where // count, relative[:, :2] / size, [len(points) for points, _ in surfaces])
         relative[:, :2] -= (where + 0.5) * cell
         brick = np.floor(relative / (BRICK_STEPS * step)).astype(np.int64)
         block = where[:, 0] * shape[1] + where[:, 1]
-        order = np.lexsort((*brick.T, block))
+        order = np.lexsort((*brick.T, variant, block))
+        order = order[variant[order] != UNSEEN]
         block, brick, samples = block[order], brick[order], relative[order].astype(np.float32)
+        variant = variant[order]
         fresh = np.diff(block, prepend=-1) != 0
-        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1)
+        fresh[1:] |= np.any(brick[1:] != brick[:-1], axis=1) | (variant[1:] != variant[:-1])
         starts = np.flatnonzero(fresh)
         least, most = np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)
         boxes = _as_boxes(least, most)
@@ -129,19 +139,48 @@ class TileSamples:
             boxes,
             np.append(starts, len(samples)),
             np.ascontiguousarray(samples.T),
-            filled,
+            (variant[starts] >> 1).astype(np.int64),
+            variant[starts] % 2 == 1,
+            tuple(filled for _, filled in surfaces if filled is not None),
         )
+
+    @property
+    def count(self) -> IntArray:
+        """(2,) blocks along each side of a tile."""
+        return np.asarray(np.array(self.shape) // self.period.kinds.shape)
 
     def blocks_at(self, corners: IntArray) -> IntArray:
         """Return the blocks that cells (n, 2) of the plane show, counted from the period's corner."""
-        count = np.array(self.shape) // self.period.kinds.shape
-        i, j = self.period.cells(corners, count).T
+        i, j = self.period.cells(corners, self.count).T
         return np.asarray(i * self.shape[1] + j)
+
+    def pieces_in_blocks(self, count: int) -> BoolArray:
+        """Return which of so many pieces of zones of hairs each block has samples over, (blocks, count)."""
+        held = np.zeros((len(self.bricks) - 1, count + 1), dtype=bool)
+        held[np.repeat(np.arange(len(held)), np.diff(self.bricks)), self.pieces] = True
+        return np.asarray(held[:, :-1])
 
     @property
     def arrays(self) -> TileArrays:
         """The samples as compiled functions take them."""
         return TileArrays(self.bricks, self.boxes, self.places, self.samples, self.extents)
+
+
+def _variants(leaf: TexturedBlade, places: IntArray, shares: FloatArray, counts: list[int]) -> npt.NDArray[np.int32]:
+    """Return 2 k for samples over the piece k of a zone of hairs and −2 over none, 1 more for those without hairs.
+
+    Parameters
+    ----------
+    leaf : TexturedBlade
+    places : (n, 2) ndarray
+        Of their tiles in the period.
+    shares : (n, 2) ndarray
+        Where they lie in it, in tiles.
+    counts : list of int
+        Of the surface of each of the leaf's `periods`.
+    """
+    pieces = leaf.hairs.zones.pieces_at(leaf.period.kinds[tuple(places.T)], shares - places)
+    return (2 * pieces + np.repeat(np.arange(len(counts)), counts)).astype(np.int32)
 
 
 def _as_boxes(low: Singles, high: Singles) -> Singles:
@@ -197,21 +236,34 @@ def _surface_points(
         vertices = vertices[filled.is_crossed_at(vertices)]
     points = origin + vertices * steps
     for first, last in blocks(len(points), BATCH_SIZE):
-        points[first:last] = _onto_surface(leaf, points[first:last], step / 4)
+        edges = [origin + end(vertices[first:last]) * steps for end in (np.floor, np.ceil)]
+        points[first:last] = _onto_surface(leaf, points[first:last], edges, step / 4)
     return points, filled
 
 
-def _onto_surface(leaf: TexturedBlade, points: FloatArray, reach: float) -> FloatArray:
-    """Return points moved onto F = 0, in each step by at most `reach` along each axis."""
+def _onto_surface(leaf: TexturedBlade, points: FloatArray, edges: list[FloatArray], reach: float) -> FloatArray:
+    """Return points moved onto F = 0: by two of Newton's steps, each at most `reach` along each axis.
 
-    def advance(points: FloatArray, _: FloatArray, steps: FloatArray) -> tuple[FloatArray, FloatArray]:
-        steps = np.clip(steps, -reach, reach)
-        return points + steps, np.abs(steps).max(axis=1, initial=0.0)
+    Where F bends these may lead astray; there it is sought between the two ends of the point's edge of the lattice.
+    """
+    before = []
+    for _ in range(2):
+        values, gradients = leaf.values_and_gradients(points)
+        before.append(np.abs(values))
+        points = points + np.clip(euclidean(points, values, gradients, np.inf), -reach, reach)
+    rows = np.flatnonzero(before[1] > BENT * before[0])
+    rows = rows[np.abs(leaf.values(points[rows])) > BENT * before[0][rows]]
+    low, high = (end[rows] for end in edges)
+    f_low, f_high = leaf.values(low), leaf.values(high)
+    some = (f_low > 0) != (f_high > 0)
+    low, way = low[some], (high - low)[some]
 
-    moved, _ = project_to_level(
-        points, leaf.values_and_gradients, max_step=np.inf, tolerance=0.0, max_iterations=2, advance=advance
-    )
-    return moved
+    def along(part: IntArray, share: FloatArray) -> FloatArray:
+        return leaf.values(low[part] + share[:, np.newaxis] * way[part])
+
+    share = find_roots(along, np.zeros(len(low)), np.ones(len(low)), f_low[some], f_high[some])
+    points[rows[some]] = low + share[:, np.newaxis] * way
+    return points
 
 
 def _slab_vertices(

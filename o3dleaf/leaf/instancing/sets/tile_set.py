@@ -67,11 +67,14 @@ class Tiles(NamedTuple):
         The same as tiles.
     copies : int
         Of a period, in `whole`.
+    bare : Tile or None
+        The other one in its stead, where all hairs are removed.
     """
 
     whole: Tile
     parts: TileSet
     copies: int
+    bare: Tile | None = None
 
 
 TilesAhead: TypeAlias = dict[tuple[float, int, bool], Tiles]

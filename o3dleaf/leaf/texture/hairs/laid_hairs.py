@@ -47,6 +47,12 @@ class LaidHairs:
     counts: tuple[int, int] = (0, 0)
 
     @classmethod
+    def all_kept(cls, corner: FloatArray, tile: FloatArray, kinds: IntArray) -> "LaidHairs":
+        """Return what repeats of a texture, no zones in it."""
+        zones, none = HairZones.none(kinds.size), np.zeros((*kinds.shape, 1), dtype=bool)
+        return cls(zones, corner, tile, np.zeros(2, dtype=np.int64), kinds, none, repeats=True)
+
+    @classmethod
     def bare(cls, zones: HairZones, corner: FloatArray, tile: FloatArray, kinds: IntArray) -> "LaidHairs":
         """Return what repeats of a texture, all hairs removed."""
         removed = np.ones((*kinds.shape, zones.count + 1), dtype=bool)
@@ -110,6 +116,26 @@ class LaidHairs:
         known = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
         return np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1), known
 
+    def states(self, p: IntArray, q: IntArray) -> BoolArray:
+        """Return which pieces (n, k + 1) are removed in places (p, q)."""
+        rows, columns, known = self.at(p, q)
+        return np.asarray(self.removed[rows, columns] & known[:, np.newaxis])
+
+    def bare_at(self, plane: FloatArray) -> BoolArray:
+        """Return over which points (n, 2) the field is that with no hairs; over all others it is that with all."""
+        return self._cells_at(plane)[2] if self.zones.count else np.zeros(len(plane), dtype=bool)
+
+    def _cells_at(self, plane: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
+        """Return the cells of nodes (n, 2) that points lie in, where in them, and which are of removed pieces."""
+        nodes = self.zones.nodes
+        share = np.clip((plane - self.corner) / (self.tile / nodes), -(2.0**52), 2.0**52)
+        cell = np.floor(share).astype(np.int64)
+        rows, columns, known = self.at(*(cell // nodes).T)
+        i, j = (cell % nodes).T
+        # Around its low nodes a zone goes on, farther than a lid sees them.
+        piece = self.zones.pieces[self.kinds[rows, columns], i, j]
+        return cell, share - cell, known & self.removed[rows, columns, piece]
+
     def lids(self, plane: FloatArray, level: int) -> tuple[IntArray, FloatArray]:
         """Return the rows of points (n, 2) over which a lid is low, and the jets there of floor and ceiling.
 
@@ -120,20 +146,14 @@ class LaidHairs:
             Value, slopes along and across, and second derivatives (along twice, both, across twice).
         """
         nodes, step = self.zones.nodes, self.tile / self.zones.nodes
-        share = np.clip((plane - self.corner) / step, -(2.0**52), 2.0**52)
-        cell = np.floor(share).astype(np.int64)
-        rows, columns, known = self.at(*(cell // nodes).T)
-        i, j = (cell % nodes).T
-        # Around its low nodes a zone goes on, farther than a lid sees them.
-        piece = self.zones.pieces[self.kinds[rows, columns], i, j]
-        chosen = np.flatnonzero(known & self.removed[rows, columns, piece])
+        cell, part, bare = self._cells_at(plane)
+        chosen = np.flatnonzero(bare)
         around = cell[chosen, :, np.newaxis] + NODES
         i, j = around[:, 0, :, np.newaxis], around[:, 1, np.newaxis, :]
         rows, columns, known = self.at(i // nodes[0], j // nodes[1])
         kinds, i, j = self.kinds[rows, columns], i % nodes[0], j % nodes[1]
         low = known & self.zones.low[kinds, i, j] & self.removed[rows, columns, self.zones.pieces[kinds, i, j]]
-        part = share[chosen] - cell[chosen]
-        along, across = (spline_weights(part[:, axis], float(step[axis]), level) for axis in range(2))
+        along, across = (spline_weights(part[chosen, axis], float(step[axis]), level) for axis in range(2))
         orders = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)][: (1, 3, 6)[level]]
         jets = np.empty((2, len(orders), len(chosen)))
         for side in range(2):

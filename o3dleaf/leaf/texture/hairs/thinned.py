@@ -24,10 +24,11 @@ from o3dleaf.fitting.rbf.evaluation_loops import jet_size
 from o3dleaf.leaf.texture.hairs.laid_hairs import LaidHairs
 from o3dleaf.leaf.texture.hairs.zones import HairZones, find_hairs
 from o3dleaf.leaf.texture.layer import LayerField
+from o3dleaf.leaf.texture.patches import PatchBlend
 from o3dleaf.leaf.texture.period import period_of
 from o3dleaf.leaf.texture.table_map import TableMap, as_table
 from o3dleaf.leaf.texture.tiling import TiledField
-from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.leaf.texture.wang import WangField, WangTorus
 
 LONGEST_MM = 0.25
 """Millimeters: what is shorter than this along the leaf and stands out of the blade is a hair; wheat's reach 0.2 along
@@ -45,16 +46,29 @@ class LiddedField(LayerField):
 
     Attributes
     ----------
-    base : LayerField
+    base : PatchBlend, TiledField, WangField or WangTorus
         F₀.
     hairs : LaidHairs
+    period, cell : ndarrays
+        As those of F₀.
     """
 
-    base: LayerField
+    base: PatchBlend | TiledField | WangField | WangTorus
     hairs: LaidHairs
+    period: FloatArray
+    cell: FloatArray
 
-    def __init__(self, base: LayerField, hairs: LaidHairs) -> None:
-        self.base, self.hairs = base, hairs
+    def __init__(self, base: PatchBlend | TiledField | WangField | WangTorus, hairs: LaidHairs) -> None:
+        self.base, self.hairs, self.period, self.cell = base, hairs, base.period, base.cell
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of length of the points."""
+        return self.base.unit
+
+    def tile_key(self, p: int) -> Hashable:
+        """Return another key for every p, where no row of tiles is like another."""
+        return self.base.tile_key(p) if self.hairs.repeats else ("thinned", p)
 
     @property
     def index(self) -> BallIndex:  # type: ignore[override]
@@ -216,15 +230,6 @@ class ThinnedField(LiddedField):
     def finest(self) -> float:
         """The largest cell of a mesh that two hairs do not both reach into, in the texture's unit."""
         return 2.0 * float(np.min(self.period / self.zones.nodes))
-
-    def tile_key(self, p: int) -> Hashable:
-        """Return another key for every p: no row of tiles is like another."""
-        return ("thinned", p)
-
-    @property
-    def unit(self) -> str | None:
-        """Unit of length of the points."""
-        return self.texture.unit
 
     @property
     def bounds(self) -> FloatArray:

@@ -65,6 +65,11 @@ class HairZones:
     lids: FloatArray
     open_lids: FloatArray
 
+    @classmethod
+    def none(cls, tiles: int) -> "HairZones":
+        """Return those of so many tiles without hairs."""
+        return cls(np.full((tiles, 2, 2), -1), np.zeros((2, tiles, 1, 1)), np.zeros(2))
+
     @property
     def nodes(self) -> IntArray:
         """(2,) steps of the nodes in a tile."""
@@ -74,6 +79,12 @@ class HairZones:
     def count(self) -> int:
         """The most pieces in a tile."""
         return int(self.pieces.max()) + 1
+
+    def pieces_at(self, tiles: IntArray, places: FloatArray) -> IntArray:
+        """Return the pieces (n,) over places (n, 2) of tiles, 0 to 1 along each side, or a little beyond it."""
+        # Whatever nodes a lid sees there, that on the border is of their piece.
+        i, j = np.clip(np.floor(places * self.nodes).astype(np.int64), 0, self.nodes).T
+        return np.asarray(self.pieces[tiles, i, j])
 
     @cached_property
     def low(self) -> BoolArray:
