@@ -112,7 +112,7 @@ def test_mixed_tiles_are_what_the_whole_plane_is_polygonized_at_once(leaf, both_
 
 def test_a_plane_set_down_place_by_place_is_what_it_is_at_once(leaf):
     lattice = tile_lattice(leaf.texture.texture, leaf.scale, 2.5 * STEP)
-    (whole, alone, _), (_, parts, _) = (extract_plane(leaf, lattice, 0, together=each) for each in (True, False))
+    (whole, alone, *_), (_, parts, *_) = (extract_plane(leaf, lattice, 0, together=each) for each in (True, False))
     assert len(parts.tiles) > len(alone.tiles) == 1
     for closed in (False, True):
         one, other = (placed(each, leaf, [[1.0, -2.0], [6.5, 2.0]], closed=closed) for each in (alone, parts))
