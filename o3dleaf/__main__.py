@@ -62,8 +62,8 @@ def main() -> None:
             _be_deaf()  # what was asked for is done; at the interpreter's end nobody can handle an interrupt
             line = _refusal(end)
             if line is None:
-                if isinstance(end, SystemExit) and not end.code:
-                    _leave()
+                if isinstance(end, SystemExit) and isinstance(end.code, int | None):
+                    _leave(end.code or 0)
                 raise
             _end(line, 2)
         _end(f"{SIGNALS[received]}; {_left_behind()}", 128 + received)
@@ -87,10 +87,11 @@ def _be_deaf() -> None:
             signal.signal(each, signal.SIG_IGN)
 
 
-def _leave() -> None:
-    """End well, and at once: to take down Open3D, Numba and all they hold would take half a second more.
+def _leave(code: int) -> None:
+    """End at once: to take down Open3D, Numba and all they hold would take half a second more.
 
-    Where what was printed cannot be delivered, return: the interpreter says so in its own way.
+    MeshLab's libraries, loaded on another thread than the first, abort then, and the exit code is 134. Where what was
+    printed cannot be delivered, return: the interpreter says so in its own way.
     """
     import atexit  # noqa: PLC0415 - see above
 
@@ -101,7 +102,7 @@ def _leave() -> None:
                 stream.flush()
     except Exception:  # noqa: BLE001 - whatever it is, the interpreter meets it again
         return
-    os._exit(0)
+    os._exit(code)
 
 
 def _refusal(end: BaseException) -> str | None:

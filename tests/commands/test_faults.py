@@ -28,16 +28,20 @@ def program(before="pass"):
     return [sys.executable, "-c", GUARDED.format(before)]
 
 
-def test_a_job_that_is_done_ends_at_once_and_leaves_nothing_undone(tmp_path):
+@pytest.mark.parametrize(
+    ("line", "code", "said"), [(["--help"], 0, "reconstruct"), (["leaf", "none.ply", "-o", "leaf.ply"], 2, "none.ply")]
+)
+def test_a_job_that_is_done_or_refused_ends_at_once_and_leaves_nothing_undone(tmp_path, line, code, said):
     """What is to be done at the end is done, and what was printed arrives; then no library is taken down."""
     before = (
         "import atexit, pathlib; atexit.register(pathlib.Path('done').touch); "
         "kept = type('Kept', (), {'__del__': lambda self: pathlib.Path('taken_down').touch()})()"
     )
     result = subprocess.run(
-        [*program(before), "--help"], cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60
+        [*program(before), *line], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
     )  # fmt: skip
-    assert "reconstruct" in result.stdout
+    assert result.returncode == code
+    assert said in result.stdout + result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["done"]
 
 
