@@ -29,9 +29,10 @@ from o3dleaf.leaf.parametric.feet_loops import Samples
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.thickness import Thickness, ThicknessMap, ThicknessProduct
 
-COLLAR = 4.0
-"""Width of the strip around the outline in which feet are looked for too, in steps of the samples. Farther out nothing
-holds the surface: at a fold it comes back through the leaf, and points of the blade found their feet there."""
+COLLAR = 1.0
+"""Width of the strip around the outline in which feet are looked for too, in steps of the samples: Newton's method goes
+on from there. Farther out nothing holds the surface: at a fold it comes back through the leaf, and points of the blade
+found their feet there."""
 BLOCK = 1 << 12
 NO_TAPER = np.empty((0, 3))
 
