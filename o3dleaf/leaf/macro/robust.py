@@ -98,8 +98,8 @@ class RobustHeight:
     corner : float
         Huber's δ.
     space, normals : (n, 3) ndarrays, optional
-        Where heights are those over another surface, the points and that surface's unit normals: a smoothing is
-        judged by how it holds both together.
+        Where heights are those over another surface, the points in space and that surface's unit normals: what is held
+        out are the points, whose errors along the normals count, so that a smoothing is judged by the shape as well.
     """
 
     cover: Cover
@@ -194,7 +194,7 @@ def try_smoothings(
     half_width : float, optional
         Of the leaf; by default what most points lie within of across = 0, or nearly.
     widest : float
-        Bandwidth beyond which none is tried.
+        Bandwidth beyond which none is tried, if it is less than a quarter of the width.
     space, normals : (n, 3) ndarrays, optional
         As in `RobustHeight`.
     """
@@ -264,7 +264,7 @@ def choose_with_balls(
 
 
 def _trial_smoothings(leaf_points: FloatArray, kernel: Polyharmonic, widest: float) -> Iterator[tuple[float, float]]:
-    """Yield (bandwidth, smoothing) from the widest, a quarter of the width, down to the scan's median spacing."""
+    """Yield (bandwidth, smoothing) from the widest down to the scan's median spacing."""
     distance, _ = query(cKDTree(leaf_points), leaf_points, k=2)
     spacing = float(np.median(distance[:, 1]))
     if not spacing > 0:  # most of them stand there twice

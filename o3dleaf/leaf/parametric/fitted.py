@@ -106,9 +106,10 @@ class SurfaceProblem:
             unit=self.unit,
         )
 
-    def choose(self, base: ChartSurface, near: FloatArray, smoothing: RobustSmoothing | None) -> "SurfaceProblem":
-        """Return the problem with the smoothing chosen for the sites over a smooth surface, near parameters (n, 2)."""
-        plane, heights, _ = base.feet(self.sites, near)
+    def choose(
+        self, base: ChartSurface, plane: FloatArray, heights: FloatArray, smoothing: RobustSmoothing | None
+    ) -> "SurfaceProblem":
+        """Return the problem with the smoothing chosen for sites at feet (n, 2) and heights over a surface."""
         if smoothing is None or smoothing == "robust":
             flat = np.column_stack([plane, heights])
             choice = choose_by_place(_cover(plane), flat, self.kernel, self.width / 2, self.sites, base.normals(plane))

@@ -56,9 +56,9 @@ def fit_chart_surface(
     problem = SurfaceProblem(sites, mesh.area, mesh.width, unit)
     with first:
         base = problem.fit(near, problem.first_smoothing(near))
-        near = base.feet(sites, near)[0]
+        near, heights, _ = base.feet(sites, near)
     with choosing:
-        problem = problem.choose(base, near, smoothing)
+        problem = problem.choose(base, near, heights, smoothing)
     with fitting:
         settled, notes = _without_folds(problem, mesh, near)
     mesh = settled.mesh
