@@ -90,8 +90,7 @@ def _be_deaf() -> None:
 def _leave(code: int) -> None:
     """End at once: to take down Open3D, Numba and all they hold would take half a second more.
 
-    MeshLab's libraries, loaded on another thread than the first, abort then, and the exit code is 134. Where what was
-    printed cannot be delivered, return: the interpreter says so in its own way.
+    Where what was printed cannot be delivered, return: the interpreter says so in its own way.
     """
     import atexit  # noqa: PLC0415 - see above
 

@@ -3,6 +3,11 @@
 Coordinates pass in double precision both ways, sizes are in the mesh's own unit, never percentages.
 """
 
+import importlib
+import threading
+from concurrent.futures import Future
+from functools import cache
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,13 +63,34 @@ def _session(
     vertices: FloatArray, triangles: IntArray, mark: FloatArray | None = None, names: FloatArray | None = None
 ) -> "pymeshlab.MeshSet":
     """Return a MeshLab session that holds one mesh, with a scalar a face and one a vertex if given."""
-    import pymeshlab  # noqa: PLC0415 - a tenth of a second for its plugins, which few jobs need
-
-    session = pymeshlab.MeshSet(verbose=False)
+    meshlab = _loaded()
+    session = meshlab.MeshSet(verbose=False)
     scalars = {"f_scalar_array": mark, "v_scalar_array": names}
     more = {name: each for name, each in scalars.items() if each is not None}
-    session.add_mesh(pymeshlab.Mesh(vertices, triangles.astype(np.int32), **more))
+    session.add_mesh(meshlab.Mesh(vertices, triangles.astype(np.int32), **more))
     return session
+
+
+@cache
+def _loaded() -> ModuleType:
+    """Return pymeshlab, which few jobs need, once it is loaded: a tenth of a second.
+
+    A thread of its own loads it and never ends: MeshLab's plugins share the `QThreadData` of the thread that loads
+    them, and where that one has ended they free it before the last of them is done with it, as the process ends
+    (malloc_consolidate, exit code 134, now and then).
+    """
+    loaded: Future[ModuleType] = Future()
+
+    def load() -> None:
+        try:
+            loaded.set_result(importlib.import_module("pymeshlab"))
+        except BaseException as cause:  # noqa: BLE001 - it is for whoever waits
+            loaded.set_exception(cause)
+        else:
+            threading.Event().wait()
+
+    threading.Thread(target=load, name="pymeshlab", daemon=True).start()
+    return loaded.result()
 
 
 def _result(session: "pymeshlab.MeshSet") -> tuple[FloatArray, IntArray]:

@@ -1,5 +1,8 @@
 """Defects are planted and found; cleaning heals them, twice is once; simplifying leaves the border alone."""
 
+import subprocess
+import sys
+
 import numpy as np
 import open3d as o3d
 import pytest
@@ -113,3 +116,24 @@ def test_genus_counts_handles_of_all_pieces():
     assert mesh_report(two).genus == 2
     cylinder = o3d.geometry.TriangleMesh.create_cylinder(1, 2, 16, 4)
     assert mesh_report(cylinder).genus == 0
+
+
+ON_A_THREAD = """
+import threading
+import open3d as o3d
+from o3dleaf import simplify_mesh
+ball = o3d.geometry.TriangleMesh.create_sphere(1.0)
+thread = threading.Thread(target=lambda: print(len(simplify_mesh(ball, target_triangles=300).triangles)))
+thread.start()
+thread.join()
+print(*(each.name for each in threading.enumerate()))
+"""
+
+
+def test_the_thread_that_loads_meshlab_outlives_the_one_that_called_it():
+    """Where it has ended, MeshLab's libraries use what they have freed at the process's end: now and then it aborts."""
+    done = subprocess.run([sys.executable, "-c", ON_A_THREAD], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    triangles, threads = done.stdout.splitlines()
+    assert 200 < int(triangles) <= 300
+    assert threads.split() == ["MainThread", "pymeshlab"]
