@@ -8,7 +8,8 @@ from o3dleaf.surface.cloud.cloud_loops import adjacent_runs
 MAX_STAR = 24
 """Triangles of a star at most; of random points six are the mean, and fourteen were the most in a million."""
 MAX_NEAR = 512
-"""Neighbors of a star at most."""
+"""Neighbors of a star that are looked at together; of more, as where sparse points lie beside dense ones, the nearest
+half, which a star is made of."""
 MAX_CORNERS = 64
 """Corners of a Voronoi cell at most."""
 
@@ -33,13 +34,13 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
         for i in range(first[c], last[c]):
             corners[i] = -1
             tangents(normals, i, one, other)
-            count = 0
+            count, farthest = 0, np.inf
             for run in range(runs):
                 for j in range(lows[run], highs[run]):
                     if (
                         j != i
-                        and count < MAX_NEAR
                         and lay_out(points, normals, i, j, reach[i], slope[i], slope[j], place)
+                        and place[3] < farthest
                     ):
                         s, t = 0.0, 0.0
                         for a in range(3):
@@ -49,6 +50,8 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
                         near[count], far[count] = j, place[3]
                         u[count], v[count] = s * place[3] / length, t * place[3] / length
                         count += 1
+                        if count == MAX_NEAR:
+                            count, farthest = keep_nearest(near, far, u, v)
             order = np.argsort(far[:count])
             size = 4
             h = 1.001 * reach[i]
@@ -71,6 +74,17 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
                     corners[i, made, 0], corners[i, made, 1] = before, label[a]
                     radius[i, made] = np.sqrt(square)
                     made += 1
+
+
+@njit(nogil=True, cache=True)
+def keep_nearest(near, far, u, v):
+    """Move the nearer half of lists (n,) to their front; return how many that is, and how far the next one was."""
+    order = np.argsort(far)
+    half = len(order) // 2
+    n, f, s, t = near[order], far[order], u[order], v[order]
+    for k in range(half):
+        near[k], far[k], u[k], v[k] = n[k], f[k], s[k], t[k]
+    return half, f[half]
 
 
 @njit(nogil=True, cache=True)
