@@ -82,10 +82,8 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     """Return what the reader of a format makes of a file."""
     if suffix in text.SUFFIXES or columns is not None:
         return text.read_text(file, columns).to_open3d()
-    if suffix in las.SUFFIXES:
-        return las.read_las(file).to_open3d()
-    if suffix in e57.SUFFIXES:
-        return e57.read_e57(file).to_open3d()
+    if suffix in {*las.SUFFIXES, *e57.SUFFIXES}:
+        return (las.read_las(file) if suffix in las.SUFFIXES else e57.read_e57(file)).to_open3d()
     if suffix in MESHES:
         return o3d.geometry.PointCloud(read_triangle_mesh(file).vertices)
     if suffix == ".ply":
