@@ -1051,6 +1051,15 @@ BENT_TIP = 0.03
 plane's rounding is taken for the noise."""
 NOISE_OF_FIT = 0.12
 """Of the noise: what neighbors' heights over a fit differ by gives it to a tenth, local planes a fifth too small."""
+NOISE_OF_HEIGHTS = 0.05
+"""Of the noise about planes through 13 points each: found within 0.04; planes across two layers leave 0.3 of it."""
+MIDDLE_OF_SIDES = 0.25
+"""Spacings, on the mean, between a surface through both sides of a leaf 2.4 spacings thick and its middle."""
+AREA_OF_SIDES = 0.02
+"""Of the area of such a leaf; a surface that jumped from one side to the other had 0.1 more."""
+SPARSE_PART = 0.04
+"""Of the area of a disc where points are 2.5 times as far apart as around it: 0.01; where its points do not see their
+nearest neighbors 0.4 is missing, where planes are as narrow as around 0.07."""
 AREA_OF_ROLLED_LEAF = 0.009
 """Of the area: 0.006 (0.003 to 0.008 in four draws); where points at the gap are lost with it, 0.013."""
 MIRRORED_SEAM = 0.5

@@ -18,10 +18,13 @@ from o3dleaf.io.clouds.cut_off import require_whole_cloud
 from o3dleaf.io.clouds.pcd import read_pcd
 from o3dleaf.io.clouds.pts import read_pts
 from o3dleaf.io.ply_reader import read_ply
+from o3dleaf.io.triangle_mesh import READERS, read_triangle_mesh
 
 NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
 """Columns of texts whose suffix tells them."""
-SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES)
+MESHES = tuple(suffix for suffix in READERS if suffix != ".ply")
+"""Formats of meshes, of which the vertices are the points, as they are of a PLY with faces."""
+SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES, *MESHES)
 WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
@@ -34,11 +37,12 @@ def read_point_cloud(
     finite: bool = True,
     columns: str | Sequence[str] | None = None,
 ) -> o3d.geometry.PointCloud:
-    """Return the points of a file: PLY, PCD, XYZ, XYZN, XYZRGB, PTS, TXT, CSV, ASC, LAS, LAZ or E57.
+    """Return the points of a file: PLY, PCD, XYZ, XYZN, XYZRGB, PTS, TXT, CSV, ASC, LAS, LAZ, E57, or of a mesh.
 
     Coordinates come as they stand in the file, in float64. Those of LAS (by convention) and E57 (by its standard) are
     in meters and stay so: say it where the unit is asked for. LAS and LAZ need ``pip install 'o3dleaf[las]'``, E57
     ``pip install 'o3dleaf[e57]'``. Colors come along, and normals of LAS; for intensities the cloud has no place.
+    Of meshes, PLY, OBJ, STL and OFF, the points are the vertices.
 
     Parameters
     ----------
@@ -78,10 +82,10 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     """Return what the reader of a format makes of a file."""
     if suffix in text.SUFFIXES or columns is not None:
         return text.read_text(file, columns).to_open3d()
-    if suffix in las.SUFFIXES:
-        return las.read_las(file).to_open3d()
-    if suffix in e57.SUFFIXES:
-        return e57.read_e57(file).to_open3d()
+    if suffix in {*las.SUFFIXES, *e57.SUFFIXES}:
+        return (las.read_las(file) if suffix in las.SUFFIXES else e57.read_e57(file)).to_open3d()
+    if suffix in MESHES:
+        return o3d.geometry.PointCloud(read_triangle_mesh(file).vertices)
     if suffix == ".ply":
         content = read_ply(file, faces=False)
         return Columns(content.vertices, content.normals, content.attributes.get("colors")).to_open3d()

@@ -62,3 +62,16 @@ def test_a_refusal_shows_where(run, scan, monkeypatch, tmp_path, places):
         red, green, blue = np.moveaxis(imread(tmp_path / "leaf.refused.png")[:, :, :3], 2, 0)
         assert np.sum((red > 2 * green) & (red > 3 * blue)) > 1e-4 * red.size
     assert "leaf.refused.png" not in run("leaf", file, "--no-picture", "-o", tmp_path / "leaf.ply", "-q").stderr
+
+
+def test_places_that_a_camera_did_not_see_are_left_out_and_told(run, scan, monkeypatch, tmp_path):
+    blade, file = scan
+    points = np.asarray(o3d.io.read_point_cloud(file).points)
+    seen = np.concatenate([points, np.full((7, 3), np.nan)])
+    o3d.io.write_point_cloud(tmp_path / "grid.pcd", o3d.geometry.PointCloud(o3d.utility.Vector3dVector(seen)))
+    given = []
+    monkeypatch.setattr(pipeline, "create_blade", lambda cloud, *_, **__: given.append(len(cloud.points)) or blade)
+    result = run("leaf", tmp_path / "grid.pcd", "--no-picture", "-o", tmp_path / "leaf.ply")
+    assert result.returncode == 0, result.stderr
+    assert given == [len(points)]
+    assert "left out: 7 points that are NaN or infinite" in result.stderr

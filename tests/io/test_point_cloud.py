@@ -1,6 +1,7 @@
 import numpy as np
 import open3d as o3d
 import pytest
+from scipy.spatial import cKDTree
 
 import o3dleaf as o3l
 from o3dleaf import read_point_cloud
@@ -15,6 +16,15 @@ def test_what_open3d_wrote_is_read_back(tmp_path, suffix):
     points = np.random.default_rng(0).uniform(0, 100, (50, 3)).round(6)
     o3d.io.write_point_cloud(tmp_path / f"scan{suffix}", cloud_of(points))
     assert np.asarray(read_point_cloud(tmp_path / f"scan{suffix}").points) == pytest.approx(points, abs=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off"])
+def test_the_points_of_a_mesh_are_its_vertices(tmp_path, suffix):
+    ball = o3d.geometry.TriangleMesh.create_sphere(5.0, 8).compute_triangle_normals()
+    o3d.io.write_triangle_mesh(tmp_path / f"ball{suffix}", ball, write_vertex_normals=False)
+    points, truth = np.asarray(read_point_cloud(tmp_path / f"ball{suffix}").points), np.asarray(ball.vertices)
+    assert len(points) == len(truth)
+    assert cKDTree(truth).query(points)[0].max() < 1e-5
 
 
 def test_a_ply_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_path):

@@ -104,7 +104,6 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
     def estimate(self) -> "list[Need]":
         """Return what scan and volume take, by their heads; if that is all that is asked, the mesh too."""
         from o3dleaf.io.clouds.counts import count_points
-        from o3dleaf.io.point_cloud import read_point_cloud
         from o3dleaf.leaf.pipeline import need_for_blade
 
         needs = [] if self.ct is None else self.need_for(self.ct)
@@ -112,9 +111,21 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.only_estimate and self.spacing is not None:
             for need in needs:
                 need.require()
-            scan = read_point_cloud(self.scan, columns=self.columns)
+            scan = self.read_scan()
             needs += self.need_for_mesh(scan, None if self.ct is None else self.read_patch(self.ct))
         return needs
+
+    def read_scan(self) -> "o3d.geometry.PointCloud":
+        """Return the scan; places where a depth camera saw nothing are NaN, left out and told."""
+        from o3dleaf.io.point_cloud import read_point_cloud
+
+        scan = read_point_cloud(self.scan, finite=False, columns=self.columns)
+        whole = len(scan.points)
+        scan = scan.remove_non_finite_points()
+        left = whole - len(scan.points)
+        if left:
+            journal.note(f"left out: {left:,} points that are NaN or infinite")
+        return scan
 
     def need_for_mesh(
         self, scan: "o3d.geometry.PointCloud", patch: "Volume | TiledField | PatchBlend | WangField | None"
@@ -143,7 +154,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
 
         with journal.stage("read"):
-            scan = read_point_cloud(self.scan, columns=self.columns)
+            scan = self.read_scan()
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
         for need in self.need_for_mesh(scan, patch):

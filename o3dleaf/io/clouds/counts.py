@@ -55,6 +55,11 @@ def _in_e57(file: Path, head: bytes, size: int) -> int:
     return size // LEAST
 
 
+def _in_stl(file: Path, head: bytes, size: int) -> int:
+    del head
+    return size // (TRIANGLE_BYTES[".stl"] if is_binary(file) else STL_TEXT_BYTES) // 2
+
+
 def _in_text(file: Path, head: bytes, size: int) -> int:
     del file
     lines = head.splitlines()[1:-1] or [head]
@@ -67,6 +72,7 @@ COUNTS: dict[str, Callable[[Path, bytes, int], int]] = {
     ".laz": _in_las,
     ".pcd": _in_pcd,
     ".e57": _in_e57,
+    ".stl": _in_stl,
 }
 """By suffix; others are text, a point in a line."""
 

@@ -21,6 +21,7 @@ WORST = (0.5, 2.0)
 """Stretch beyond which a texture has no meaning: it would be half or twice as wide as measured."""
 WORST_SHARE = 0.01
 """Of the area, beyond `WORST`, that is refused: less is a fold of a few triangles at a rough margin."""
+BAG = "it is closed there like a bag or a tube, not a blade; cut the scan there, or reconstruct it without a chart"
 OVERLAP = 1e-3
 """Share of the area that may lie twice in the chart: the banks of a slit that close over each other by a hair."""
 
@@ -62,7 +63,7 @@ def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
     with flattening:
         chart = _embed(coarse, faces, rings)
         chart *= np.sqrt(triangle_areas(coarse, faces).sum() / chart_areas(chart, faces).sum())
-        _require_low_distortion(coarse, faces, chart)
+        require_low_distortion(coarse, faces, chart)
     with carrying:
         return chart if coarse is vertices else carry(coarse, faces, chart, vertices)
 
@@ -130,13 +131,15 @@ def _far(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> tuple[
     return np.where(beyond, away, 0.0) * area, float(area[beyond].sum() / area.sum())
 
 
-def _require_low_distortion(vertices: FloatArray, triangles: IntArray, chart: FloatArray) -> None:
+def require_low_distortion(
+    vertices: FloatArray, triangles: IntArray, chart: FloatArray, most: float = WORST_SHARE, why: str = BAG
+) -> None:
+    """Raise `ReconstructionError` if more than a share of the area is stretched beyond `WORST` in a chart; with why."""
     weight, share = _far(vertices, triangles, chart)
-    if share > WORST_SHARE:
+    if share > most:
         raise ReconstructionError(
             f"chart: {100 * share:.2g} % of the sheet would be stretched below {WORST[0]:g} or above {WORST[1]:g} when "
-            f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: it is closed there like a bag "
-            "or a tube, not a blade; cut the scan there, or reconstruct it without a chart",
+            f"laid flat, most at {_place(vertices, triangles, int(np.argmax(weight)))}: {why}",
             vertices[triangles[weight > 0]].mean(axis=1),
         )
 

@@ -80,6 +80,23 @@ def plane_noise(points: FloatArray) -> float:
     return MAD * float(np.median(np.abs(np.einsum("ni,ni->n", points - mean, normals))))
 
 
+def height_noise(points: FloatArray) -> float:
+    """Return a robust standard deviation of heights, the last of (n, 3), about planes fitted to 13 points each.
+
+    They are the nearest seen from above, and planes are least squares of heights alone, so that the two sides of a leaf
+    thicker than its points are apart, which lie closer to their own neighbors, are noise of one surface between them.
+    """
+    places = np.ascontiguousarray(points[:, :2])
+    _, rows = query(cKDTree(places), places, k=min(NEIGHBORS + 1, len(points)))
+    local = points[rows]
+    mean = local.mean(axis=1)
+    centered = local - mean[:, None]
+    products = np.einsum("nki,nkj->nij", centered, centered)
+    slope = np.einsum("nij,nj->ni", np.linalg.pinv(products[:, :2, :2], hermitian=True), products[:, :2, 2])
+    off = points - mean
+    return MAD * float(np.median(np.abs(off[:, 2] - np.einsum("ni,ni->n", slope, off[:, :2]))))
+
+
 def huber_loss(errors: FloatArray, corner: float) -> FloatArray:
     """Return e²/2 up to the corner δ and δ(|e| − δ/2) beyond."""
     size = np.abs(errors)
@@ -199,7 +216,8 @@ def try_smoothings(
         As in `RobustHeight`.
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
-    noise = max(plane_noise(leaf_points), LEAST_NOISE / np.sqrt(_density(plane)))
+    measured = plane_noise(leaf_points) if space is None else height_noise(leaf_points)
+    noise = max(measured, LEAST_NOISE / np.sqrt(_density(plane)))
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise, space, normals)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))

@@ -11,6 +11,7 @@ from o3dleaf.core import journal
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.leaf.chart.flatten import require_low_distortion
 from o3dleaf.leaf.chart.petiole import find_petiole
 from o3dleaf.leaf.chart.sheet_chart import Chart, chart_sheet
 from o3dleaf.leaf.fit_noise import local_noise
@@ -38,8 +39,12 @@ BEYOND = 6.5
 """Spacings from the sheet within which it may: the widest gap that a sheet's triangles join."""
 MOST_EXTENSIONS = 3
 """Times that such points are looked for, each on the surface through those before."""
+MOST_STRETCHED = 0.1
+"""Share of the surface that may be stretched below a half or above twice: what more of is no leaf's, but lies between
+a leaf and what it rests on. Of scans that fold over themselves in places it is half of that."""
 HIDDEN_LENGTH, HIDDEN_AREA = 0.1, 0.01
 """Of the midrib's length and of the blade's area: halves that differ in less are not told."""
+STEPPED = "it steps there from one thing to another, a leaf and what lies under or beside it; cut those apart"
 ROUNDING = 1e-6
 """Relative difference of distances to a sheet and to a part of it that is none."""
 
@@ -74,6 +79,8 @@ def build_parametric_blade(
         rows = _rows_of_blade(points, sheet, chart)
         mesh = ChartMesh(chart.vertices, chart.triangles, chart.uv)
         fit = fit_chart_surface(points[rows], mesh, smoothing=options.smoothing, unit=unit)
+        laid = fit.mesh
+        require_low_distortion(laid.vertices, laid.triangles, laid.chart, MOST_STRETCHED, STEPPED)
         fit, leftovers = _with_tips(fit, points, sheet)
     # Where the leaf ends: a smooth closed curve in the chart, past the outermost points.
     with journal.stage("find margin"):

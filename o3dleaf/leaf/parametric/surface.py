@@ -191,16 +191,24 @@ class ChartSurface:
         ----------
         x : (n, 3) array_like
         start : (n, 2) array_like, optional
-            Where to begin; without it each foot is the closest of all, as long as x lies nearer than a focus.
+            Where to begin, and where a point stays whose foot is not found; without it each foot is the closest of
+            all, as long as x lies nearer than a focus.
         samples : Samples, optional
             Where to look for them; near the surface's sites by default.
         """
         points = as_points(x, "x", dim=3)
-        if start is None:
+        begin = None if start is None else self._near(start, "start")
+        if begin is None:
             found = closest_feet(self.balls, points, self._near_sites if samples is None else samples)
         else:
-            found = feet_from(self.balls, points, self._near(start, "start"), self.sample_step)
-        lost = ~np.isfinite(found.plane).all(axis=1)
-        if lost.any():
-            raise InputError(f"x: {lost.sum():,} lie too far away to tell their feet; give places near the surface")
+            found = feet_from(self.balls, points, begin, self.sample_step)
+        lost = np.flatnonzero(~np.isfinite(found.plane).all(axis=1))
+        if len(lost) and begin is None:
+            raise InputError(f"x: {len(lost):,} lie too far away to tell their feet; give places near the surface")
+        if len(lost) and begin is not None:
+            # Where the surface is folded over, steps lead out of all bounds: such points stay where they began.
+            stay = begin[lost]
+            away = points[lost] - self.jet(stay, 0)[0]
+            found.plane[lost], found.converged[lost] = stay, False
+            found.heights[lost] = np.einsum("ij,ij->i", away, self.normals(stay))
         return found.plane, found.heights, found.converged

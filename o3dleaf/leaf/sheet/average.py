@@ -13,7 +13,9 @@ ROUNDS = 3
 BLOCK = 64
 
 
-def average_across(points: FloatArray, width: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+def average_across(
+    points: FloatArray, width: FloatArray, least: float, planes: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return points (n, 3) moved across their surface onto it, as seen at a width, and its normals there (n, 3).
 
     Each point is projected onto the plane through its neighbors, those at distance r weighted by (1 - r²/R²)² with
@@ -25,12 +27,15 @@ def average_across(points: FloatArray, width: FloatArray, least: float) -> tuple
     width : (n,) ndarray
         Over which each point is averaged; where it is 0 the point stays.
     least : float
-        Width that normals are found over at least.
+        Width that is averaged over at least, and normals are found over.
+    planes : (n,) ndarray, optional
+        Width that the normals are found over at least, where points are farther apart in places.
     """
     radius, moves = 2 * np.maximum(width, least), width > 0
     for _ in range(ROUNDS if moves.any() else 0):
         points, _ = _project(points, radius, moves)
-    return points, _project(points, radius, np.zeros(len(points), bool))[1]
+    wide = radius if planes is None else np.maximum(radius, 2 * planes)
+    return points, _project(points, wide, np.zeros(len(points), bool))[1]
 
 
 def _project(points: FloatArray, radius: FloatArray, moves: BoolArray) -> tuple[FloatArray, FloatArray]:

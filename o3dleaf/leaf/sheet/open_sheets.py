@@ -19,7 +19,7 @@ from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_triangles
 
 PLANE = 1.25
-"""Least width, in spacings, that normals are found over: 2.5 spacings around a point some twenty others lie."""
+"""Least width, in local spacings, that normals are found over: 2.5 spacings around a point some twenty others lie."""
 APART = 0.5
 """Distance of vertices in spacings: nearer points only make thin triangles."""
 APART_PER_WIDTH = 0.35
@@ -29,7 +29,7 @@ GAP = 3.0
 BRIDGE = 6.5
 """The same of triangles that join pieces: `detect_outliers` takes what is 6 medians of the eighth neighbor's distance
 away, ten spacings, for a part of the same scan."""
-DENSEST = 3.0
+SPARSEST = 3.0
 """Times the median that the spacing may be locally: of stragglers it means nothing."""
 BESIDE = 2.0
 """Spacings from a line where sheets branch within which planes are found of points from more than one of them."""
@@ -82,13 +82,14 @@ class OpenSheets:
         Within two spacings of places (k, 3) where sheets branch planes are found of points from more than one of them,
         and no vertex is made; across, what lies flat is joined, and no wide gap.
         """
-        averaged, normals = average_across(points, width, PLANE * spacing)
+        sparse = _local_spacing(points)
+        planes = PLANE * spacing / np.median(sparse) * sparse
+        averaged, normals = average_across(points, width, PLANE * spacing, planes)
         rows = thin(averaged, np.maximum(APART * spacing, APART_PER_WIDTH * width))
         far = np.full(len(rows), np.inf) if branches is None else query(cKDTree(branches), averaged[rows])[0]
         rows, far = rows[far > BESIDE * spacing], far[far > BESIDE * spacing]
         vertices, upright = np.ascontiguousarray(averaged[rows]), np.ascontiguousarray(normals[rows])
-        local = OrientedCloud.of(vertices).point_spacing
-        local = np.clip(local, np.median(local), DENSEST * np.median(local))
+        local = _local_spacing(vertices)
         slope = np.where(far < (BESIDE + BRIDGE) * spacing, FLAT, SLOPE)
         triangles, votes, radius = triangulate(vertices, upright, BRIDGE * local, slope)
         size = radius / (GAP * local[triangles].max(axis=1))
@@ -144,6 +145,12 @@ class OpenSheets:
     def off(self) -> FloatArray:
         """Distances (n,) of the averaged points from the largest sheet."""
         return distance_to_mesh(*self.sheet(), self.points)
+
+
+def _local_spacing(points: FloatArray) -> FloatArray:
+    """Return the spacing (n,) around each of the points (n, 3), from the median to `SPARSEST` times that."""
+    local = OrientedCloud.of(points).point_spacing
+    return np.asarray(np.clip(local, np.median(local), SPARSEST * np.median(local)))
 
 
 def unit_normals(vertices: FloatArray, triangles: IntArray) -> FloatArray:

@@ -8,7 +8,12 @@ from o3dleaf.surface.cloud.cloud_loops import adjacent_runs
 MAX_STAR = 24
 """Triangles of a star at most; of random points six are the mean, and fourteen were the most in a million."""
 MAX_NEAR = 512
-"""Neighbors of a star at most."""
+"""Neighbors of a star that are looked at together; where sparse points lie beside dense ones there are many more, and
+the nearest half of them is kept."""
+SPARSE = 1.25
+"""Times the least reach from which on a point is sparse. The others see their own kind, of which it does not matter
+that some far ones are not looked at; where three sheets meet and there are twice as many, what is not joined for it
+shows the line."""
 MAX_CORNERS = 64
 """Corners of a Voronoi cell at most."""
 
@@ -22,7 +27,7 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
     asin(`slope`), (n,), off both tangent planes; they are laid into the plane at their true distance.
     """
     lows, highs = np.empty(9, np.int64), np.empty(9, np.int64)
-    every = np.arange(len(points))
+    every, least = np.arange(len(points)), np.min(reach)
     near, far = np.empty(MAX_NEAR, np.int64), np.empty(MAX_NEAR)
     u, v = np.empty(MAX_NEAR), np.empty(MAX_NEAR)
     one, other, place = np.empty(3), np.empty(3), np.empty(4)
@@ -33,22 +38,21 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
         for i in range(first[c], last[c]):
             corners[i] = -1
             tangents(normals, i, one, other)
-            count = 0
+            count, farthest = 0, np.inf
             for run in range(runs):
                 for j in range(lows[run], highs[run]):
                     if (
                         j != i
-                        and count < MAX_NEAR
                         and lay_out(points, normals, i, j, reach[i], slope[i], slope[j], place)
+                        and place[3] < farthest
                     ):
-                        s, t = 0.0, 0.0
-                        for a in range(3):
-                            s += place[a] * one[a]
-                            t += place[a] * other[a]
+                        s, t = across(place, one, other)
                         length = np.sqrt(s * s + t * t)
                         near[count], far[count] = j, place[3]
                         u[count], v[count] = s * place[3] / length, t * place[3] / length
                         count += 1
+                        if count == MAX_NEAR:
+                            count, farthest = keep_nearest(near, far, u, v, reach[i] > SPARSE * least)
             order = np.argsort(far[:count])
             size = 4
             h = 1.001 * reach[i]
@@ -71,6 +75,32 @@ def find_stars(points, normals, reach, slope, number, first, last, shape, start,
                     corners[i, made, 0], corners[i, made, 1] = before, label[a]
                     radius[i, made] = np.sqrt(square)
                     made += 1
+
+
+@njit(nogil=True, cache=True)
+def across(way, one, other):
+    """Return the parts of a vector along two others."""
+    s, t = 0.0, 0.0
+    for a in range(3):
+        s += way[a] * one[a]
+        t += way[a] * other[a]
+    return s, t
+
+
+@njit(nogil=True, cache=True)
+def keep_nearest(near, far, u, v, is_sparse):
+    """Move the nearer half of full lists (n,) to their front; return how many are kept, and how near others must be.
+
+    Of a point that is not sparse all are kept, and no others.
+    """
+    if not is_sparse:
+        return len(far), 0.0
+    order = np.argsort(far)
+    half = len(order) // 2
+    n, f, s, t = near[order], far[order], u[order], v[order]
+    for k in range(half):
+        near[k], far[k], u[k], v[k] = n[k], f[k], s[k], t[k]
+    return half, f[half]
 
 
 @njit(nogil=True, cache=True)

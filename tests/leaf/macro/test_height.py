@@ -4,8 +4,8 @@ import pytest
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import polyharmonic
 from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.robust import huber_loss, plane_noise
-from tolerances import ANALYTIC_VS_DIFFERENCE, TWIN
+from o3dleaf.leaf.macro.robust import MAD, height_noise, huber_loss, plane_noise
+from tolerances import ANALYTIC_VS_DIFFERENCE, NOISE_OF_HEIGHTS, TWIN
 
 LENGTH = 36.0
 
@@ -32,6 +32,16 @@ def rms_to_truth(height):
 def test_the_error_of_a_smoothed_scan_is_well_below_its_noise(noise):
     points = scan(np.random.default_rng(0), noise=noise)
     assert rms_to_truth(HeightMap.fit(points)) < 0.45 * noise
+
+
+@pytest.mark.parametrize("apart", [0.0, 2.0])
+def test_the_noise_of_heights_is_that_about_a_tilted_plane_however_far_two_layers_are_apart(apart):
+    rng = np.random.default_rng(7)
+    plane, layer = rng.uniform(-20, 20, (4000, 2)), rng.choice([-0.5, 0.5], 4000)
+    points = np.column_stack([plane, plane @ [0.3, -0.5] + apart * layer + 0.1 * rng.normal(size=4000)])
+    # Points of two layers are half their distance off the middle; a point is a thirteenth of the plane it is held to.
+    found = MAD * apart / 2 if apart else 0.1
+    assert height_noise(points) == pytest.approx(12 / 13 * found, rel=NOISE_OF_HEIGHTS)
 
 
 def test_a_minority_pass_is_not_followed():

@@ -1,11 +1,15 @@
 """Blades of known leaves: each point of a scan without noise says where the leaf ends, and noise is averaged."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
 import o3dleaf as o3l
 import tolerances as tol
+from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.build import fit_noise
 from o3dleaf.leaf.parametric.fitted import ChartMesh
 from o3dleaf.leaf.parametric.surface_fit import fit_chart_surface
@@ -44,6 +48,33 @@ def test_a_leaf_rolled_until_its_margins_nearly_meet_is_cut_open_between_them():
     blade = o3l.create_blade(scan.points, unit="mm")
     assert any("rolled up" in note for note in blade.notes)
     assert blade.outline.area == pytest.approx(leaf.area, rel=tol.AREA_OF_ROLLED_LEAF)
+
+
+def test_the_two_sides_of_a_leaf_thicker_than_its_points_are_apart_are_one_surface_between_them():
+    leaf = o3l.samples.leaf_shape("curled", length=40, width=16, angle=60)
+    scan = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.5, noise=0.1)
+    sides = np.random.default_rng(1).choice([-0.6, 0.6], len(scan.places))
+    blade = o3l.create_blade(scan.points + sides[:, np.newaxis] * leaf.normals(scan.places), unit="mm")
+    mesh = blade.extract_mesh(0.5)
+    middle = leaf(np.asarray(mesh.vertices))
+    assert np.mean(leaf.half_thickness - middle) < tol.MIDDLE_OF_SIDES * scan.spacing
+    assert mesh.get_surface_area() == pytest.approx(leaf.area, rel=tol.AREA_OF_SIDES)
+
+
+def test_what_steps_from_a_leaf_to_the_ground_is_refused_with_its_place(monkeypatch):
+    leaf = o3l.samples.leaf_shape("eaten", length=40, width=16)
+    points = o3l.samples.scan_leaf(leaf, seed=0, spacing=0.8).points
+
+    def torn(*arguments, **options):
+        fit = fit_chart_surface(*arguments, **options)
+        lower = fit.mesh.chart[:, 0] < np.quantile(fit.mesh.chart[:, 0], 0.3)
+        stretched = fit.mesh.vertices * np.where(lower, 5.0, 1.0)[:, np.newaxis]
+        return replace(fit, mesh=replace(fit.mesh, vertices=stretched))
+
+    monkeypatch.setattr(build, "fit_chart_surface", torn)
+    with pytest.raises(ReconstructionError, match="steps there from one thing to another") as refusal:
+        o3l.create_blade(points, unit="mm")
+    assert len(refusal.value.places)
 
 
 @pytest.mark.parametrize("noise", [0.2, 0.5])

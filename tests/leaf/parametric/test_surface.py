@@ -136,6 +136,18 @@ def test_beyond_the_focus_feet_are_numbers(cylinder):
     assert np.isfinite(heights).all()
 
 
+def test_a_point_whose_foot_is_not_found_stays_where_its_search_began(cylinder):
+    uv = inner_places(3)
+    points = cylinder.jet(uv, 0)[0]
+    points[1] = 1e300
+    found, heights, converged = cylinder.feet(points, uv)
+    assert np.abs(found - uv).max() <= CHART_FOOT
+    assert np.isfinite(heights).all()
+    assert converged.tolist() == [True, False, True]
+    with pytest.raises(InputError, match="too far away"):
+        cylinder.feet(points)
+
+
 def test_it_moves_with_its_points():
     rng = np.random.default_rng(8)
     uv = rng.uniform([0, -6], [40, 6], (1500, 2))

@@ -20,7 +20,7 @@ from o3dleaf.leaf.sheet.sheet import OpenSheet, _thickness, find_sheet
 from o3dleaf.leaf.sheet.stars import triangulate
 from o3dleaf.surface.mesh.deviation import distance_to_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, fans_per_vertex, find_holes, label_fans, label_triangles
-from tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING
+from tolerances import OPEN_SHEET_AREA, OPEN_SHEET_NEAR, ROUNDING, SPARSE_PART
 
 STEP = 0.6
 Shape = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -394,3 +394,16 @@ def test_the_sides_of_a_closed_sheet_are_those_of_a_thin_leaf_if_it_is_flat(widt
     assert sheets.is_closed
     thickness = _thickness(sheets)
     assert thickness == pytest.approx(2 * radius, rel=0.1) if is_flat else np.isinf(thickness)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_sheet_goes_on_where_points_are_much_farther_apart(seed):
+    rng, spacing, radius, sparser = np.random.default_rng(seed), 0.5, 8.0, 2.5
+    plane = rng.uniform(-15, 15, (round(900 / spacing**2), 2))
+    kept = (np.hypot(*plane.T) > radius) | (rng.random(len(plane)) < 1 / sparser**2)
+    points = np.column_stack([plane[kept], rng.normal(0, 0.1 * spacing, kept.sum())])
+    sheet = find_sheet(points)
+    flat = sheet.vertices[sheet.triangles][:, :, :2]
+    inside = np.hypot(*flat.mean(axis=1).T) < radius - 2 * spacing
+    area = triangle_areas(sheet.vertices, sheet.triangles)[inside].sum()
+    assert area == pytest.approx(np.pi * (radius - 2 * spacing) ** 2, rel=SPARSE_PART)
