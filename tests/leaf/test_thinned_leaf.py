@@ -21,9 +21,8 @@ from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import AT_VERTICES, FADE_TWIN, ON_SURFACE, SHARPENED
 
-
 OFF_THE_LATTICE = [[0.03, -2.96], [7.96, 2.96]]
-"""All of the strip but its ends, which columns of the lattice lie on: what is inside of them is a matter of rounding."""
+"""The strip but its ends, which columns of the lattice lie on: what is inside of them is a matter of rounding."""
 
 
 def off_the_ends(places):
