@@ -38,6 +38,7 @@ from o3dleaf.leaf.texture.wang import WangField
 from o3dleaf.leaf.textured_blade import Texture
 from o3dleaf.surface.cloud.outliers import detect_outliers
 from o3dleaf.surface.cloud.preprocess import remove_faults
+from o3dleaf.surface.repair.meshlab import load_meshlab
 
 LEAF_LENGTH_MM = (5.0, 3000.0)
 PATCH_WIDTH_MM = (0.05, 50.0)
@@ -222,6 +223,7 @@ def build_multiscale_leaf(
         field = _build_texture(volume, texture or TextureOptions()) if isinstance(volume, Volume) else volume
         return field, {} if ahead is None else ahead(field)
 
+    load_meshlab()
     (micro, tiles), macro = run_together(build_micro, lambda: create_blade(scan, midrib, unit=unit, options=blade))
     leaf = MultiscaleLeaf(_with_density(micro, macro, options), blade=macro)
     leaf.tiles = tiles

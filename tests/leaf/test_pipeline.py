@@ -1,5 +1,7 @@
 """The whole road on the real wheat leaf, with the synthetic CT patch: what the mesh must be."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 
@@ -239,3 +241,17 @@ def test_a_map_that_is_none_is_refused_before_the_volume_is_looked_at(option, mo
     options = BladeOptions(**{option: tmp_path / "missing.csv"})
     with pytest.raises(InputError, match=r"missing\.csv: no such file"):
         create_multiscale_leaf(wheat_scan(count=100).cloud, wheat_ct(size=(600, 600, 480))[0], blade=options)
+
+
+PROGRAM = """
+import o3dleaf as o3l
+volume = o3l.samples.wheat_ct(size=(720, 720, 480))[0]
+o3l.create_multiscale_leaf(o3l.samples.wheat_scan(seed=1)[0], volume)
+"""
+
+
+@pytest.mark.slow
+def test_a_program_that_makes_a_leaf_ends_well():
+    """MeshLab's libraries, loaded on a thread that is over by then, abort where the interpreter takes them down."""
+    ended = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")

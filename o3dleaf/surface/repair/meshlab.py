@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     import pymeshlab
 
 
+def load_meshlab() -> None:
+    """Load MeshLab's libraries on this thread: those that another one than a program's first loads abort at its end."""
+    import pymeshlab  # noqa: F401, PLC0415 - a tenth of a second for its plugins, which few jobs need
+
+
 def cut_ears(vertices: FloatArray, triangles: IntArray, beside: BoolArray, longest: int) -> IntArray:
     """Return triangles that close the holes of up to `longest` edges, given the (m,) triangles beside them.
 
