@@ -58,7 +58,7 @@ def _in_folder(path: Path) -> int:
 
 
 def _in_chunks(path: Path) -> int:
-    """Return the voxels of packed chunks as the header says; from their bytes where it leaves open which array is meant."""
+    """Return the voxels of packed chunks by their header; by their bytes where it leaves open which array is meant."""
     try:
         with open_volume(path, spacing=1.0) as volume:
             return math.prod(volume.shape)
