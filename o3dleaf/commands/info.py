@@ -47,15 +47,33 @@ class InfoJob(UnitOption, Job):
     @property
     def volume_file(self) -> bool:
         """Whether FILE is a volume."""
+        from o3dleaf.leaf.ct.formats import points
         from o3dleaf.leaf.ct.formats.read import SUFFIXES
 
-        volumes = tuple(suffix for suffix in SUFFIXES if suffix != ".ply")  # there, more often points or a mesh
-        return is_folder(self.file) or self.file.name.lower().endswith(volumes)
+        name = self.file.name.lower()
+        if name.endswith(points.SUFFIXES):  # more often points or a mesh
+            return points.holds_voxels(self.file)
+        return is_folder(self.file) or name.endswith(SUFFIXES)
 
     def check(self) -> None:
-        """Refuse a box that is none."""
+        """Refuse a box that is none, and a file of an unknown type."""
         super().check()
         require_box(self.crop, "crop")
+        self.require_known()
+
+    def require_known(self) -> None:
+        """Refuse a file that is neither a mesh nor points nor a volume by its name, and say what it could be."""
+        from o3dleaf.io import point_cloud, triangle_mesh
+        from o3dleaf.leaf.ct.formats.content import content_hint
+        from o3dleaf.leaf.ct.formats.read import SUFFIXES
+
+        kinds = {"meshes": triangle_mesh.READERS, "point clouds": point_cloud.SUFFIXES, "volumes": SUFFIXES}
+        if is_folder(self.file) or self.file.name.lower().endswith(tuple(s for each in kinds.values() for s in each)):
+            return
+        known = ", ".join(f"{name} ({', '.join(each)})" for name, each in kinds.items())
+        raise InputError(
+            f"{self.file}: unknown file type; info reads {known} and folders of slices{content_hint(self.file)}"
+        )
 
     def estimate(self) -> "list[Need]":
         """Return what the voxels, the triangles or the points of the file take."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from o3dleaf.core.arguments.kinds import Positive, Unit
-from o3dleaf.core.errors import InputError
+from o3dleaf.core.errors import InputError, UnitError
 from o3dleaf.core.jobs.job import Job, LongJob
 from o3dleaf.core.jobs.option import argument, option, output, table
 from o3dleaf.core.jobs.shared import ClusterOptions, ResumeOption
@@ -113,6 +113,8 @@ class CtOptions(TextureOptions):
         else:
             opened = open_volume(path, **self.lattice)
             volume, axis = opened.crop(self.ct_crop), middle(opened)
+        if volume.unit is None:
+            raise UnitError(f"{path}: does not state the unit of its lengths; give ct-unit")
         if self.remove_drift:
             volume = remove_drift(volume)
         if self.remove_rings:

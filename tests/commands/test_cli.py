@@ -335,6 +335,36 @@ def test_info_on_levels_of_a_volume(run, files, tmp_path):
     assert "range of intensities" in outside.stderr
 
 
+@pytest.mark.parametrize(
+    ("name", "head", "says"),
+    [
+        ("scan.zip", b"PK\x03\x04", "unpack it"),
+        ("scan.vgi", b"{volume1}", ".raw"),
+        ("scan.001", b"DICM", "volumes (.tif"),
+    ],
+)
+def test_info_tells_what_a_file_of_an_unknown_type_could_be(run, tmp_path, name, head, says):
+    (tmp_path / name).write_bytes(head)
+    result = run("info", tmp_path / name)
+    assert result.returncode == 2
+    assert "unknown file type" in result.stderr
+    assert says in result.stderr
+
+
+def test_points_with_the_papers_intensity_are_a_volume_whose_unit_is_asked_for(run, tmp_path):
+    places = np.argwhere(np.ones((4, 5, 6), dtype=bool))
+    lines = [f"element vertex {len(places)}", *(f"property float {name}" for name in "xyzf")]
+    numbers = [" ".join(map(str, (*place, i % 7))) for i, place in enumerate(places.tolist())]
+    text = ["ply", "format ascii 1.0", *lines, "end_header", *numbers]
+    (tmp_path / "ct.ply").write_text("\n".join(text) + "\n")
+    result = run("info", tmp_path / "ct.ply")
+    assert result.returncode == 0, result.stderr
+    assert "[4, 5, 6]" in result.stdout
+    refused = run("patch", tmp_path / "ct.ply", "-o", tmp_path / "ct.o3l")
+    assert refused.returncode == 2
+    assert "give ct-unit" in refused.stderr
+
+
 def test_info_takes_a_volume_without_two_classes(run, tmp_path):
     np.save(tmp_path / "fog.npy", np.random.default_rng(0).normal(size=(20, 20, 20)))
     result = run("info", tmp_path / "fog.npy", "--voxel-spacing", 1, "--plot", tmp_path / "fog.png")

@@ -21,6 +21,14 @@ from o3dleaf.leaf.tile_lattice import extract_plane, extract_tiles, tile_lattice
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 from tolerances import AT_VERTICES, FADE_TWIN, ON_SURFACE, SHARPENED
 
+OFF_THE_LATTICE = [[0.03, -2.96], [7.96, 2.96]]
+"""The strip but its ends, which columns of the lattice lie on: what is inside of them is a matter of rounding."""
+
+
+def off_the_ends(places):
+    """Those places that no end of the strip is near."""
+    return places[((places[:, :2] > OFF_THE_LATTICE[0]) & (places[:, :2] < OFF_THE_LATTICE[1])).all(axis=1)]
+
 
 @pytest.fixture(scope="module")
 def patch():
@@ -69,8 +77,8 @@ def test_wang_tiles_fit_where_hairs_are_removed(wang):
 
 
 def test_every_hair_is_whole_or_gone(tiles, leaf, solid):
-    full = hairs_of(leaf, on_strip(tiles).plan_mesh(STEP, closed=True).extract().mesh.vertices)
-    left = hairs_of(leaf, solid.mesh.vertices)
+    meshes = on_strip(tiles).plan_mesh(STEP, closed=True).extract().mesh, solid.mesh
+    full, left = (off_the_ends(hairs_of(leaf, mesh.vertices)) for mesh in meshes)
     assert cKDTree(full).query(left)[0].max() < 1e-9
     # What is left of a hair is all of it: beside each of its vertices lie those that were there.
     near = cKDTree(full).query_ball_point(left, 1.5 * STEP)
@@ -80,9 +88,9 @@ def test_every_hair_is_whole_or_gone(tiles, leaf, solid):
 
 
 def test_a_map_of_ones_changes_nothing_and_one_of_zeros_leaves_no_hair(tiles, half):
-    plain = on_strip(tiles).plan_mesh(STEP, closed=True).extract().mesh
+    plain = on_strip(tiles).plan_mesh(STEP, OFF_THE_LATTICE, closed=True).extract().mesh
     ones, zeros = (on_strip(thinned(tiles, [[share]], zones=half.zones)) for share in (1.0, 0.0))
-    same = ones.plan_mesh(STEP, closed=True).extract().mesh
+    same = ones.plan_mesh(STEP, OFF_THE_LATTICE, closed=True).extract().mesh
     # Small tiles are not set down together here, so that vertices come in another order.
     assert len(same.triangles) == len(plain.triangles)
     assert cKDTree(np.asarray(plain.vertices)).query(np.asarray(same.vertices))[0].max() < SHARPENED * STEP
@@ -118,7 +126,7 @@ def test_a_plane_set_down_place_by_place_is_what_it_is_at_once(leaf):
         one, other = (placed(each, leaf, [[1.0, -2.0], [6.5, 2.0]], closed=closed) for each in (alone, parts))
         assert len(one[0]) == len(other[0])
         assert one[1] == other[1]
-        assert cKDTree(one[0]).query(other[0])[0].max() < FADE_TWIN * np.ptp(whole.lattice.period)
+        assert cKDTree(one[0]).query(other[0])[0].max() < FADE_TWIN * max(whole.lattice.period)
 
 
 def removed_hair(leaf, box):
@@ -204,10 +212,13 @@ def test_hairs_are_where_the_map_wants_them(tiles, half):
     leaf = on_strip(one)
     left = hairs_of(leaf, leaf.plan_mesh(STEP).extract().mesh.vertices)
     full = hairs_of(leaf, on_strip(tiles).plan_mesh(STEP).extract().mesh.vertices)
-    for low, high, share in ((0.5, 2.0, 0.0), (6.0, 7.5, 1.0)):
-        there, all_there = (np.sum((each[:, 0] > low) & (each[:, 0] < high)) for each in (left, full))
-        assert there == share * all_there
-        assert all_there > 0
+    # A vertex in a column of the lattice may lie on either side of it by rounding: none is counted between two.
+    there, all_there = (each[(each[:, 0] > 6.0) & (each[:, 0] < 7.5)] for each in (left, full))
+    assert len(all_there) > 0
+    assert cKDTree(left).query(all_there)[0].max() < SHARPENED * STEP
+    assert cKDTree(full).query(there)[0].max() < SHARPENED * STEP
+    assert np.any((full[:, 0] > 0.5) & (full[:, 0] < 2.0))
+    assert not np.any((left[:, 0] > 0.5) & (left[:, 0] < 2.0))
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -2,6 +2,7 @@
 
 `cover`           balls that cover a box and contain a few hundred points each
 `contrast`        points from around for balls beside a cluster
+`voxel_lattice`   where voxels are, and the box that they fill
 `lattice_band`    the tiles of a lattice near a level, and larger ones elsewhere
 `lattice_cover`   balls around the tiles of a lattice, in classes that sit alike on it
 `lattice_sample`  some of those balls, without the rest

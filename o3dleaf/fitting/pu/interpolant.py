@@ -25,8 +25,9 @@ from o3dleaf.core.units import check_unit
 from o3dleaf.fitting.cover.contrast import widen_clusters
 from o3dleaf.fitting.cover.cover import Cover, as_ball_size
 from o3dleaf.fitting.cover.index import BallIndex
-from o3dleaf.fitting.cover.lattice_cover import VoxelCover, VoxelLattice
+from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.lattice_sample import sample_balls
+from o3dleaf.fitting.cover.voxel_lattice import VoxelLattice
 from o3dleaf.fitting.cover.voxel_values import VoxelValues
 from o3dleaf.fitting.local.columns.column_splines import LocalColumns
 from o3dleaf.fitting.local.fields import FitBall

@@ -10,6 +10,7 @@
 `corners`     colors of the plane's corners, and the Wang tile that four of them call for
 `least_cut`   the cut along which two contents differ least
 `quilt`       what each node of each Wang tile shows, and its smooth weight
+`spots`       places of patches, and at which of them one differs least from what it is laid over
 `quilting`    Wang tiles cut out of patches
 `wang`        Wang tiles laid over the plane without repetition
 `period`      what repeats of a texture, and which part of it lies where

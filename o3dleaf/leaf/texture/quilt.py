@@ -8,14 +8,25 @@ a border are one field across it, with its derivatives.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.parallel import blocks
+from o3dleaf.fitting.cover.index import BallIndex
+from o3dleaf.fitting.local.jet_loops import add_product
+from o3dleaf.fitting.pu.blend import BATCH_SIZE
+from o3dleaf.fitting.pu.interpolant import PUInterpolant
+from o3dleaf.fitting.rbf.evaluation_loops import jet_size
+from o3dleaf.leaf.texture.corners import Coloring, kinds_of
 
 REACH = 2
 """Nodes that the weight of a label reaches beyond its own."""
+FARTHEST = 2.0**52
+"""Tiles from the first one, beyond which no point is known to lie in one rather than another: it stays in the last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +87,85 @@ def spline_weights(f: FloatArray, step: float, level: int) -> list[FloatArray]:
     if level > 1:
         weights.append(np.stack([g, 3 * f - 2, 3 * g - 2, f]) / step**2)
     return weights
+
+
+@dataclass(frozen=True, eq=False)
+class QuiltedTiles:
+    """Patches weighted by the labels of tiles, for `o3dleaf.fitting.pu.blend.Blended`.
+
+    Attributes
+    ----------
+    fields : tuple of PUInterpolant
+    quilt : Quilt
+    color : callable
+        Colors of the plane's corners.
+    """
+
+    fields: tuple[PUInterpolant, ...]
+    quilt: Quilt
+    color: Coloring
+
+    def blend(self, index: BallIndex, queries: FloatArray, *, level: int, dtype: np.dtype[Any]) -> FloatArray:  # noqa: ARG002 - there are no balls
+        """Return the jets, a column each, of the blend at the (n, 3) queries."""
+        sums = np.empty((jet_size(3, level), len(queries)))
+        # Labels and copies are held beside the sums: fewer points at once keep to the memory that a blend promises.
+        for first, last in blocks(len(queries), BATCH_SIZE >> (5 + level)):
+            sums[:, first:last] = self._sum(queries[first:last], level, dtype)
+        return sums
+
+    def _sum(self, queries: FloatArray, level: int, dtype: np.dtype[Any]) -> FloatArray:
+        """Return the jets of Σ ω_k F_k at (n, 3) points."""
+        quilt = self.quilt
+        places = np.floor(np.clip(queries[:, :2] / quilt.tile, -FARTHEST, FARTHEST)).astype(np.int64)
+        within = np.clip(queries[:, :2] - places * quilt.tile, 0.0, quilt.tile)
+        cells = np.clip((within / quilt.step).astype(np.int64), 0, quilt.nodes - 1)
+        kinds = kinds_of(self.color, places[:, 0], places[:, 1])
+        alone = quilt.alone[kinds, cells[:, 0], cells[:, 1]]
+        sums, totals = (np.zeros((jet_size(3, level), len(queries))) for _ in range(2))
+        rows = np.flatnonzero(alone >= 0)
+        sums[:, rows] = self._shown(alone[rows], within[rows], queries[rows, 2], level, dtype)
+        rows = np.flatnonzero(alone < 0)
+        if not len(rows):
+            return sums
+        around = quilt.around(kinds[rows], cells[rows])
+        share = within[rows] / quilt.step - cells[rows]
+        splines = [spline_weights(share[:, axis], float(quilt.step[axis]), level) for axis in range(2)]
+        for label in np.unique(around):
+            seen = around == label
+            some = np.flatnonzero(seen.any(axis=(1, 2)))
+            weight = _weight(seen[some], [[part[:, some] for part in each] for each in splines], level)
+            at = rows[some]
+            jets = self._shown(np.full(len(at), label), within[at], queries[at, 2], level, dtype)
+            add_product(weight, jets, at, len(at), 3, level, sums, totals)
+        return sums
+
+    def _shown(
+        self, labels: IntArray, within: FloatArray, height: FloatArray, level: int, dtype: np.dtype[Any]
+    ) -> FloatArray:
+        """Return the jets of what labels (n,) show at places (n, 2) within their tiles."""
+        points = np.column_stack([self.quilt.corners[labels] + within, height])
+        jets = np.empty((jet_size(3, level), len(points)))
+        for number, field in enumerate(self.fields):
+            rows = np.flatnonzero(self.quilt.sources[labels] == number)
+            if len(rows):
+                # A node at the patch's face may lie beyond it by rounding, and is no farther.
+                inner = np.clip(points[rows], *field.bounds)
+                jets[:, rows] = field.stacked_jets(np.ascontiguousarray(inner), level, dtype)
+        return jets
+
+
+def _weight(seen: npt.NDArray[np.bool_], splines: list[list[FloatArray]], level: int) -> FloatArray:
+    """Return the jets (jet, n) of the weight of a label, from the nodes (n, 4, 4) that show it."""
+    along, across = splines
+    weight = np.zeros((jet_size(3, level), len(seen)))
+    # Rows of a jet: value, three slopes, and second derivatives by pairs of axes.
+    rows = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (2, 0): 4, (1, 1): 5, (0, 2): 7}
+    for (a, b), row in rows.items():
+        if a + b > level:
+            continue
+        for i in range(4):
+            line = np.zeros(len(seen))
+            for j in range(4):
+                line += seen[:, i, j] * across[b][j]
+            weight[row] += along[a][i] * line
+    return weight

@@ -8,10 +8,8 @@ has an inside of its own. So what two tiles of a border have in common is a stri
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
-import scipy.fft
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
@@ -19,9 +17,10 @@ from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.texture.corners import CORNERS, KINDS, corners_of
 from o3dleaf.leaf.texture.crop import reach_of_fade
-from o3dleaf.leaf.texture.least_cut import disc, least_cut
+from o3dleaf.leaf.texture.least_cut import least_cut
 from o3dleaf.leaf.texture.quilt import REACH, Quilt
 from o3dleaf.leaf.texture.seams import SampledPatch
+from o3dleaf.leaf.texture.spots import Spot, SpotSearch, sums_under
 
 FINENESS = 3.0
 """Nodes in the reach of a cross-fade: weights reach two of them, the better half of it, and cuts find their way."""
@@ -33,19 +32,8 @@ SHARE = 1 / 8
 """Of a tile, that the strip of a border reaches into it: wide enough for a cut, and all that tiles have in common."""
 SIZES = (1 / 3, 1 / 2)
 """Least and largest tile, of its patch: sixteen insides need room to lie apart."""
-TRIES = 8
-"""Places of the least mismatch that are cut: the best is the one whose cut costs least."""
-
 INSIDE = 24
 """Label of the inside of tile 0; before it come those of corners (2 × 4) and of edges along and across (4 × 2 each)."""
-
-
-class Spot(NamedTuple):
-    """A place of a patch: its number, and the node of it."""
-
-    patch: int
-    i: int
-    j: int
 
 
 @dataclass(eq=False)
@@ -75,9 +63,7 @@ class Quilting:
     spots: dict[int, Spot] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._spectra = [
-            (scipy.fft.rfft2(patch, axes=(0, 1)), scipy.fft.rfft2((patch**2).sum(axis=2))) for patch in self.patches
-        ]
+        self._search = SpotSearch(self.patches, self.random)
 
     def run(self) -> IntArray:
         """Choose and cut all parts, and return the labels (16, n + 3, m + 3)."""
@@ -102,11 +88,11 @@ class Quilting:
         size = (2 * reach[0] + 1, 2 * reach[1] + 1)
         box = np.ones((*size, 1))
         plain = [
-            _windowed(((patch - patch.mean(axis=0)) ** 2).sum(axis=2, keepdims=True), box) for patch in self.patches
+            sums_under(((patch - patch.mean(axis=0)) ** 2).sum(axis=2, keepdims=True), box) for patch in self.patches
         ]
-        first = self._places(plain, [], 2)[0]
+        first = self._search.least(plain, [], 2)[0]
         values = self.patches[first.patch][first.i : first.i + size[0], first.j : first.j + size[1]]
-        second = self._places(self._mismatches(values, np.ones(size, dtype=bool)), [first], 2)[0]
+        second = self._search.least(self._search.mismatches(values, np.ones(size, dtype=bool)), [first], 2)[0]
         for color, spot in enumerate((first, second)):
             for number, (a, b) in enumerate(CORNERS):
                 i, j = spot.i + reach[0] - a * self.nodes[0], spot.j + reach[1] - b * self.nodes[1]
@@ -196,7 +182,7 @@ class Quilting:
         values, mask = (old.swapaxes(0, 1), overlap.T) if turned else (old, overlap)
         keeps, takes, either = masks
         tries = []
-        for spot in self._places(self._mismatches(values, mask), taken, count):
+        for spot in self._search.least(self._search.mismatches(values, mask), taken, count):
             size = mask.shape
             new = self.patches[spot.patch][spot.i : spot.i + size[0], spot.j : spot.j + size[1]]
             new = new.swapaxes(0, 1) if turned else new
@@ -207,46 +193,6 @@ class Quilting:
             shown[part], flow = least_cut(cost[part], keeps[part], takes[part])
             tries.append((flow, spot, shown))
         return min(tries, key=lambda each: each[:2])
-
-    def _mismatches(self, values: FloatArray, mask: BoolArray) -> list[FloatArray]:
-        """Return for each patch the sum of squared differences of masked values (a, b, l) at all its places."""
-        masked = np.where(mask[..., np.newaxis], values, 0.0)
-        maps = []
-        for patch, (spectrum, squares) in zip(self.patches, self._spectra, strict=True):
-            shape = patch.shape[:2]
-            spread = scipy.fft.rfft2(masked, s=shape, axes=(0, 1)).conj()
-            cross = scipy.fft.irfft2((spectrum * spread).sum(axis=2), s=shape)
-            square = scipy.fft.irfft2(squares * scipy.fft.rfft2(mask.astype(np.float64), s=shape).conj(), s=shape)
-            room = tuple(slice(0, whole - part + 1) for whole, part in zip(shape, mask.shape, strict=True))
-            maps.append(((masked**2).sum() - 2 * cross + square)[room])
-        return maps
-
-    def _places(self, maps: Sequence[FloatArray], taken: Sequence[Spot], count: int) -> list[Spot]:
-        """Return the `TRIES` places of the least entries in maps of the patches, apart from another and from `taken`.
-
-        Of `count` places in all each keeps a disc to itself, of a radius for which there always is one more.
-        """
-        area = sum(each.size for each in maps)
-        radius = float(np.sqrt(area / (np.pi * count)))
-        scores = []
-        for number, each in enumerate(maps):
-            score = np.where(self.random.random(each.shape) < 0.5, each, np.inf)
-            for spot in taken:
-                if spot.patch == number:
-                    score[disc(score.shape, (spot.i, spot.j), radius)] = np.inf
-            scores.append(score)
-        found: list[Spot] = []
-        for _ in range(TRIES):
-            best = [float(score.min(initial=np.inf)) for score in scores]
-            patch = int(np.argmin(best))
-            if not np.isfinite(best[patch]):
-                break
-            i, j = np.unravel_index(int(np.argmin(scores[patch])), scores[patch].shape)
-            found.append(Spot(patch, int(i), int(j)))
-            scores[patch][disc(scores[patch].shape, (i, j), REACH)] = np.inf
-        if not found:
-            raise InputError("tile: leaves no room in the patches for tiles that differ; give a smaller one")
-        return found
 
     def energy(self, labels: IntArray) -> FloatArray:
         """Return the mean mismatch at links crossed along, at those crossed across, and at all."""
@@ -266,14 +212,6 @@ class Quilting:
                 counts[axis] += at.sum()
         along, across = sums / np.maximum(counts, 1)
         return np.array([along, across, sums.sum() / max(counts.sum(), 1)])
-
-
-def _windowed(values: FloatArray, box: FloatArray) -> FloatArray:
-    """Return the sums of values (n, m, 1) under a box at all its places."""
-    shape = values.shape[:2]
-    spread = scipy.fft.rfft2(box[..., 0], s=shape).conj()
-    sums = scipy.fft.irfft2(scipy.fft.rfft2(values[..., 0]) * spread, s=shape)
-    return np.asarray(sums[: shape[0] - box.shape[0] + 1, : shape[1] - box.shape[1] + 1])
 
 
 def make_quilt(fields: Sequence[PUInterpolant], tile: FloatArray | None, seed: int) -> Quilt:

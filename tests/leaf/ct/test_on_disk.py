@@ -9,6 +9,7 @@ import tifffile
 import o3dleaf as o3l
 from o3dleaf.core.errors import InputError
 from o3dleaf.leaf.ct import on_disk
+from o3dleaf.leaf.ct.formats.counts import count_voxels
 from o3dleaf.leaf.ct.on_disk import VolumeOnDisk
 from o3dleaf.leaf.ct.volume import Volume
 from o3dleaf.samples import wheat_ct
@@ -69,6 +70,11 @@ def test_a_block_of_four_billion_voxels_is_read_alone(write, name, patch, tmp_pa
     assert np.array_equal(block.data, np.pad(patch, ((0, 0), (0, 0), (2, 3)))[slices[0], slices[1]])
     assert np.array_equal(block.origin, BOX[0])
     assert peak < MEGABYTES * 2**20
+
+
+@pytest.mark.parametrize(("write", "name"), [(zarr, "ct.zarr"), (hdf5, "ct.h5")])
+def test_its_voxels_are_counted_though_few_are_stored(write, name, patch, tmp_path):
+    assert count_voxels(write(patch, tmp_path / name)[0]) == np.prod(HUGE)
 
 
 def test_a_block_of_it_is_thresholded_fitted_and_meshed(patch, tmp_path):

@@ -31,6 +31,13 @@ SIGNATURES = (
 """Where in a file which bytes stand, in which format, and the suffix by which we read it."""
 
 
+VG_STUDIO = {
+    ".vol": "bare numbers: give them the suffix .raw, and the layout that the .vgi beside them states",
+    ".vgi": "the description of a .vol: give that the suffix .raw, and the layout that this one states",
+}
+"""What VGStudio writes, which has no bytes to be known by."""
+
+
 def content_hint(path: Path) -> str:
     """Return the end of a message on a file of an unknown kind: what its content looks like, "" if like nothing."""
     try:
@@ -41,4 +48,5 @@ def content_hint(path: Path) -> str:
     for place, signature, name, suffix in SIGNATURES:
         if head[place:].startswith(signature):
             return f"; its content looks like {name}" + (f", give it the suffix {suffix}" if suffix else "")
-    return ""
+    studio = VG_STUDIO.get(path.suffix.lower())
+    return f"; its name looks like {studio}" if studio else ""

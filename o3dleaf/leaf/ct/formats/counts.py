@@ -10,7 +10,7 @@ import tifffile
 
 from o3dleaf.core.checks.files import is_file, is_folder
 from o3dleaf.core.errors import O3DLeafError
-from o3dleaf.leaf.ct.formats import tiff
+from o3dleaf.leaf.ct.formats import hdf5, ome_zarr, tiff
 from o3dleaf.leaf.ct.formats.bare import NPY
 from o3dleaf.leaf.ct.formats.read import open_volume
 from o3dleaf.leaf.ct.formats.slices import slices_in
@@ -49,10 +49,25 @@ def count_cropped(path: Path, crop: npt.ArrayLike, **how: Any) -> int:
 
 
 def _in_folder(path: Path) -> int:
+    if path.suffix.lower() in ome_zarr.SUFFIXES:
+        return _in_chunks(path)
     files = slices_in(path)
     if files and files[0].suffix.lower() in tiff.SUFFIXES:
         return len(files) * _in_tiff(files[0])
-    return sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) // VOXEL_BYTES
+    return _bytes_of(path) // VOXEL_BYTES
+
+
+def _in_chunks(path: Path) -> int:
+    """Return the voxels of packed chunks by their header; by their bytes where it leaves open which array is meant."""
+    try:
+        with open_volume(path, spacing=1.0) as volume:
+            return math.prod(volume.shape)
+    except O3DLeafError:
+        return _bytes_of(path) // VOXEL_BYTES
+
+
+def _bytes_of(path: Path) -> int:
+    return sum(file.stat().st_size for file in [path, *path.rglob("*")] if file.is_file())
 
 
 def _in_file(path: Path) -> int:
@@ -60,6 +75,8 @@ def _in_file(path: Path) -> int:
         return _in_tiff(path)
     if path.suffix.lower() == NPY:
         return int(np.load(path, mmap_mode="r", allow_pickle=False).size)
+    if path.suffix.lower() in hdf5.SUFFIXES:
+        return _in_chunks(path)
     return path.stat().st_size // VOXEL_BYTES
 
 

@@ -41,7 +41,7 @@ EVEN = 0.01
 
 
 def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
-    """Return the voxels of a file, (z, y, x), and its lattice in millimeters, turned to straight axes.
+    """Return the voxels of a file, (z, y, x), and its lattice, turned to straight axes.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
     name = path.name.lower()
     if name.endswith(DICOM):
         return _read_slices(path, [_require_pixels(path)])
-    require_sane_header(path)
+    unit = require_sane_header(path)
     with _simple_itk(path) as itk:
         header = itk.ImageFileReader()
         # By the name alone: of what a file says of itself SimpleITK would try twenty other readers.
@@ -65,7 +65,7 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         if name.endswith(NIFTI):
             one = itk.GetArrayViewFromImage(itk.Image([1] * 3, header.GetPixelID()))
             _require_whole_nifti(path, expected * one.itemsize)
-        return _voxels_of(itk, header.Execute(), path)
+        return _voxels_of(itk, header.Execute(), path, unit)
 
 
 def has_series(folder: Path) -> bool:
@@ -140,7 +140,7 @@ def read_files(path: str, files: list[str], room: int | None = None) -> tuple[np
             reader.SetImageIO(GDCM)
             reader.SetFileNames(files)
             image = reader.Execute()
-        voxels, stated = _voxels_of(itk, image, Path(path))
+        voxels, stated = _voxels_of(itk, image, Path(path), "mm")
         return voxels, np.asarray(stated.spacing), np.asarray(stated.origin)
 
 
@@ -169,13 +169,13 @@ def _simple_itk(path: Path) -> Iterator[Any]:
         SimpleITK.ProcessObject.SetGlobalWarningDisplay(loud)
 
 
-def _voxels_of(itk: Any, image: Any, path: Path) -> tuple[npt.NDArray[Any], Stated]:
+def _voxels_of(itk: Any, image: Any, path: Path, unit: str | None) -> tuple[npt.NDArray[Any], Stated]:
     if image.GetNumberOfComponentsPerPixel() != 1 or image.GetDimension() != 3:
         raise InputError(f"{path}: is in color or not three-dimensional; export one volume of gray values")
     image = itk.DICOMOrient(image, "LPS")
     if not np.allclose(image.GetDirection(), np.eye(3).ravel(), atol=1e-6):
         raise InputError(f"{path}: its axes are oblique; resample it to straight axes first")
-    return itk.GetArrayFromImage(image), Stated(np.array(image.GetSpacing()), np.array(image.GetOrigin()), "mm")
+    return itk.GetArrayFromImage(image), Stated(np.array(image.GetSpacing()), np.array(image.GetOrigin()), unit)
 
 
 def _require_whole_nifti(path: Path, expected: int) -> None:

@@ -4,6 +4,7 @@ Their numbers are counted against the size of the file, packed voxels are unpack
 the file that the voxels of a ``.mhd`` or ``.nhdr`` are in must lie beside it: a header leads nowhere else.
 """
 
+import re
 import struct
 import zlib
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from o3dleaf.core.errors import InputError
+from o3dleaf.leaf.ct.formats.stated import unit_named
 
 HEADER = 1 << 16
 """Bytes in which a header must end."""
@@ -35,24 +37,35 @@ NRRD_TYPES = {
     "unsigned long long, unsigned long long int, uint64, uint64_t, double",
 }
 NRRD_SIZES = {name: size for size, names in NRRD_TYPES.items() for name in names.split(", ")}
+PATIENT_SPACES = {"right-anterior-superior", "ras", "left-anterior-superior", "las", "left-posterior-superior", "lps"}
+"""NRRD's names of spaces that DICOM has in millimeters."""
 NIFTI_SIZES = {2: 1, 4: 2, 8: 4, 16: 4, 64: 8, 256: 1, 512: 2, 768: 4, 1024: 8, 1280: 8}
 """Bytes of NIfTI's types by their codes."""
+NIFTI_UNITS = (1, 2, 3)
+"""Codes, in three bits, of meters, millimeters and micrometers; 0 is unknown."""
 NIFTI_HEADER = 348
 
 
 @dataclass(frozen=True)
 class Voxels:
-    """Where voxels are, the bytes they take; if they are packed, zlib's window bits, and the bytes that are packed."""
+    """Where voxels are, the bytes they take; if they are packed, zlib's window bits, and the bytes that are packed.
+
+    And the unit of their lattice, None where the header leaves it open.
+    """
 
     file: Path
     start: int
     size: int
+    unit: str | None
     packed: int | None = None
     packed_size: int = MOST_VOXELS
 
 
-def require_sane_header(path: Path) -> None:
-    """Raise `InputError` where a header makes no sense, leads elsewhere, or names more than there is."""
+def require_sane_header(path: Path) -> str | None:
+    """Raise `InputError` where a header makes no sense, leads elsewhere, or names more than there is.
+
+    Returns the unit that it states.
+    """
     name = path.name.lower()
     parse = next(parse for suffixes, parse in PARSERS if name.endswith(suffixes))
     try:
@@ -61,8 +74,8 @@ def require_sane_header(path: Path) -> None:
         raise InputError(
             f"{path}: its header is damaged, or of a kind that is not read ({cause}); export it again"
         ) from cause
-    if voxels is not None:
-        _require_all(path, voxels)
+    _require_all(path, voxels)
+    return voxels.unit
 
 
 def _require_all(path: Path, voxels: Voxels) -> None:
@@ -164,7 +177,9 @@ def _meta(path: Path) -> Voxels:
     packed_size = _whole(entries["CompressedDataSize"], 1, "CompressedDataSize")[0] if packed else MOST_VOXELS
     apart = entries["ElementDataFile"]
     where, start = (path, stop) if apart.upper() == "LOCAL" else (_beside(path, apart), 0)
-    return Voxels(where, start, size, zlib.MAX_WBITS if packed else None, packed_size)
+    # Millimeters are what ITK, whose format it is, means by its lengths.
+    unit = unit_named(entries.get("DistanceUnits", "mm"))
+    return Voxels(where, start, size, unit, zlib.MAX_WBITS if packed else None, packed_size)
 
 
 def _truth(word: str) -> bool:
@@ -200,11 +215,19 @@ def _nrrd(path: Path) -> Voxels:
     packed = encodings[entries["encoding"].lower()]
     apart = entries.get("data file", entries.get("datafile"))
     where, start = (path, stop) if apart is None else (_beside(path, apart.removeprefix("./")), 0)
-    return Voxels(where, start, size, packed)
+    return Voxels(where, start, size, _nrrd_unit(entries), packed)
 
 
-def _nifti(path: Path) -> Voxels | None:
-    """Look over the header of a NIfTI; whether all voxels are there is asked by its reader."""
+def _nrrd_unit(entries: dict[str, str]) -> str | None:
+    """Return the unit of an NRRD's axes; a patient's space, as `left-posterior-superior`, is in millimeters."""
+    words = set(re.findall(r'"([^"]*)"', entries.get("space units", "") + entries.get("units", "")))
+    if len(words) > 1:
+        raise ValueError(f"its axes are in {', '.join(sorted(words))}")
+    return unit_named(words.pop()) if words else "mm" if entries.get("space", "").lower() in PATIENT_SPACES else None
+
+
+def _nifti(path: Path) -> Voxels:
+    """Look over the header of a NIfTI; whether all packed voxels are there is asked by its reader."""
     packed = path.suffix.lower() == ".gz"
     with path.open("rb") as stream:
         head = stream.read(HEADER)
@@ -228,11 +251,16 @@ def _nifti(path: Path) -> Voxels | None:
         raise ValueError(f"{dimensions[1:4]} voxels of {bits} bits from byte {start}")
     if not np.all(np.isfinite((*spacing[:4], *place))) or not all(0 <= code <= 5 for code in codes):
         raise ValueError("its place has numbers that are none")
-    size = prod(dimensions[1:4]) * NIFTI_SIZES[kind]
-    return Voxels(path, int(start), size) if not packed else None
+    # SimpleITK turns meters and micrometers into millimeters.
+    unit = "mm" if head[123] & 7 in NIFTI_UNITS else None
+    return (
+        Voxels(path, 0, 0, unit)
+        if packed
+        else Voxels(path, int(start), prod(dimensions[1:4]) * NIFTI_SIZES[kind], unit)
+    )
 
 
-PARSERS: tuple[tuple[tuple[str, ...], Callable[[Path], Voxels | None]], ...] = (
+PARSERS: tuple[tuple[tuple[str, ...], Callable[[Path], Voxels]], ...] = (
     ((".mha", ".mhd"), _meta),
     ((".nrrd", ".nhdr"), _nrrd),
     ((".nii", ".nii.gz"), _nifti),

@@ -7,11 +7,14 @@ import numpy as np
 import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.checks.files import is_file
 from o3dleaf.core.errors import InputError
-from o3dleaf.io.ply_reader import read_ply_points
+from o3dleaf.io.ply_reader import PlyHeader, read_ply_points
 from o3dleaf.leaf.ct.formats.stated import Stated
 
 SUFFIXES = (".ply",)
+OF_VOXELS = ("f", "scalar_f")
+"""Names by which points are known to be voxels: laser scans have intensities, too."""
 NAMES = ("f", "scalar_f", "intensity", "scalar_intensity", "value", "scalar")
 """Names that a property of intensities has: the paper's, and what CloudCompare makes of it."""
 MISSED = 0.01
@@ -46,6 +49,18 @@ def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
         raise InputError(f"{path}: {np.sum(~filled):,} places of its lattice are empty; give each voxel once")
     spacing = np.array([np.diff(places).mean() if len(places) > 1 else 1.0 for places, _ in axes])
     return voxels, Stated(spacing, np.array([places[0] for places, _ in axes]), None, "xyz")
+
+
+def holds_voxels(path: Path) -> bool:
+    """Return whether a file is a PLY of points with the paper's intensity f, by its header; False where it has none."""
+    if not is_file(path):  # a pipe would be waited for
+        return False
+    try:
+        elements = {each.name: each for each in PlyHeader.of(path).elements(path)}
+    except (InputError, OSError):
+        return False
+    names = {each.name for each in elements["vertex"].properties} if "vertex" in elements else set()
+    return "face" not in elements and not names.isdisjoint(OF_VOXELS)
 
 
 def _lattice_of(coordinates: FloatArray, path: Path) -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -46,7 +46,7 @@ def read_volume(
         Distance between voxels along (x, y, z), in `unit`; overrides what the file states. Needed where it states none.
     unit : str, optional
         Unit that the volume is to be in. Lengths that the file states are converted to it; numbers
-        given here are in it. Default: the file's unit, if any.
+        given here, and those whose unit the file leaves open, are in it. Default: the file's unit, if any.
     origin : (3,) array_like, optional
         Center of the first voxel, in `unit`; default: the file's, if its spacing is used too, else 0.
     layout : str or VoxelLayout, optional

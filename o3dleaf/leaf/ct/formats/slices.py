@@ -37,7 +37,7 @@ def read(folder: Path) -> tuple[npt.NDArray[Any], Stated]:
     Raises
     ------
     InputError
-        If there is no slice, one is damaged or in color, or they differ in size or type.
+        If there is no slice, one is missing by its number, damaged or in color, or they differ in size or type.
     """
     pages, stated = open_array(folder)
     stack = np.empty(pages.shape, dtype=pages.dtype)
@@ -82,7 +82,7 @@ def open_array(folder: Path) -> tuple[SlicePages, Stated]:
     Raises
     ------
     InputError
-        If there is no slice, or the first is damaged.
+        If there is no slice, one is missing by its number, or the first is damaged.
     """
     pages = SlicePages(_require_slices(folder))
     return pages, pages.stated
@@ -92,7 +92,23 @@ def _require_slices(folder: Path) -> list[Path]:
     files = slices_in(folder)
     if not files:
         raise InputError(f"{folder}: contains no slices; give a folder of TIFF, PNG or DICOM slices")
+    _require_even(folder, files)
     return files
+
+
+def _require_even(folder: Path, files: list[Path]) -> None:
+    """Refuse slices whose names differ by one number alone, where that does not go on in even steps."""
+    names = [_by_number(file) for file in files]
+    varying = [column for column in zip(*names, strict=False) if len(set(column)) > 1]
+    if len(varying) != 1 or len({len(name) for name in names}) > 1 or not varying[0][0][0]:
+        return
+    steps = np.diff([number for _, number, _ in varying[0]])
+    if np.ptp(steps):
+        k = int(np.flatnonzero(steps != np.median(steps))[0])
+        raise InputError(
+            f"{folder}: slices are missing or are there twice, {files[k + 1].name} follows {files[k].name}; "
+            "copy the folder again, or number its slices evenly"
+        )
 
 
 def _read_page(file: Path) -> tuple[npt.NDArray[Any], Stated]:

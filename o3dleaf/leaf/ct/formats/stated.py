@@ -13,12 +13,18 @@ import numpy.typing as npt
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.arguments.kinds import Count, Whole
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.errors import InputError, O3DLeafError
+from o3dleaf.core.errors import InputError, O3DLeafError, UnitError
+from o3dleaf.core.units import check_unit
 
 SLICES_FIRST = "zyx"
 """The order of axes of pages, rows and columns, the last one fastest: of nearly every file."""
 VOXELS = "biuf"
 """NumPy's kinds of numbers that are intensities."""
+SPELLINGS = {
+    "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um", "millimeter": "mm", "millimeters": "mm",
+    "centimeter": "cm", "centimeters": "cm", "meter": "m", "meters": "m", "nanometer": "nm", "nanometers": "nm",
+}  # fmt: skip
+"""Words for units in files, and ours."""
 
 
 @dataclass(frozen=True)
@@ -197,3 +203,12 @@ def _number_type(name: str) -> "np.dtype[Any]":
     if kind.kind not in VOXELS or kind.shape:
         raise InputError(f"dtype: is {name!r}; give a type of numbers: uint8, int16, uint16, >u2, float32, ...")
     return kind
+
+
+def unit_named(name: str) -> str | None:
+    """Return our name of a unit that a file states, None if it states none that is a length."""
+    plain = name.strip().replace("\\u00B5", "u").replace("\\u00b5", "u")
+    try:
+        return check_unit(SPELLINGS.get(plain.lower(), plain))
+    except UnitError:
+        return None

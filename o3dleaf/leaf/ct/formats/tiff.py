@@ -16,16 +16,15 @@ import tifffile
 
 from o3dleaf.core.arguments.checked import checked
 from o3dleaf.core.atomic_files import whole_file
-from o3dleaf.core.errors import InputError, UnitError
-from o3dleaf.core.units import METERS, check_unit
-from o3dleaf.leaf.ct.formats.stated import Stated, turn_to_xyz
+from o3dleaf.core.errors import InputError
+from o3dleaf.core.units import METERS
+from o3dleaf.leaf.ct.formats.stated import Stated, turn_to_xyz, unit_named
 from o3dleaf.leaf.ct.formats.tiff_pages import require_whole_chain
 from o3dleaf.leaf.ct.volume import Volume
 
 MAX_RATIO = 2000
 """No compression of TIFF packs zeros tighter than this (deflate 1032, LZW about 1400)."""
 SUFFIXES = (".tif", ".tiff")
-SPELLINGS = {"micron": "um", "microns": "um", "micrometer": "um", "millimeter": "mm", "centimeter": "cm", "meter": "m"}
 
 
 def read(path: Path) -> tuple[npt.NDArray[Any], Stated]:
@@ -172,7 +171,7 @@ def _stated(tiff: tifffile.TiffFile) -> Stated:
 
 def _imagej_lattice(metadata: dict[str, Any], tags: tifffile.TiffTags) -> Stated:
     """ImageJ: pixels per unit in the resolution tags, the page spacing and the origin in the description."""
-    unit = _unit(str(metadata.get("unit", "")))
+    unit = unit_named(str(metadata.get("unit", "")))
     across, down = tags.get("XResolution"), tags.get("YResolution")
     if "spacing" not in metadata or across is None or down is None or 0 in (*across.value, *down.value):
         return Stated(unit=unit)
@@ -193,17 +192,8 @@ def _ome_lattice(xml: str) -> Stated:
     if pixels is None or any(pixels.get(f"PhysicalSize{a}") is None for a in "XYZ"):
         return Stated()
     sizes = [float(pixels.get(f"PhysicalSize{a}", "nan")) for a in "XYZ"]
-    units = [_unit(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
+    units = [unit_named(pixels.get(f"PhysicalSize{a}Unit", "µm")) for a in "XYZ"]
     if None in units:
         return Stated(np.array(sizes) if len(set(units)) == 1 else None)
     to_first = [METERS[u] / METERS[units[0]] for u in units if u is not None and units[0] is not None]
     return Stated(np.array(sizes) * to_first, None, units[0])
-
-
-def _unit(name: str) -> str | None:
-    """Our name of a unit that a file states, None if it states none that is a length."""
-    plain = name.strip().replace("\\u00B5", "u").replace("\\u00b5", "u")
-    try:
-        return check_unit(SPELLINGS.get(plain.lower(), plain))
-    except UnitError:
-        return None

@@ -133,6 +133,17 @@ def test_slices_are_stacked_by_number(tmp_path, volume):
         read_volume(tmp_path, spacing=3.0)
 
 
+@pytest.mark.parametrize(("numbers", "whole"), [((1, 2, 4, 5), False), ((8, 9, 10, 11), True), ((0, 5, 10, 15), True)])
+def test_a_slice_that_is_missing_by_its_number_is_noticed(tmp_path, volume, numbers, whole):
+    for k, page in zip(numbers, pages(volume), strict=False):
+        tifffile.imwrite(tmp_path / f"leaf2_{k}.tif", page, metadata=None)
+    if whole:
+        assert read_volume(tmp_path, spacing=3.0).shape[2] == 4
+    else:
+        with pytest.raises(o3l.errors.InputError, match=r"leaf2_4\.tif follows leaf2_2\.tif"):
+            read_volume(tmp_path, spacing=3.0)
+
+
 def test_numpy_arrays_are_in_our_order(tmp_path, volume):
     np.save(tmp_path / "v.npy", volume.data)
     assert_same(read_volume(tmp_path / "v.npy", spacing=1.0), volume, lattice=False)

@@ -1,5 +1,6 @@
 """Volumes that the format's own library wrote come back voxel by voxel, with their lattice; cut-off ones do not."""
 
+import gzip
 import json
 import pickle
 import struct
@@ -493,3 +494,53 @@ def test_without_its_package_the_message_says_what_to_install(tmp_path, monkeypa
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(o3l.errors.InputError, match=rf"pip install 'o3dleaf\[{extra}\]'"):
         read_volume(tmp_path / name)
+
+
+NRRD = "NRRD0005\ntype: int16\ndimension: 3\nsizes: 9 7 5\nendian: little\nencoding: raw\n{}\n\n"
+LATTICE = "space directions: (24,0,0) (0,24,0) (0,0,24)"
+
+
+@pytest.mark.parametrize(
+    ("lines", "unit"),
+    [
+        ("spacings: 24 24 24", None),
+        ('spacings: 24 24 24\nunits: "um" "um" "um"', "um"),
+        (f'space dimension: 3\n{LATTICE}\nspace units: "microns" "microns" "microns"', "um"),
+        (f"space dimension: 3\n{LATTICE}", None),
+        (f"space: left-posterior-superior\n{LATTICE}", "mm"),
+        (f'space: left-posterior-superior\n{LATTICE}\nspace units: "um" "um" "um"', "um"),
+    ],
+)
+def test_the_unit_of_an_nrrd_is_what_it_states(tmp_path, lines, unit):
+    pytest.importorskip("SimpleITK", reason="the extra `formats` is not installed")
+    voxels = np.arange(9 * 7 * 5, dtype="<i2")
+    (tmp_path / "v.nrrd").write_bytes(NRRD.format(lines).encode() + voxels.tobytes())
+    read = read_volume(tmp_path / "v.nrrd")
+    assert read.unit == unit
+    assert np.allclose(read.spacing, 24)
+
+
+@pytest.mark.parametrize(("code", "unit", "length"), [(0, None, 24), (1, "mm", 24e3), (2, "mm", 24), (3, "mm", 24e-3)])
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_unit_of_a_nifti_is_what_its_code_says(tmp_path, voxels, code, unit, length, packed):
+    SimpleITK = pytest.importorskip("SimpleITK", reason="the extra `formats` is not installed")
+    image = SimpleITK.GetImageFromArray(slices_first(voxels))
+    image.SetSpacing((24.0, 24.0, 24.0))
+    SimpleITK.WriteImage(image, tmp_path / "v.nii")
+    head = bytearray((tmp_path / "v.nii").read_bytes())
+    head[123] = code
+    path = tmp_path / ("v.nii.gz" if packed else "v.nii")
+    path.write_bytes(gzip.compress(bytes(head)) if packed else bytes(head))
+    read = read_volume(path)
+    assert read.unit == unit
+    assert np.allclose(read.spacing, length)
+
+
+def test_a_meta_image_is_in_millimeters_or_says_otherwise(tmp_path):
+    pytest.importorskip("SimpleITK", reason="the extra `formats` is not installed")
+    head = "ObjectType = Image\nNDims = 3\n{}DimSize = 9 7 5\nElementSpacing = 24 24 24\nElementType = MET_SHORT\n"
+    for line, unit in (("", "mm"), ("DistanceUnits = um\n", "um"), ("DistanceUnits = ?\n", None)):
+        text = head.format(line) + "ElementDataFile = LOCAL\n"
+        (tmp_path / "v.mha").write_bytes(text.encode() + np.arange(315, dtype="<i2").tobytes())
+        read = read_volume(tmp_path / "v.mha")
+        assert (read.unit, read.spacing[0]) == (unit, 24.0)
