@@ -14,12 +14,17 @@ TOP_DEPTH = 6
 """Levels of the top: as many as 64 branches."""
 TOGETHER = 16
 """Branches that are made before they are added: of all of them twice as much would be held."""
+FEW = 1 << 12
+"""Balls up to which all is made at once: to begin a branch and to add it takes a tenth of a millisecond."""
 MAX_DEPTH = 54
 """Levels of a branch: coinciding balls are not told apart by more."""
 
 
 def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> BoxTree:
     """Halve the box `bounds` (2, d) until few of the balls (M, d), (M,) reach into each part."""
+    if len(radii) <= FEW:
+        depth = TOP_DEPTH + MAX_DEPTH
+        return BoxTree(*ball_loops.build_tree(centers, radii, bounds[0], bounds[1], np.arange(len(radii)), depth))
     top: BoxTree = ball_loops.build_tree(centers, radii, bounds[0], bounds[1], np.arange(len(radii)), TOP_DEPTH)
     leaves, boxes = np.flatnonzero(top.axes < 0), _boxes(top, bounds)
     whole, roots = [GrowingArray(part.dtype) for part in top], list[list[Any]]()

@@ -48,9 +48,8 @@ class Smoothing:
 
     def diagonals(self, counts: IntArray, per_ball: FloatArray | None = None) -> FloatArray:
         """Return s for each of many systems, of `counts` points, from the one value or from each one's own."""
-        if per_ball is None:
-            return np.array([self.diagonal(int(count)) for count in counts])
-        return np.array([value * self.scale(int(count)) for value, count in zip(per_ball, counts, strict=True)])
+        scales = self.per_point * counts if self.per_point else np.ones(len(counts))
+        return np.asarray((self._number if per_ball is None else per_ball) * scales)
 
     @property
     def _number(self) -> float:

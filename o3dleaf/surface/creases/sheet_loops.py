@@ -19,6 +19,9 @@ ONE_SHEET = 1.5
 OPPOSITE = -0.5
 """Cosine below which a neighbor's normal is the other side of a thin sheet, which makes no crease here."""
 
+SPREAD = 0x9E3779B1
+"""Odd number by which rows are spread over a hash table: 2³² over the golden ratio, as Knuth has it."""
+
 
 @njit(nogil=True, cache=True)
 def agreement(normals, i, j):
@@ -78,9 +81,33 @@ def place_of(rows, row):
 
 
 @njit(nogil=True, cache=True)
+def enter(rows):
+    """Return a hash table of the places (2^k,) of some rows, at least half of it −1, by which `look_up` finds them."""
+    size = 16
+    while size < 2 * rows.size:
+        size *= 2
+    table = np.full(size, -1, dtype=np.int64)
+    for i in range(rows.size):
+        slot = rows[i] * SPREAD >> 16 & (size - 1)
+        while table[slot] >= 0:
+            slot = slot + 1 & (size - 1)
+        table[slot] = i
+    return table
+
+
+@njit(nogil=True, cache=True)
+def look_up(row, rows, table):
+    """Return the place of a row among those of a table, or −1."""
+    slot = row * SPREAD >> 16 & (table.size - 1)
+    while table[slot] >= 0 and rows[table[slot]] != row:
+        slot = slot + 1 & (table.size - 1)
+    return table[slot]
+
+
+@njit(nogil=True, cache=True)
 def connect(rows, measured, labels):
     """Label the smooth points of rising `rows` by the components that neighbors join, −1 elsewhere; return how many."""
-    joined, smooth = measured.joined, measured.smooth
+    joined, smooth, table = measured.joined, measured.smooth, enter(rows)
     labels[:] = -1
     stack = np.empty(rows.size, dtype=np.int64)
     count = 0
@@ -94,7 +121,7 @@ def connect(rows, measured, labels):
             point = rows[stack[depth]]
             size += 1
             for k in range(joined.shape[1]):
-                place = place_of(rows, joined[point, k]) if joined[point, k] >= 0 else -1
+                place = look_up(joined[point, k], rows, table) if joined[point, k] >= 0 else -1
                 if place >= 0 and labels[place] == -1:
                     labels[place], stack[depth] = count, place
                     depth += 1
@@ -108,13 +135,16 @@ def connect(rows, measured, labels):
 @njit(nogil=True, cache=True)
 def blunt_pair(labels, distances, outward, count, cosine):
     """Return two sheets that turn by less than the angle where one comes nearest to the other, or −1 twice."""
+    least, nearest = np.empty(count + 1), np.empty(count + 1, dtype=np.int64)
     for one in range(count):
+        least[:], nearest[:] = np.inf, -1
+        for i in range(labels.size):
+            distance, other = abs(distances[one, i]), labels[i]  # −1 is the last
+            if distance < least[other]:
+                least[other], nearest[other] = distance, i
         for other in range(count):
-            least, nearest = np.inf, -1
-            for i in range(labels.size):
-                if labels[i] == other and abs(distances[one, i]) < least:
-                    least, nearest = abs(distances[one, i]), i
-            if one != other and nearest >= 0 and product(outward[one, nearest], outward[other, nearest]) > cosine:
+            i = nearest[other]
+            if one != other and i >= 0 and product(outward[one, i], outward[other, i]) > cosine:
                 return one, other
     return -1, -1
 

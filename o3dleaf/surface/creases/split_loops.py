@@ -59,15 +59,18 @@ def order_sheets(labels, distances, sheets, composition):
     the largest share of points, weighed by distance, that lie on the other.
     """
     worst = 0.0
+    others = np.zeros(len(distances) + 1, dtype=np.bool_)
+    others[sheets] = True
     for last in range(sheets.size - 1, 0, -1):
         least, chosen, sign = np.inf, 0, 0
         for k in range(last + 1):
             outside, inside = 0.0, 0.0
+            others[sheets[k]] = False
             for i in range(labels.size):
-                for other in range(last + 1):
-                    if other != k and labels[i] == sheets[other]:
-                        outside += max(distances[sheets[k], i], 0.0)
-                        inside += max(-distances[sheets[k], i], 0.0)
+                distance = distances[sheets[k], i] if others[labels[i]] else 0.0
+                outside += max(distance, 0.0)
+                inside += max(-distance, 0.0)
+            others[sheets[k]] = True
             total = max(outside + inside, 1e-300)
             if outside / total < least:
                 least, chosen, sign = outside / total, k, -1
@@ -75,6 +78,7 @@ def order_sheets(labels, distances, sheets, composition):
                 least, chosen, sign = inside / total, k, 1
         worst = max(worst, least)
         sheets[chosen], sheets[last] = sheets[last], sheets[chosen]
+        others[sheets[last]] = False
         composition[last] = sign
     composition[0] = 0
     return worst

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import reference
 from o3dleaf import PUInterpolant, RBFInterpolant
-from o3dleaf.fitting.cover import ball_loops
+from o3dleaf.fitting.cover import ball_loops, tree
 from o3dleaf.fitting.cover.index import BallIndex
 from o3dleaf.fitting.local.fields import LocalFields
 from tolerances import FIELD_GRADIENT, FIELD_TWIN, SEAM
@@ -159,3 +159,15 @@ def test_a_point_on_the_rim_of_a_ball_lies_in_it():
     for image, ball in enumerate(index.balls):
         within = np.sum((points - centers[ball]) ** 2, axis=1) <= radii[ball] ** 2
         assert np.array_equal(rows[offsets[image] : offsets[image + 1]], np.flatnonzero(within))
+
+
+def test_a_tree_made_at_once_lists_the_balls_of_one_made_by_branches(monkeypatch):
+    rng = np.random.default_rng(3)
+    points, centers, radii = rng.random((2000, 3)), rng.random((3000, 3)), rng.uniform(0.01, 0.2, 3000)
+    found = []
+    for few in (tree.FEW, 0):
+        monkeypatch.setattr(tree, "FEW", few)
+        index = BallIndex.build(centers, radii, np.array([[0.0] * 3, [1.0] * 3]))
+        leaves, boxes = index.fold(points)[1], index.tree
+        found.append([boxes.images[boxes.starts[leaf] : boxes.stops[leaf]].tolist() for leaf in leaves])
+    assert found[0] == found[1]

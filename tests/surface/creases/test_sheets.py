@@ -125,3 +125,15 @@ def test_the_place_of_a_row_is_found_and_no_other_is_said_to_be_there():
         rows = np.sort(rng.permutation(40)[:size])
         places = [sheet_loops.place_of(rows, row) for row in range(-1, 41)]
         assert places == [list(rows).index(row) if row in rows else -1 for row in range(-1, 41)]
+
+
+@pytest.mark.parametrize("stride", [1, 3, 1 << 20])
+def test_a_table_of_rows_knows_their_places_and_no_others(stride):
+    rng = np.random.default_rng(7)
+    for size in (0, 1, 9, 300):
+        rows = stride * np.sort(rng.permutation(400)[:size])
+        table = sheet_loops.enter(rows)
+        assert np.sum(table >= 0) == size
+        assert len(table) >= 2 * size
+        places = [sheet_loops.look_up(stride * row, rows, table) for row in range(400)]
+        assert places == [sheet_loops.place_of(rows, stride * row) for row in range(400)]
