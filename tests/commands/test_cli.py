@@ -64,7 +64,7 @@ def bad(files, tmp_path_factory):
         return folder / name
 
     spoilt = points.copy()
-    spoilt[5] = np.nan
+    spoilt[:] = np.nan
     words = folder / "words.csv"
     words.write_text("x y z\n1 2 3\n1 2 three\n")
     (folder / "empty.ply").touch()
@@ -90,7 +90,7 @@ def bad(files, tmp_path_factory):
 
 CASES = {
     "an empty cloud": (("{empty}",), "empty"),
-    "NaN": (("{nan}",), "NaN"),
+    "nothing but NaN": (("{nan}",), "NaN"),
     "two points": (("{two}",), "2 points"),
     "a cloud on a line": (("{line}",), "one line"),
     "a cloud on a line, over a plane": (("{line}", "--frame", "paper", "--midrib", "{line}"), "one line"),

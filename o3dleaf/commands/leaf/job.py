@@ -13,7 +13,7 @@ from o3dleaf.commands.patch import MODEL, BlockOption, CtOptions, resumed
 from o3dleaf.core import journal
 from o3dleaf.core.arguments.kinds import Positive
 from o3dleaf.core.atomic_files import write_json
-from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.jobs.job import LongJob
 from o3dleaf.core.jobs.option import Names, argument, option, output
 from o3dleaf.core.jobs.shared import ColumnsOption, ResumeOption
@@ -122,9 +122,11 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         scan = read_point_cloud(self.scan, finite=False, columns=self.columns)
         whole = len(scan.points)
         scan = scan.remove_non_finite_points()
-        left = whole - len(scan.points)
-        if left:
-            journal.note(f"left out: {left:,} points that are NaN or infinite")
+        left_out = whole - len(scan.points)
+        if left_out and left_out == whole:
+            raise InputError(f"{self.scan}: all {whole:,} points are NaN or infinite")
+        if left_out:
+            journal.note(f"left out: {left_out:,} points that are NaN or infinite")
         return scan
 
     def need_for_mesh(
