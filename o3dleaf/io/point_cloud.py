@@ -25,6 +25,8 @@ NAMED = {".xyz": "x y z", ".xyzn": "x y z nx ny nz", ".xyzrgb": "x y z r g b"}
 MESHES = tuple(suffix for suffix in READERS if suffix != ".ply")
 """Formats of meshes, of which the vertices are the points, as they are of a PLY with faces."""
 SUFFIXES = (".ply", ".pcd", *NAMED, ".pts", *text.SUFFIXES, *las.SUFFIXES, *e57.SUFFIXES, *MESHES)
+EXTRAS = dict.fromkeys(las.SUFFIXES, las.read_las) | dict.fromkeys(e57.SUFFIXES, e57.read_e57)
+"""Readers of formats whose libraries are extras, by suffix."""
 WITH_COLUMNS = (*text.SUFFIXES, ".xyz")
 """Formats whose columns can be named."""
 
@@ -82,8 +84,8 @@ def _read(file: Path, suffix: str, columns: str | Sequence[str] | None) -> o3d.g
     """Return what the reader of a format makes of a file."""
     if suffix in text.SUFFIXES or columns is not None:
         return text.read_text(file, columns).to_open3d()
-    if suffix in {*las.SUFFIXES, *e57.SUFFIXES}:
-        return (las.read_las(file) if suffix in las.SUFFIXES else e57.read_e57(file)).to_open3d()
+    if suffix in EXTRAS:
+        return EXTRAS[suffix](file).to_open3d()
     if suffix in MESHES:
         return o3d.geometry.PointCloud(read_triangle_mesh(file).vertices)
     if suffix == ".ply":
