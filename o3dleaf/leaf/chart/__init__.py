@@ -3,6 +3,7 @@
 `flattening`   maps of a sheet to the plane, and what is asked of it
 `axis`         the ends of a blade in the plane, sections across it
 `stalk`        a stalk among points, and where it widens into the blade
+`carry`        values and parameters of a sheet at points near it
 `flatten`      `lay_flat`: the chart of a sheet
 `petiole`      the petiole, by its cross-section
 `midline`      the midrib in the chart

@@ -1,6 +1,5 @@
 """`lay_flat`: the chart of a sheet, a map to the plane that keeps lengths as well as any can."""
 
-import igl
 import numpy as np
 
 from o3dleaf.core import progress
@@ -8,6 +7,7 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray, drop_unused_vertices, mesh_arrays, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
+from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.embedding import conformal_chart, convex_chart, relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.overlap import Overlap
 from o3dleaf.leaf.chart.flattening.sheet_shape import BoundaryRings, place_of, require_sheet
@@ -66,19 +66,6 @@ def lay_flat(vertices: FloatArray, triangles: IntArray) -> FloatArray:
         require_low_distortion(coarse, faces, chart)
     with carrying:
         return chart if coarse is vertices else carry(coarse, faces, chart, vertices)
-
-
-def carry(vertices: FloatArray, triangles: IntArray, values: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the (k, c) values at the closest points of a mesh to (k, 3) points, linear in each triangle."""
-    _, face, foot = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, triangles)
-    first, second, third = (vertices[triangles[face, corner]] for corner in range(3))
-    a, b, c = second - first, third - first, foot - first
-    aa, ab, bb, ac, bc = (np.einsum("ij,ij->i", *pair) for pair in ((a, a), (a, b), (b, b), (a, c), (b, c)))
-    whole = aa * bb - ab * ab
-    whole[whole <= 0] = np.inf
-    s, t = (bb * ac - ab * bc) / whole, (aa * bc - ab * ac) / whole
-    weights = np.stack([1 - s - t, s, t], axis=1)
-    return np.asarray(np.einsum("ij,ijc->ic", weights, values[triangles[face]]))
 
 
 def _used_alone(vertices: FloatArray, triangles: IntArray) -> tuple[FloatArray, IntArray]:

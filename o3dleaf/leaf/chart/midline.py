@@ -24,7 +24,7 @@ from o3dleaf.leaf.chart.axis.sections import (
     triangulate_inside,
     within,
 )
-from o3dleaf.leaf.chart.flatten import carry
+from o3dleaf.leaf.chart.carry import carry
 from o3dleaf.leaf.chart.flattening.geodesics import Ways
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet, rim_first
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas

@@ -8,7 +8,8 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, drop_unused_vertices, triangle_areas
 from o3dleaf.core.parallel import single_threaded_blas
-from o3dleaf.leaf.chart.flatten import OVERLAP, carry, lay_flat, overlap_error
+from o3dleaf.leaf.chart.carry import carry
+from o3dleaf.leaf.chart.flatten import OVERLAP, lay_flat, overlap_error
 from o3dleaf.leaf.chart.flattening.overlap import find_overlap, without_flaps
 from o3dleaf.leaf.chart.flattening.sheet_shape import place_of, require_sheet
 from o3dleaf.leaf.chart.flattening.stretch import Stretch, stretch_quantiles

@@ -5,6 +5,7 @@
 `frame`           (along, across, up) about the midrib
 `frame_quality`   diagnostics of a frame
 `height`          the height map H
+`noise`           the noise of points about their local planes, their density
 `robust`          a height through scan passes that disagree
 `outline`         the outline: an α-shape
 `lift`            from flat coordinates to the world, with the Jacobian

@@ -26,16 +26,10 @@ from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel
 from o3dleaf.fitting.rbf.tail import IntArray
+from o3dleaf.leaf.macro.noise import LEAST_NOISE, density_of, height_noise, plane_noise
 
-NEIGHBORS = 12
-LEAST_NOISE = 0.01
-"""Noise in spacings that is taken for granted. A scan that is flat for the most part and without noise has none about
-its planes, and where it bends every point would be an outlier."""
 HUBER = 1.345
 """Huber's constant: 95 % of the efficiency of least squares where the errors are normal (Huber 1964)."""
-MAD = 1.4826
-"""Median absolute deviation to standard deviation, for normal errors."""
-
 GRID_RATIO = np.sqrt(10)
 """From one trial smoothing to the next: a factor 1.33 to 1.26 in bandwidth for kernels of 2m = 4 to 5."""
 MAX_STRETCH = 1 / 40
@@ -68,33 +62,6 @@ class RobustChoice:
     bandwidth: float
     noise: float
     weights: FloatArray = field(metadata={"stored": "trust"})
-
-
-def plane_noise(points: FloatArray) -> float:
-    """Return a robust standard deviation of (n, 3) points about the plane through each one's 12 nearest neighbors."""
-    _, rows = query(cKDTree(points), points, k=min(NEIGHBORS + 1, len(points)))
-    local = points[rows]
-    mean = local.mean(axis=1)
-    centered = local - mean[:, None]
-    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", centered, centered))[1][:, :, 0]
-    return MAD * float(np.median(np.abs(np.einsum("ni,ni->n", points - mean, normals))))
-
-
-def height_noise(points: FloatArray) -> float:
-    """Return a robust standard deviation of heights, the last of (n, 3), about planes fitted to 13 points each.
-
-    They are the nearest seen from above, and planes are least squares of heights alone, so that the two sides of a leaf
-    thicker than its points are apart, which lie closer to their own neighbors, are noise of one surface between them.
-    """
-    places = np.ascontiguousarray(points[:, :2])
-    _, rows = query(cKDTree(places), places, k=min(NEIGHBORS + 1, len(points)))
-    local = points[rows]
-    mean = local.mean(axis=1)
-    centered = local - mean[:, None]
-    products = np.einsum("nki,nkj->nij", centered, centered)
-    slope = np.einsum("nij,nj->ni", np.linalg.pinv(products[:, :2, :2], hermitian=True), products[:, :2, 2])
-    off = points - mean
-    return MAD * float(np.median(np.abs(off[:, 2] - np.einsum("ni,ni->n", slope, off[:, :2]))))
 
 
 def huber_loss(errors: FloatArray, corner: float) -> FloatArray:
@@ -217,7 +184,7 @@ def try_smoothings(
     """
     plane, heights = np.ascontiguousarray(leaf_points[:, :2]), np.ascontiguousarray(leaf_points[:, 2])
     measured = plane_noise(leaf_points) if space is None else height_noise(leaf_points)
-    noise = max(measured, LEAST_NOISE / np.sqrt(_density(plane)))
+    noise = max(measured, LEAST_NOISE / np.sqrt(density_of(plane)))
     problem = RobustHeight(cover, plane, heights, kernel, HUBER * noise, space, normals)
     if half_width is None:
         half_width = float(np.quantile(np.abs(plane[:, 1] - np.median(plane[:, 1])), 0.95))
@@ -288,14 +255,8 @@ def _trial_smoothings(leaf_points: FloatArray, kernel: Polyharmonic, widest: flo
     if not spacing > 0:  # most of them stand there twice
         distinct = np.unique(leaf_points, axis=0)
         spacing = float(np.median(query(cKDTree(distinct), distinct, k=2)[0][:, 1]))
-    density = _density(leaf_points[:, :2])
+    density = density_of(leaf_points[:, :2])
     order = kernel.power + kernel.dimension
     steps = max(int(np.ceil(order * np.log(widest / spacing) / np.log(GRID_RATIO))), 1)
     for bandwidth in np.geomspace(widest, spacing, steps + 1):
         yield float(bandwidth), kernel.smoothing_for(float(bandwidth), density)
-
-
-def _density(plane: FloatArray) -> float:
-    """Return points per area, of the median point: its neighbors over the disc that contains them."""
-    distance, _ = query(cKDTree(plane), plane, k=[min(4 * NEIGHBORS, len(plane))])
-    return 4 * NEIGHBORS / (np.pi * float(np.median(distance)) ** 2)

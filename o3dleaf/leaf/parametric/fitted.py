@@ -14,7 +14,7 @@ from o3dleaf.fitting.local.fitter import POINTS_PER_BALL
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.fitting.pu.interpolant import OVERLAP, PUInterpolant
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_kernel
-from o3dleaf.leaf.chart.flatten import carry
+from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.macro.robust import HUBER, widest_bandwidth
 from o3dleaf.leaf.parametric.local_smoothing import LocalChoice, choose_by_place
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -57,8 +57,8 @@ class ChartMesh:
         return self.area / float(np.ptp(self.chart, axis=0).max())
 
     def parameters(self, points: FloatArray) -> FloatArray:
-        """Return (u, v) of the point of the sheet nearest to each of the (n, 3) points."""
-        return carry(self.vertices, self.triangles, self.chart, points)
+        """Return (u, v) of (n, 3) points near the sheet, which goes on past its rim: `carry_chart`."""
+        return carry_chart(self.vertices, self.triangles, self.chart, points)
 
     def distances(self, plane: FloatArray) -> FloatArray:
         """Return the distances (n,) of places (n, 2) of the chart from the sheet laid flat."""

@@ -4,7 +4,8 @@ import pytest
 from o3dleaf.core.errors import InputError
 from o3dleaf.fitting.rbf.kernels import polyharmonic
 from o3dleaf.leaf.macro.height import HeightMap
-from o3dleaf.leaf.macro.robust import MAD, height_noise, huber_loss, plane_noise
+from o3dleaf.leaf.macro.noise import MAD, height_noise, plane_noise
+from o3dleaf.leaf.macro.robust import huber_loss
 from tolerances import ANALYTIC_VS_DIFFERENCE, NOISE_OF_HEIGHTS, TWIN
 
 LENGTH = 36.0

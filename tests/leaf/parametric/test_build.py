@@ -9,6 +9,7 @@ from scipy.spatial import Delaunay
 import o3dleaf as o3l
 import tolerances as tol
 from o3dleaf.core.errors import ReconstructionError
+from o3dleaf.leaf.blade.outline_area import places_inside
 from o3dleaf.leaf.parametric import build
 from o3dleaf.leaf.parametric.build import fit_noise
 from o3dleaf.leaf.parametric.fitted import ChartMesh
@@ -40,6 +41,17 @@ def test_a_tip_too_sparse_for_a_sheet_belongs_to_the_leaf():
     ring = blade.lift(np.column_stack([blade.outline.ring, np.zeros(len(blade.outline.ring))]))
     assert np.linalg.norm(ring - leaf.lift([[150.0, 0.0]]), axis=1).min() < TIP * scan.spacing
     assert not any("left out" in note for note in blade.notes)
+
+
+@pytest.mark.parametrize("kind", ["wavy", "eaten"])
+def test_a_leaf_without_gaussian_curvature_is_laid_flat_without_stretch_up_to_its_margin(kind):
+    leaf = o3l.samples.leaf_shape(kind, length=40)
+    scan = o3l.samples.scan_leaf(leaf, seed=3, spacing=0.5)
+    blade = o3l.create_blade(scan.points, unit="mm")
+    places = places_inside(blade.outline, 4000)
+    lifted = blade.lift_with_jacobian(np.column_stack([places, np.zeros(len(places))]))
+    stretch = np.linalg.svd(lifted.columns[:, :2], compute_uv=False)
+    assert np.quantile(np.abs(stretch - 1), 0.99) < tol.STRETCH_OF_A_BEND
 
 
 def test_a_leaf_rolled_until_its_margins_nearly_meet_is_cut_open_between_them():
