@@ -1,5 +1,7 @@
 """Models that were saved: interpolants, tiled fields, blades and leaves.
 
-`model_arrays`  what their arrays must be, before compiled loops index by them
+`array_kinds`   what one array must be
+`relations`     what holds between the arrays of an object
+`model_arrays`  what all of them must be, before compiled loops index by them
 `models`        read again
 """
