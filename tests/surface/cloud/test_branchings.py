@@ -5,6 +5,7 @@ import pytest
 
 from cloud_shapes import block, slab, sphere
 from o3dleaf.core.errors import CloudWarning
+from o3dleaf.samples import Figure
 from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.preprocess import preprocess_point_cloud
 from o3dleaf.surface.mesh.mesh_report import mesh_report
@@ -71,6 +72,13 @@ def test_creases_corners_thin_sheets_and_bodies_that_touch_are_no_branchings(mak
     area = 12000 / DENSITY  # of the blocks and slabs less: the noise is the larger for them
     points = points + np.random.default_rng(2).normal(0, noise * np.sqrt(area / len(points)) / 2, points.shape)
     assert find_branchings(points) is None
+
+
+@pytest.mark.parametrize(("count", "noise", "seed"), [(8000, 0.0015, 0), (8000, 0.002, 0), (9000, 0.002, 1)])
+def test_noise_in_the_crotches_of_a_solid_makes_no_branchings(count, noise, seed):
+    points, _ = Figure().sample(count)
+    width = noise * np.linalg.norm(np.ptp(points, axis=0))
+    assert find_branchings(points + np.random.default_rng([count, seed]).normal(0, width, points.shape)) is None
 
 
 def ribbed(thickness, density=DENSITY):
