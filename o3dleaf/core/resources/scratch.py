@@ -63,6 +63,14 @@ def made_by_rows(
     return array
 
 
+def offsets_of(counts: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    """Return where the parts of so many rows each (n,) begin, and where the last one ends: a scratch array (n + 1,)."""
+    offsets = scratch_array((len(counts) + 1,), np.int64)
+    offsets[0] = 0
+    np.cumsum(counts, out=offsets[1:])
+    return offsets
+
+
 Place = Callable[[tuple[int, ...], npt.DTypeLike], npt.NDArray[Any] | None]
 """``place(shape, dtype)`` returns an array to be filled where it is to stay, or None."""
 _place: ContextVar[Place | None] = ContextVar("o3dleaf.place", default=None)

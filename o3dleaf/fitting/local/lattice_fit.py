@@ -22,7 +22,7 @@ from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.core.resources.scratch import is_held, made_by_rows, result_array, scratch_array
+from o3dleaf.core.resources.scratch import is_held, made_by_rows, offsets_of, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.voxel_noise import VoxelNoise
@@ -77,9 +77,7 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     count = len(cover.starts)
     # A bare ball has no site: the place of its class, which names it, is its middle.
     sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
-    offsets = scratch_array((count + 1,), np.int64)
-    offsets[0] = 0
-    np.cumsum(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64), out=offsets[1:])
+    offsets = offsets_of(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64))
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
     weights, tails = result_array((int(offsets[-1]),)), scratch_array((count, len(model.exponents)))
     # As their voxels lie, so that a file larger than memory is gone through once.
