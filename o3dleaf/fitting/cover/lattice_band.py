@@ -108,7 +108,7 @@ class LatticeBand:
             side = 1 << level
             # The ball reaches so much farther beyond; what its outermost tiles have looked at counts.
             margin = -(-(side - 1) * (self.reach + 1) // self.tile)
-            inside = np.array(list(product(range(side), repeat=dimension)))
+            inside = np.indices((side,) * dimension).reshape(dimension, -1).T
             # The tiles within so many larger ones are listed together.
             for coarse in _by_layers(np.broadcast_to(True, whole >> level), ROWS >> dimension * level):
                 places = coarse << level
