@@ -423,12 +423,16 @@ EIKONAL = 1e-2
 """Central differences at a step of 1e-3 across ridges of radius 0.1 find slopes to 1e-4; errors of 1e-5 add."""
 
 AT_VERTICES = 5e-3
-"""From vertices on a field that bends at lids, to feet beside samples of 0.035: found 2.7e-3. Samples that Newton's
-steps led astray beside lids left holes of 0.047."""
+"""From vertices on a field that bends at lids, to feet beside samples of 0.035: found 4e-3. Samples that Newton's steps
+led astray beside lids left holes of 0.047, and vertices from which it led astray lay 0.02 off, as far as a sample."""
 
 THINNED_MESH = (6e-3, 0.0354)
 """Of 90 % of the points and at worst, to hairs with sharp edges: cubes of 0.05 cut those by 0.05/√2 at most, and feet
 of hairs twice as wide as two of them are chords. Found 4.4e-3 and 0.033; a hair more or less is 0.1 to 0.3 off."""
+
+AT_EDGE, OFF_SURFACE = 1e-6, 2e-3
+"""Distance to a window's edge, and share of the vertices farther from it that are not on the surface: in corners of
+voids and lids, found 5e-4 and 9e-4. With those at the edge it is 0.037 for tiles that the edge cuts between columns."""
 
 DISTANCE_MESH = (2e-3, 1e-2)
 """Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;
