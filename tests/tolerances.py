@@ -240,6 +240,11 @@ LATTICE_EDGE = 1e-12
 BOX_INDEPENDENCE = 1e-9
 """Lattices of two boxes start at other multiples of the spacing, so that positions differ by roundings."""
 
+HELD_BY_TILE = 2.3
+"""Times as much memory beside files for a tile of nine times the columns, whose planes and walls are three times as
+long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes, and
+2.92 with the points of the walls sorted in memory."""
+
 SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
 
