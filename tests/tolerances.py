@@ -242,8 +242,8 @@ BOX_INDEPENDENCE = 1e-9
 
 HELD_BY_TILE = 2.3
 """Times as much memory beside files for a tile of nine times the columns, whose planes and walls are three times as
-long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes, and
-2.92 with the points of the walls sorted in memory."""
+long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes,
+and 2.92 with the points of the walls sorted in memory."""
 
 SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
@@ -435,9 +435,12 @@ THINNED_MESH = (6e-3, 0.0354)
 """Of 90 % of the points and at worst, to hairs with sharp edges: cubes of 0.05 cut those by 0.05/√2 at most, and feet
 of hairs twice as wide as two of them are chords. Found 4.4e-3 and 0.033; a hair more or less is 0.1 to 0.3 off."""
 
-AT_EDGE, OFF_SURFACE = 1e-6, 2e-3
-"""Distance to a window's edge, and share of the vertices farther from it that are not on the surface: in corners of
-voids and lids, found 5e-4 and 9e-4. With those at the edge it is 0.037 for tiles that the edge cuts between columns."""
+AT_EDGE = 1e-6
+"""Distance to a window's edge, within which a vertex is at it: they are laid on it, but for rounding."""
+
+OFF_SURFACE = 2e-3
+"""Share of the other vertices that are not on the surface, in corners of voids and lids: found 5e-4 and 9e-4. With
+those at the edge it is 0.037 for tiles that the edge cuts between columns."""
 
 DISTANCE_MESH = (2e-3, 1e-2)
 """Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;
