@@ -240,6 +240,11 @@ LATTICE_EDGE = 1e-12
 BOX_INDEPENDENCE = 1e-9
 """Lattices of two boxes start at other multiples of the spacing, so that positions differ by roundings."""
 
+HELD_BY_TILE = 2.3
+"""Times as much memory beside files for a tile of nine times the columns, whose planes and walls are three times as
+long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes,
+and 2.92 with the points of the walls sorted in memory."""
+
 SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
 
@@ -423,12 +428,19 @@ EIKONAL = 1e-2
 """Central differences at a step of 1e-3 across ridges of radius 0.1 find slopes to 1e-4; errors of 1e-5 add."""
 
 AT_VERTICES = 5e-3
-"""From vertices on a field that bends at lids, to feet beside samples of 0.035: found 2.7e-3. Samples that Newton's
-steps led astray beside lids left holes of 0.047."""
+"""From vertices on a field that bends at lids, to feet beside samples of 0.035: found 4e-3. Samples that Newton's steps
+led astray beside lids left holes of 0.047, and vertices from which it led astray lay 0.02 off, as far as a sample."""
 
 THINNED_MESH = (6e-3, 0.0354)
 """Of 90 % of the points and at worst, to hairs with sharp edges: cubes of 0.05 cut those by 0.05/√2 at most, and feet
 of hairs twice as wide as two of them are chords. Found 4.4e-3 and 0.033; a hair more or less is 0.1 to 0.3 off."""
+
+AT_EDGE = 1e-6
+"""Distance to a window's edge, within which a vertex is at it: they are laid on it, but for rounding."""
+
+OFF_SURFACE = 2e-3
+"""Share of the other vertices that are not on the surface, in corners of voids and lids: found 5e-4 and 9e-4. With
+those at the edge it is 0.037 for tiles that the edge cuts between columns."""
 
 DISTANCE_MESH = (2e-3, 1e-2)
 """Of 99 % of the points and at worst: triangles of 0.04 on ridges of radius 0.3 cut their crests by h²/8R = 7e-4;

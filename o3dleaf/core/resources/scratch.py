@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.atomic_files import claim
 from o3dleaf.core.errors import O3DLeafError
+from o3dleaf.core.parallel import blocks
 from o3dleaf.core.resources.budget import usable_memory
 from o3dleaf.core.resources.machine import release_pages
 
@@ -61,6 +62,31 @@ def made_by_rows(
         stop = min(start + ROWS, len(array))
         array[start:stop] = make(start, stop)
     return array
+
+
+def offsets_of(counts: npt.NDArray[Any]) -> npt.NDArray[np.int64]:
+    """Return where the parts of so many rows each (n,) begin, and where the last one ends: a scratch array (n + 1,)."""
+    offsets = scratch_array((len(counts) + 1,), np.int64)
+    offsets[0] = 0
+    np.cumsum(counts, out=offsets[1:])
+    return offsets
+
+
+def order_of(keys: npt.NDArray[np.integer[Any]], rows: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Return rows (n,) in the order of their keys, small numbers from 0 on, those of one key as they come.
+
+    They are counted and put in place some at a time, so that no copy of them is held.
+    """
+    kinds, order = int(keys.max(initial=-1)) + 1, scratch_array(rows.shape, np.int64)
+    counts = [np.bincount(keys[start:stop], minlength=kinds) for start, stop in blocks(len(keys), ROWS)]
+    heads = np.cumsum(total := np.sum(counts, axis=0, dtype=np.int64)) - total
+    for start, stop in blocks(len(rows), ROWS):
+        some = rows[start:stop]
+        within = np.argsort(keys[some], kind="stable")
+        key = keys[some[within]]
+        order[heads[key] + np.arange(len(key)) - np.searchsorted(key, key)] = some[within]
+        heads += np.bincount(key, minlength=kinds)
+    return order
 
 
 Place = Callable[[tuple[int, ...], npt.DTypeLike], npt.NDArray[Any] | None]

@@ -22,6 +22,10 @@ their many lists and nodes cost more to make and to fetch, and queries come in s
 
 ABREAST = 8
 
+LEAF_BITS = 11
+"""Of the numbers of leaves, by which rows are sorted at once: so many counts lie in the first cache."""
+LEAF_MASK = (1 << LEAF_BITS) - 1
+
 
 class Balls(NamedTuple):
     """Balls and the points that each is fitted to: ball i to ``members[offsets[i]:offsets[i + 1]]``."""
@@ -151,16 +155,24 @@ def fold(start, stop, points, bounds, period, tree, folded, leaves):
 
 @njit(nogil=True, cache=True)
 def order_by_leaf(leaves, count):
-    """Return the rows in the order of their leaves (of `count`), rising within each: a counting sort."""
-    heads = np.zeros(count + 1, dtype=np.int64)
-    for leaf in leaves:
-        heads[leaf + 1] += 1
-    for leaf in range(count):
-        heads[leaf + 1] += heads[leaf]
-    order = np.empty(leaves.size, dtype=np.int64)
-    for row in range(leaves.size):
-        order[heads[leaves[row]]] = row
-        heads[leaves[row]] += 1
+    """Return the rows in the order of their leaves (of `count`), rising within each.
+
+    By counting sorts of some bits of their numbers: what that holds does not grow with the leaves.
+    """
+    order, before = np.arange(leaves.size), np.empty(leaves.size, dtype=np.int64)
+    shift = 0
+    while count >> shift > 0:
+        order, before = before, order
+        heads = np.zeros((1 << LEAF_BITS) + 1, dtype=np.int64)
+        for row in before:
+            heads[(leaves[row] >> shift & LEAF_MASK) + 1] += 1
+        for digit in range(1 << LEAF_BITS):
+            heads[digit + 1] += heads[digit]
+        for row in before:
+            digit = leaves[row] >> shift & LEAF_MASK
+            order[heads[digit]] = row
+            heads[digit] += 1
+        shift += LEAF_BITS
     return order
 
 

@@ -11,6 +11,7 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.parallel import blocks
+from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows
 from o3dleaf.core.trees import query, threads_for
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import Balls
@@ -100,14 +101,20 @@ class Cover:
     @property
     def counts(self) -> IntArray:
         """(M,) number of points that each ball is fitted to, the paper's N_i."""
-        return np.diff(self.offsets)
+        offsets = self.offsets
+        return made_by_rows((len(offsets) - 1,), lambda start, stop: np.diff(offsets[start : stop + 1]), offsets.dtype)
 
     @property
     def typical(self) -> tuple[float, float]:
         """Median radius and median number of points of the balls; bare ones of `VoxelCover` have none."""
-        counts = self.counts
-        filled = counts > 0 if counts.any() else np.ones(len(counts), dtype=bool)
-        return float(np.median(self.radii[filled])), float(np.median(counts[filled]))
+        counts, found = self.counts, (GrowingArray(np.float64), GrowingArray(np.int64))
+        least = min(1, int(counts.max(initial=0)))
+        for start, stop in blocks(len(counts), ROWS):
+            filled = counts[start:stop] >= least
+            for whole, part in zip(found, (self.radii[start:stop], counts[start:stop]), strict=True):
+                whole.append(part[filled])
+        radius, count = (float(np.median(each.whole(), overwrite_input=True)) for each in found)
+        return radius, count
 
     def only(self, balls: IntArray) -> "Cover":
         """Return some of the balls, by their numbers."""

@@ -77,7 +77,11 @@ class BallIndex:
         """Index all images, under shifts by whole `period` (d,), that reach into the cell `bounds`; 0: not periodic."""
         repeats = np.zeros(len(period), dtype=np.int64)
         moving = period > 0
-        lowest, highest = (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
+        lowest, highest = np.full(len(period), np.inf), np.full(len(period), -np.inf)
+        for start, stop in blocks(len(centers), ROWS):
+            places, sizes = centers[start:stop], radii[start:stop, np.newaxis]
+            lowest = np.minimum(lowest, (places - sizes).min(axis=0))
+            highest = np.maximum(highest, (places + sizes).max(axis=0))
         reach = np.maximum(bounds[1] - lowest, highest - bounds[0])
         repeats[moving] = np.ceil(reach[moving] / period[moving]).astype(np.int64)
         steps = np.stack(np.meshgrid(*[np.arange(-n, n + 1) for n in repeats], indexing="ij"), axis=-1)

@@ -71,7 +71,7 @@ class LatticeBand:
         for size, side, more in zip(np.array(data.shape)[order].tolist(), sides, around, strict=True):
             starts, before = np.minimum(np.arange(0, size, side), size - side).tolist(), more + window - 1
             windows.append([slice(max(first - before, 0), first + side + more) for first in starts])
-        far, spread = np.empty([len(each) for each in windows], dtype=bool), current_spread()
+        far, spread = scratch_array(tuple(len(each) for each in windows), np.bool_), current_spread()
         read = None if spread is None else spread.stand_in(data)
         rows = (sides[0] + 2 * around[0] + 2 * (window - 1)) * int(np.prod(np.array(data.shape)[order[2:]]))
         together = max(1, PART // (rows * sides[1])) if data.ndim > 1 else 1
@@ -91,10 +91,11 @@ class LatticeBand:
     def balls(self) -> tuple[IntArray, IntArray, BoolArray]:
         """Return starts (M, d) and levels (M,) of tiles that cover the lattice, and which of them are far."""
         dimension, whole = len(self.shape), np.array(self.shape) // self.tile
-        merged = np.zeros(self.far.shape, dtype=bool)
+        merged = scratch_array(self.far.shape, np.bool_)
+        merged[...] = False
         table = scratch_array(tuple(size + 1 for size in self.far.shape), np.int64)
         table[...] = 0
-        table[(slice(1, None),) * dimension] = ~self.far
+        np.logical_not(self.far, out=table[(slice(1, None),) * dimension])
         for axis in range(dimension):
             np.cumsum(table, axis=axis, out=table)
         found = GrowingArray(np.int64, (dimension,)), GrowingArray(np.int64), GrowingArray(np.bool_)
@@ -107,14 +108,15 @@ class LatticeBand:
             side = 1 << level
             # The ball reaches so much farther beyond; what its outermost tiles have looked at counts.
             margin = -(-(side - 1) * (self.reach + 1) // self.tile)
-            inside = np.array(list(product(range(side), repeat=dimension)))
-            for coarse in _by_layers(np.ones(whole >> level, dtype=bool)):
+            inside = np.indices((side,) * dimension).reshape(dimension, -1).T
+            # The tiles within so many larger ones are listed together.
+            for coarse in _by_layers(np.broadcast_to(True, whole >> level), ROWS >> dimension * level):
                 places = coarse << level
                 low, high = np.maximum(places - margin, 0), np.minimum(places + side + margin, self.far.shape)
                 free = ~merged[tuple(places.T)] & (_sums(table, low, high) == 0)
                 merged[tuple((places[free, np.newaxis] + inside).reshape(-1, dimension).T)] = True
                 add(places[free] * self.tile, level, np.ones(np.count_nonzero(free), dtype=bool))
-        for left in _by_layers(~merged):
+        for left in _by_layers(merged, ROWS, marked=False):
             add(np.minimum(left * self.tile, np.array(self.shape) - self.tile), 0, self.far[tuple(left.T)])
         starts, levels, bare = (each.whole() for each in found)
         return starts, levels, bare
@@ -174,11 +176,11 @@ class _Layers:
         return np.asarray((low > reserve) | (-high > reserve))
 
 
-def _by_layers(marked: BoolArray) -> Iterator[IntArray]:
-    """Yield the places (n, d) that are marked, some layers along the first axis at a time."""
-    layers = max(1, ROWS * len(marked) // max(marked.size, 1))
-    for first, last in blocks(len(marked), layers):
-        places = np.argwhere(marked[first:last])
+def _by_layers(mask: BoolArray, together: int, *, marked: bool = True) -> Iterator[IntArray]:
+    """Yield the places (n, d) that are marked, or that are not, about so many together, by layers of the first axis."""
+    layers = max(1, together * len(mask) // max(mask.size, 1))
+    for first, last in blocks(len(mask), layers):
+        places = np.argwhere(mask[first:last] == marked)
         places[:, 0] += first
         yield places
 

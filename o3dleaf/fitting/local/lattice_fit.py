@@ -6,7 +6,7 @@ and its balls are the columns of one right-hand side. Bare balls share what take
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, pairwise
 from typing import Any
 from uuid import uuid4
 
@@ -15,14 +15,14 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
-from o3dleaf.core.parallel import run_blocks, single_threaded_blas
+from o3dleaf.core.parallel import blocks, run_blocks, single_threaded_blas
 from o3dleaf.core.processes.spread import current_spread
 from o3dleaf.core.progress import report
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.machine import release_pages
 from o3dleaf.core.resources.measured import Cost
 from o3dleaf.core.resources.needs import require_resources
-from o3dleaf.core.resources.scratch import is_held, made_by_rows, result_array, scratch_array
+from o3dleaf.core.resources.scratch import is_held, made_by_rows, offsets_of, order_of, result_array, scratch_array
 from o3dleaf.fitting.cover.bare_plane import BarePlane
 from o3dleaf.fitting.cover.lattice_cover import VoxelCover
 from o3dleaf.fitting.cover.voxel_noise import VoxelNoise
@@ -52,8 +52,9 @@ def require_room_for_voxels(voxels: int, cover: VoxelCover | None) -> None:
     """
     cost, what = measured.VOLUME + measured.FITTED_VOXEL * voxels, f"fit: {voxels:,} voxels"
     if cover is not None:
-        fitted = int(np.count_nonzero(~cover.bare) * np.prod(cover.tile))
-        cost = cost_of_fit(voxels, fitted, int(_sizes(cover)[cover.classes].sum()))
+        balls = np.bincount(cover.classes, minlength=len(cover.keys))
+        fitted = int(balls[cover.keys[:, -1] == 0].sum() * np.prod(cover.tile))
+        cost = cost_of_fit(voxels, fitted, int(_sizes(cover) @ balls))
         what = f"{what}, {fitted:,} near the surface"
     require_resources(cost, what, "crop the volume, or take every second voxel")
 
@@ -77,9 +78,7 @@ def fit_voxels(cover: VoxelCover, values: VoxelValues, model: SplineModel) -> Lo
     count = len(cover.starts)
     # A bare ball has no site: the place of its class, which names it, is its middle.
     sites = [np.zeros((len(cover.shape), 1)) if empty else solver.points(n) for n, empty in enumerate(bare)]
-    offsets = scratch_array((count + 1,), np.int64)
-    offsets[0] = 0
-    np.cumsum(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64), out=offsets[1:])
+    offsets = offsets_of(made_by_rows((count,), lambda *part: sizes[cover.classes[slice(*part)]], np.int64))
     begins = np.concatenate([[0], np.cumsum([each.size for each in sites])[:-1]])
     weights, tails = result_array((int(offsets[-1]),)), scratch_array((count, len(model.exponents)))
     # As their voxels lie, so that a file larger than memory is gone through once.
@@ -269,12 +268,12 @@ def averaged_voxels(cover: VoxelCover, model: SplineModel) -> float:
 
 def _batches(classes: IntArray, along: IntArray) -> Iterator[IntArray]:
     """Yield the balls of each class in the order of `along`, `COLUMNS` at a time."""
-    order = scratch_array(classes.shape, np.int64)
-    order[:] = np.lexsort((along, classes))
-    groups = np.split(order, np.flatnonzero(np.diff(classes[order])) + 1)
-    for balls in groups:
-        for start in range(0, len(balls), COLUMNS):
-            yield balls[start : start + COLUMNS]
+    every = made_by_rows(classes.shape, np.arange, np.int64)
+    order = order_of(classes, order_of(along, every))
+    ends = np.cumsum(np.bincount(classes))
+    for begin, end in pairwise([0, *ends.tolist()]):
+        for start, stop in blocks(end - begin, COLUMNS):
+            yield order[begin + start : begin + stop]
 
 
 def _choose_smoothing(
@@ -287,7 +286,7 @@ def _choose_smoothing(
             "smoothing: balls on a lattice share one factorization and its smoothing; give 'gcv' or a number"
         )
     sample = np.unique(np.linspace(0, len(cover.starts) - 1, GCV_BALLS).round().astype(np.int64))
-    batches = list(_batches(cover.classes[sample], sample))
+    batches = list(_batches(cover.classes[sample], np.arange(len(sample))))
 
     def of_class(batch: int) -> list[tuple[Spectrum, bool]]:
         balls = sample[batches[batch]]

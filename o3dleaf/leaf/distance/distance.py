@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
+from o3dleaf.core.mesh_arrays import BoolArray
 from o3dleaf.core.parallel import blocks, run_blocks
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.distance import projection_loops
@@ -147,8 +148,25 @@ class SurfaceIndex:
 def _refine(leaf: TexturedBlade, solid: LeafSolid, points: FloatArray, start: FloatArray, step: float) -> FloatArray:
     """Return the points of the surface closest to `points`, by Newton's method from samples beside them.
 
-    The first step's second derivatives are kept. Where it leads out of the outline, away from the surface, or
-    farther away than it began, the start is the answer.
+    Where it leads out of the outline, away from the surface, or farther away than it began, as across a bend, it begins
+    at the point itself, if the sample is not a step away, and else the sample is the answer.
+    """
+    first, feet, good = _newton(leaf, solid, points, start, step)
+    square = np.sum((first - points) ** 2, axis=1)
+    good &= np.sum((feet - points) ** 2, axis=1) <= square
+    rows = np.flatnonzero(~good & (square < step**2))
+    if len(rows):
+        _, feet[rows], found = _newton(leaf, solid, points[rows], leaf.blade.flatten(points[rows]), step)
+        good[rows] = found & (np.sum((feet[rows] - points[rows]) ** 2, axis=1) <= square[rows])
+    return np.where(good[:, np.newaxis], feet, first)
+
+
+def _newton(
+    leaf: TexturedBlade, solid: LeafSolid, points: FloatArray, start: FloatArray, step: float
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return where Newton's method starts and ends in the world, and whether that is on the surface in the outline.
+
+    The first step's second derivatives are kept.
     """
     flat, feet = start.copy(), np.empty_like(start)
     values, inner, hessians = leaf.jets(start, 2)
@@ -167,10 +185,9 @@ def _refine(leaf: TexturedBlade, solid: LeafSolid, points: FloatArray, start: Fl
         active = active[(iteration == 0) | (np.abs(steps).max(axis=1, initial=0.0) > TOLERANCE * step)]
         if not len(active):
             break
-    good = np.sum((feet - points) ** 2, axis=1) <= np.sum((first - points) ** 2, axis=1)
-    good &= solid.contains(flat[:, :2])
+    good = solid.contains(flat[:, :2])
     good[active] = False
-    return np.where(good[:, np.newaxis], feet, first)
+    return first, feet, good
 
 
 def _run_rows(task: Callable[[IntArray], None], rows: IntArray) -> None:

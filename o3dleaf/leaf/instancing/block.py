@@ -4,6 +4,8 @@ For solvers with cyclic boundaries: every vertex and triangle of a wall has its 
 the wall across from it. A file takes it block by block, as it takes a leaf (`assembly`).
 """
 
+from collections.abc import Iterator
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,8 @@ import numpy.typing as npt
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import InputError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
-from o3dleaf.core.parallel import run_blocks
+from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.resources.scratch import ROWS, GrowingArray, made_by_rows, scratch_array
 from o3dleaf.leaf.instancing.assembly import BATCH_SIZE, Sink
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.placement import in_tile
@@ -37,8 +40,8 @@ class FlatBlock:
     tile : Tile
     others : (m,) ndarray of int64
         The edges and points of the window that the others lie on, rising.
-    before : (m,) ndarray of int64
-        How many of the tile's own vertices come before each of them.
+    before, numbers : (m,) ndarrays of int64
+        How many of the tile's own vertices come before each of them, and how many of all.
     """
 
     def __init__(self, tile: Tile) -> None:
@@ -51,14 +54,17 @@ class FlatBlock:
         """
         if METHODS[tile.method] != "cubes":
             raise InputError("method: the walls of a block need marching cubes; use 'cubes'")
-        walls = np.concatenate([_wall(tile, axis, far) for axis in range(2) for far in (False, True)])
-        beyond = _rename(tile.beyond[:, 0], tile.lattice.shape, tile.beyond[:, 1])
-        names, self.tile = np.unique(np.concatenate([beyond, walls.ravel()])), tile
-        rows, own = _rows(tile, names)
-        self.others, self.before = names[~own], rows[~own]
-        numbers = np.empty(len(names), dtype=np.int32)
-        numbers[own], numbers[~own] = self._numbers_of_own(rows[own]), self.before + np.arange(len(self.others))
-        self._beyond, self._walls = (numbers[np.searchsorted(names, each)] for each in (beyond, walls))
+        self.tile, found = tile, GrowingArray(np.int64, (3,))
+        for axis, far in product(range(2), (False, True)):
+            for triangles in _wall(tile, axis, far):
+                found.append(triangles)
+        walls, beyond = found.whole(), _rename(tile.beyond[:, 0], tile.lattice.shape, tile.beyond[:, 1])
+        self.others, self.before = _others(tile, beyond, walls.reshape(-1))
+        self.numbers = made_by_rows(
+            self.others.shape, lambda *part: self.before[slice(*part)] + np.arange(*part), np.int64
+        )
+        self._beyond = self._numbers_of(beyond)
+        self._walls = made_by_rows(walls.shape, lambda *part: self._numbers_of(walls[slice(*part)]), np.int32)
 
     def __repr__(self) -> str:
         return f"FlatBlock({self.vertices:,} vertices, {self.triangles:,} triangles)"
@@ -87,7 +93,17 @@ class FlatBlock:
             sink.put_triangles(start, numbers, np.where(sides[:, 0] == ABOVE, UPPER, LOWER).astype(np.uint8))
 
         run_blocks(put, len(tile.nodes), BATCH_SIZE)
-        sink.put_triangles(len(tile.nodes), self._walls, np.full(len(self._walls), RIM, dtype=np.uint8))
+
+        def put_walls(start: int, stop: int) -> None:
+            rim = np.full(stop - start, RIM, dtype=np.uint8)
+            sink.put_triangles(len(tile.nodes) + start, self._walls[start:stop], rim)
+
+        run_blocks(put_walls, len(self._walls), BATCH_SIZE)
+
+    def _numbers_of(self, names: IntArray) -> IntArray:
+        """Return the numbers of vertices by their names in the window."""
+        rows, own = _rows(self.tile, names)
+        return np.where(own, self._numbers_of_own(rows), rows + np.searchsorted(self.others, names))
 
     def _numbers_of_own(self, rows: npt.NDArray[np.integer[Any]]) -> IntArray:
         """Return the numbers of some of the tile's own vertices."""
@@ -96,10 +112,9 @@ class FlatBlock:
     def _places(self, start: int, stop: int) -> FloatArray:
         """Return the positions of the vertices from start to stop."""
         tile, shape = self.tile, self.tile.lattice.shape
-        others = self.before + np.arange(len(self.others))
-        first, last = np.searchsorted(others, (start, stop))
+        first, last = np.searchsorted(self.numbers, (start, stop))
         here = np.ones(stop - start, dtype=bool)
-        here[others[first:last] - start] = False
+        here[self.numbers[first:last] - start] = False
         own = slice(start - first, stop - last)
         names, fractions = np.empty(len(here), dtype=np.int64), np.zeros(len(here))
         names[here], fractions[here] = _rename(tile.edges[own], shape), tile.fractions[own]
@@ -109,6 +124,24 @@ class FlatBlock:
         fractions[np.flatnonzero(~here)[crossed]] = tile.fractions[rows]
         nx, ny, nz = shape
         return tile.lattice.positions(lattice_positions(names, fractions, (nx + 1, ny + 1, nz)))
+
+
+def _others(tile: Tile, *names: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct names that are no vertices of a tile, rising, and how many of its vertices come before each.
+
+    They are sorted where they lie: on the walls of a fine tile there are many.
+    """
+    every = scratch_array((sum(map(len, names)),), np.int64)
+    np.concatenate(names, out=every)
+    every.sort()
+    others, before = GrowingArray(np.int64), GrowingArray(np.int64)
+    for start, stop in blocks(len(every), ROWS):
+        some = every[start:stop]
+        some = some[some != np.concatenate([every[start - 1 : start] if start else [-1], some[:-1]])]
+        rows, own = _rows(tile, some)
+        others.append(some[~own])
+        before.append(rows[~own])
+    return others.whole(), before.whole()
 
 
 def _rows(tile: Tile, names: IntArray) -> tuple[IntArray, BoolArray]:
@@ -123,16 +156,16 @@ def _rows(tile: Tile, names: IntArray) -> tuple[IntArray, BoolArray]:
     return rows, inside & (tile.edges[np.minimum(rows, len(tile.edges) - 1)] == named)
 
 
-def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one wall or the one across from it
-    """Return the triangles (m, 3), by names in the window, of the wall at the beginning or end of an axis."""
+def _wall(tile: Tile, axis: int, far: bool) -> Iterator[IntArray]:  # noqa: FBT001 - one wall or the one across from it
+    """Yield the triangles (m, 3), by names in the window, of the wall at the beginning or end of an axis."""
     nx, ny, nz = tile.lattice.shape
     length = (ny, nx)[axis]
     number = np.arange(length + 1) % length
     columns = number if axis == 0 else number * ny
     inside = tile.runs.expand(columns) == INSIDE
-    u, v = np.meshgrid(np.arange(length), np.arange(nz - 1), indexing="ij")
-    corners = [(u + a, v + b) for a, b in CORNERS]
-    code = sum(inside[corner].astype(np.int64) << k for k, corner in enumerate(corners))
+    code = np.zeros((length, nz - 1), dtype=np.uint8)
+    for k, (a, b) in enumerate(CORNERS):
+        code |= inside[a : length + a, b : nz - 1 + b].astype(np.uint8) << k
     wall = (nx, ny)[axis] if far else 0
 
     def name(u: IntArray, v: IntArray, direction: int) -> IntArray:
@@ -140,19 +173,15 @@ def _wall(tile: Tile, axis: int, far: bool) -> IntArray:  # noqa: FBT001 - one w
         return ((i * (ny + 1) + j) * nz + v) * 8 + direction
 
     sideways = 2 if axis == 0 else 1
-    vertices = np.stack(
-        [name(*corner, 0) for corner in corners]
-        + [name(u, v, sideways), name(u + 1, v, 4), name(u, v + 1, sideways), name(u, v, 4)],
-        axis=-1,
-    )
-    parts = []
-    for kind in range(1, 16):
-        squares = vertices[code == kind]
-        parts += [squares[:, list(triangle)] for triangle in square_triangles(kind)]
-    triangles = np.concatenate(parts)
+    vertices = [*((*corner, 0) for corner in CORNERS), (0, 0, sideways), (1, 0, 4), (0, 1, sideways), (0, 0, 4)]
     # (across, up) and (along, up) turn about along and minus across.
-    outward = far if axis == 0 else not far
-    return triangles if outward else triangles[:, ::-1]
+    turn = 1 if far == (axis == 0) else -1
+    for kind in range(1, 16):
+        squares = np.flatnonzero(code == kind)
+        for triangle, (start, stop) in product(square_triangles(kind), blocks(len(squares), ROWS)):
+            u, v = np.divmod(squares[start:stop], nz - 1)
+            corners = [vertices[corner] for corner in triangle[::turn]]
+            yield np.stack([name(u + a, v + b, direction) for a, b, direction in corners], axis=1)
 
 
 def _rename(names: IntArray, shape: tuple[int, int, int], shifts: IntArray | int = 0) -> IntArray:

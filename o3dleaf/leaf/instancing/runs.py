@@ -15,7 +15,7 @@ import numpy.typing as npt
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
 from o3dleaf.core.parallel import blocks
-from o3dleaf.core.resources.scratch import ROWS, made_by_rows, scratch_array
+from o3dleaf.core.resources.scratch import ROWS, made_by_rows, offsets_of, scratch_array
 from o3dleaf.leaf.instancing.tile_loops import ABOVE, BELOW, INSIDE, count_runs, expand_runs, fill_runs, unite_all
 from o3dleaf.surface.mesh.topology import label_nodes
 
@@ -84,9 +84,7 @@ def solidify(shape: tuple[int, int, int], counts: IntArray, begin: IntArray, ali
     ReconstructionError
         If nothing is inside, or the air above and below hang together: not two sheets.
     """
-    first = scratch_array((len(counts) + 1,), np.int64)
-    first[0] = 0
-    np.cumsum(counts, out=first[1:])
+    first = offsets_of(counts)
     solid, length = _solid_lengths(shape[2], first, begin)
     piece, around = (made_by_rows(begin.shape, np.arange, np.int64) for _ in range(2))
     unite_all(shape, first, begin, piece, solid, -1)

@@ -113,12 +113,16 @@ def count_cells(method, inside, counts):
 
 
 @njit(nogil=True, cache=True)
-def name_in_tile(edges, slab, start, tile, names, shifts):
-    """Write the names in a period of edges of a slab of it, and how many periods on they lie (bits: along, across)."""
+def name_in_tile(edges, slab, first, tile, names, shifts):
+    """Write the names in a period of edges of a slab of it, and how many periods on they lie (bits: along, across).
+
+    The slab begins at the column `first` (i, j).
+    """
     _, slab_ny, slab_nz = slab
     nx, ny, nz = tile
+    first_i, first_j = first
     for n in range(len(edges)):
         point, direction = edges[n] >> 3, edges[n] & 7
-        i, j, k = start + point // (slab_ny * slab_nz), point // slab_nz % slab_ny, point % slab_nz
+        i, j, k = first_i + point // (slab_ny * slab_nz), first_j + point // slab_nz % slab_ny, point % slab_nz
         shifts[n] = (i >= nx) + 2 * (j >= ny)
         names[n] = (((i % nx) * ny + j % ny) * nz + k) * 8 + direction

@@ -114,3 +114,24 @@ def test_a_disk_that_fills_up_under_a_growing_array_is_named(monkeypatch):
     monkeypatch.setattr(tempfile, "TemporaryFile", lambda **_: Full())
     with pytest.raises(O3DLeafError, match="TMPDIR"):
         scratch.GrowingArray(np.float64).append(np.ones(10))
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_rows_in_the_order_of_their_keys_are_those_of_a_stable_sort(monkeypatch, held):
+    """By a second key, then by the first: the twin is `lexsort`."""
+    monkeypatch.setattr(scratch, "is_held", lambda *_: held)
+    monkeypatch.setattr(scratch, "ROWS", 100)
+    rng = np.random.default_rng(0)
+    first, second = rng.integers(0, 7, 1234), rng.integers(0, 40, 1234)
+    order = scratch.order_of(first, scratch.order_of(second, np.arange(1234)))
+    np.testing.assert_array_equal(order, np.lexsort((second, first)))
+    assert isinstance(order.base, np.memmap) != held
+    assert len(scratch.order_of(first[:0], order[:0])) == 0
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_parts_begin_where_those_before_them_end(monkeypatch, held):
+    monkeypatch.setattr(scratch, "is_held", lambda *_: held)
+    offsets = scratch.offsets_of(np.array([3, 0, 5], dtype=np.int64))
+    np.testing.assert_array_equal(offsets, [0, 3, 3, 8])
+    assert isinstance(offsets.base, np.memmap) != held

@@ -117,10 +117,12 @@ def test_points_are_folded_by_whole_periods_or_else_to_the_nearest_point(period)
         assert set(np.flatnonzero(inside)) <= set(tree.images[tree.starts[leaf] : tree.stops[leaf]])
 
 
-@given(leaves=st.lists(st.integers(0, 9), max_size=60))
+@given(st.one_of(*(st.lists(st.integers(0, most), max_size=60) for most in (9, 3 << 21))))
 def test_grouping_is_a_stable_sort(leaves):
+    """Of numbers of few bits and of many."""
     leaves = np.array(leaves, dtype=np.int64)
-    np.testing.assert_array_equal(ball_loops.order_by_leaf(leaves, 10), np.argsort(leaves, kind="stable"))
+    order = ball_loops.order_by_leaf(leaves, int(leaves.max(initial=0)) + 1)
+    np.testing.assert_array_equal(order, np.argsort(leaves, kind="stable"))
 
 
 def test_points_share_a_ball_as_their_distances_say():

@@ -10,7 +10,7 @@ from o3dleaf import WangField
 from o3dleaf.core.parallel import get_num_threads, set_num_threads
 from o3dleaf.leaf.distance import cells, distance
 from o3dleaf.leaf.distance.distance import SurfaceIndex
-from tolerances import AT_VERTICES, FILLED, ON_SURFACE, THINNED_MESH
+from tolerances import AT_EDGE, AT_VERTICES, FILLED, OFF_SURFACE, ON_SURFACE, THINNED_MESH
 
 ENDS = np.array([[0.0, -3.0], [8.0, 3.0]])
 """Of the strip, along and across."""
@@ -37,10 +37,11 @@ def leaf(half):
 
 
 @pytest.fixture(scope="module")
-def mesh(leaf):
-    """The closed one, in triangles of half a step."""
+def mesh(leaf, tiles):
+    """The closed one, in triangles of half a step; of a quarter where seams of Wang tiles leave slivers of hairs."""
+    step = STEP / 4 if isinstance(tiles, WangField) else STEP / 2
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(leaf.extract_mesh(STEP / 2, closed=True)))
+    scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(leaf.extract_mesh(step, closed=True)))
     return scene
 
 
@@ -110,10 +111,12 @@ def test_it_depends_on_neither_company_nor_threads(leaf, places, monkeypatch):
 
 def test_at_vertices_of_a_mesh_it_is_zero(leaf):
     """Over stubs too, where the field bends at the lid."""
-    vertices = np.asarray(leaf.plan_mesh(STEP, [[0.5, -2.5], [7.5, 2.5]]).extract().mesh.vertices)
-    # At the window's edge some are not on the field.
+    window = np.array([[0.5, -2.5], [7.5, 2.5]])
+    vertices = np.asarray(leaf.plan_mesh(STEP, window).extract().mesh.vertices)
     off = np.abs(leaf(vertices)) / np.linalg.norm(leaf.gradient(vertices), axis=1)
-    assert np.mean(off > ON_SURFACE * STEP) < 0.02
+    # Where the window's edge cuts triangles, its vertices lie in their planes.
+    to_edge = np.abs(leaf.blade.flatten(vertices)[:, np.newaxis, :2] - window).min(axis=(1, 2))
+    assert np.mean(off[to_edge > AT_EDGE] > ON_SURFACE * STEP) < OFF_SURFACE
     assert np.abs(leaf.signed_distance(vertices[off <= ON_SURFACE * STEP])).max() < AT_VERTICES
 
 

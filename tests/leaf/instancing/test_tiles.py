@@ -1,15 +1,20 @@
 """A tile set down everywhere is the surface of the whole tiled lattice: the same triangles, the same bits."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from o3dleaf import get_num_threads, mesh_report, remesh, set_num_threads, simplify_mesh
+from o3dleaf.core import parallel
 from o3dleaf.core.errors import MemoryBudgetError, ReconstructionError
 from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.resources import scratch
 from o3dleaf.io.mesh_stream import Arrays
+from o3dleaf.leaf.instancing import block, runs
 from o3dleaf.leaf.instancing.assembly import Assembly
+from o3dleaf.leaf.instancing.block import FlatBlock
 from o3dleaf.leaf.instancing.components import LOWER, RIM, UPPER
 from o3dleaf.leaf.instancing.extraction.extract import extract_tile
 from o3dleaf.leaf.instancing.footprint import footprint
@@ -19,9 +24,19 @@ from o3dleaf.leaf.instancing.tile_loops import INSIDE
 from o3dleaf.surface.isosurface.cell_loops import MIN_FRACTION
 from o3dleaf.surface.isosurface.polygonize import METHODS, lattice_positions, march
 from tile_fields import LATTICE, PERIOD, area, assemble, ball, layer, made_block, outline, solid_layer
-from tolerances import SHARPENED
+from tolerances import HELD_BY_TILE, SHARPENED
 
 both = pytest.mark.parametrize("method", range(len(METHODS)), ids=METHODS)
+
+
+class Unkept:
+    """A sink that keeps nothing."""
+
+    def put_vertices(self, start, vertices):
+        pass
+
+    def put_triangles(self, start, triangles, labels):
+        pass
 
 
 def as_set(vertices, triangles):
@@ -98,11 +113,35 @@ def test_what_is_inside_is_what_the_labelling_of_a_whole_period_says():
     assert np.array_equal(found, expected)
 
 
-def test_a_tile_made_in_slabs_is_the_tile_made_at_once():
+@pytest.mark.parametrize("columns", [5 * 20, 20, 7, 1])
+def test_a_tile_made_in_slabs_is_the_tile_made_at_once(columns):
+    """Of some planes, of one, or of rows of one."""
     whole = extract_tile(layer, LATTICE, 1)
-    slabs = extract_tile(layer, LATTICE, 1, slab_size=5 * 20 * 31)
+    slabs = extract_tile(layer, LATTICE, 1, slab_size=columns * 31)
     for name in ("edges", "fractions", "sides", "upward", "nodes", "cells", "beyond"):
         assert np.array_equal(getattr(whole, name), getattr(slabs, name)), name
+
+
+def test_what_a_tile_holds_at_once_does_not_grow_with_its_surface(monkeypatch):
+    """Of arrays in memory, by NumPy's word; those of all columns, vertices and walls lie in files."""
+    monkeypatch.setattr(scratch, "is_held", lambda *_: False)
+    for module, name in ((scratch, "ROWS"), (runs, "ROWS"), (block, "ROWS"), (block, "BATCH_SIZE")):
+        monkeypatch.setattr(module, name, 1 << 8)
+    # Blocks that run side by side are held side by side.
+    monkeypatch.setattr(parallel._pool, "threads", 1)
+    held = []
+    for finer in (2, 2, 6):
+        steps, shape = np.array(LATTICE.spacing) / (finer, finer, 1), (24 * finer, 20 * finer, 31)
+        lattice, peaks = TileLattice(LATTICE.origin, tuple(steps.tolist()), shape), []
+        tracemalloc.start()
+        tile = extract_tile(solid_layer, lattice, slab_size=40 * 31)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.reset_peak()
+        FlatBlock(tile).emit(Unkept())
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        held.append(np.array(peaks))
+    assert np.all(held[2] < HELD_BY_TILE * held[1])
 
 
 @both

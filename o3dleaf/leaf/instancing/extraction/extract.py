@@ -6,16 +6,16 @@ from functools import partial
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.parallel import blocks
 from o3dleaf.core.processes.spread import each_block
-from o3dleaf.leaf.instancing.extraction.samples import Alike, find_inside
+from o3dleaf.core.resources.scratch import offsets_of
+from o3dleaf.leaf.instancing.extraction.samples import Alike, find_inside, slabs_of
 from o3dleaf.leaf.instancing.extraction.sharpened import sharpened_fractions
-from o3dleaf.leaf.instancing.extraction.slab_surface import Slab, SlabSurfaces, labels_of, march_slab, nodes_of
+from o3dleaf.leaf.instancing.extraction.slab_surface import Slab, SlabSurfaces, march_slab, nodes_of
 from o3dleaf.leaf.instancing.extraction.tile_cost import require_columns
 from o3dleaf.leaf.instancing.tile import SampledColumns, Tile, TileLattice
 
 SLAB_SIZE = 1 << 18
-"""Samples in memory at once while a tile is made: 2 MiB of them, whatever the spacing, or one plane."""
+"""Samples in memory at once while a tile is made: 2 MiB of them, whatever the spacing."""
 
 
 def extract_tile(
@@ -43,7 +43,7 @@ def extract_tile(
         Put the vertices where the field itself is zero along their edges, not its linear interpolant. The steps along
         and across after which the field repeats: copies get the same bits.
     slab_size : int
-        Samples in memory at once, if a plane has no more.
+        Samples in memory at once, if a column has no more.
     alike : Alike, optional
         Columns and edges at which the field is the same, within the period: they get the same bits, and are inside and
         outside together.
@@ -57,10 +57,10 @@ def extract_tile(
     """
     nx, ny, nz = lattice.shape
     require_columns(nx * ny, max(lattice.spacing[:2]), layers=nz)
-    places = list(blocks(nx, max(1, min(nx, slab_size // (ny * nz)))))
+    places = list(slabs_of(lattice.shape, slab_size))
     runs = find_inside(field, lattice, places, alike)
     march = partial(march_slab, field, lattice, method, alike)
-    labelled = (Slab(*place, labels_of(runs, *place)) for place in places)
+    labelled = (Slab.of(runs, *place) for place in places)
     found = SlabSurfaces.of(each_block(march, labelled))
     edges, fractions, sides, upward = (part.whole() for part in found.vertices)
     nodes, beyond = nodes_of(edges, found)
@@ -77,7 +77,7 @@ def extract_tile(
         sides,
         upward,
         nodes,
-        np.concatenate([[0], np.cumsum(found.cells.whole())]),
+        offsets_of(found.cells.whole()),
         beyond,
         fractions[origins],
         sides[origins],

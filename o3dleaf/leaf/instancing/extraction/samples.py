@@ -1,6 +1,6 @@
 """Samples of a field over one period, and what is inside by them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Protocol
 
@@ -29,13 +29,22 @@ class Alike(Protocol):
         """Return the first edge like each one."""
 
 
+def slabs_of(shape: tuple[int, int, int], size: int) -> Iterator[tuple[int, int]]:
+    """Yield (start, stop) of the columns of slabs: planes of about `size` samples together, or rows of one plane."""
+    nx, ny, nz = shape
+    planes, rows = max(1, size // (ny * nz)), min(ny, max(1, size // nz))
+    for first, last in blocks(nx, planes):
+        for start, stop in blocks((last - first) * ny, planes * rows):
+            yield first * ny + start, first * ny + stop
+
+
 def find_inside(
     field: Callable[[FloatArray], FloatArray],
     lattice: TileLattice,
     places: list[tuple[int, int]],
     alike: Alike | None,
 ) -> Runs:
-    """Return what is inside, voids filled, from the samples of slabs."""
+    """Return what is inside, voids filled, from the samples of slabs (start, stop) of columns."""
     nx, ny, _ = lattice.shape
     counts, begin, flooded = GrowingArray(np.int64), GrowingArray(np.int64), np.zeros(2, dtype=np.int64)
     slabs = each_block(partial(_find_slab, field, lattice, alike), places)
@@ -43,7 +52,7 @@ def find_inside(
         flooded += solid
         for whole, part in zip((counts, begin), found, strict=True):
             whole.append(part)
-        progress.report(stop, nx)
+        progress.report(stop, nx * ny)
     # A hair may be cut by the top or bottom of a patch and is closed there; the blade itself may not.
     if flooded.max() > nx * ny / 2:
         raise ReconstructionError(
@@ -58,19 +67,19 @@ def _find_slab(
     field: Callable[[FloatArray], FloatArray], lattice: TileLattice, alike: Alike | None, slab: tuple[int, int]
 ) -> tuple[npt.NDArray[Any], ...]:
     """Return the runs of a slab's columns, and how many of them are solid at the bottom and at the top."""
-    inside = sample_planes(field, lattice, *slab, alike) > 0
+    inside = sample_columns(field, lattice, *slab, alike) > 0
     return *find_runs(inside), inside[:, [0, -1]].sum(axis=0)
 
 
-def sample_planes(
+def sample_columns(
     field: Callable[[FloatArray], FloatArray], lattice: TileLattice, start: int, stop: int, alike: Alike | None
 ) -> FloatArray:
-    """Return the samples ((stop − start) ny, nz) of some planes of the period."""
+    """Return the samples (stop − start, nz) of some columns of the period."""
     _, ny, nz = lattice.shape
-    values = np.empty((stop - start) * ny * nz)
+    values = np.empty((stop - start) * nz)
     for first, last in blocks(len(values), BLOCK):
         point = np.arange(first, last)
-        indices = first_points(start * ny + point // nz, point % nz, ny, alike)
+        indices = first_points(start + point // nz, point % nz, ny, alike)
         values[first:last] = field(lattice.positions(indices))
     return require_finite(values, "field values").reshape(-1, nz)
 

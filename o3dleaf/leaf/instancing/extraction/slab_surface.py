@@ -17,18 +17,30 @@ from o3dleaf.surface.isosurface.polygonize import march
 
 
 class Slab(NamedTuple):
-    """Planes of a period, and the labels (n, m, nz) of their samples and of those on their far sides."""
+    """Planes of a period, or rows of one plane.
 
-    start: int
-    stop: int
+    Attributes
+    ----------
+    first : (int, int)
+        Place of its first column along and across.
+    columns : (n + 1, m + 1) ndarray of int64
+        Its columns, and those on its far sides.
+    labels : (n + 1, m + 1, nz) ndarray of uint8
+        Of their samples.
+    """
+
+    first: tuple[int, int]
+    columns: IntArray
     labels: npt.NDArray[np.uint8]
 
-
-def labels_of(runs: Runs, start: int, stop: int) -> npt.NDArray[np.uint8]:
-    """Return the labels of the samples of some planes, and of the next one."""
-    nx, ny, nz = runs.shape
-    i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
-    return runs.expand((i[:, np.newaxis] * ny + j).ravel()).reshape(len(i), len(j), nz)
+    @classmethod
+    def of(cls, runs: Runs, start: int, stop: int) -> "Slab":
+        """Return the slab of the columns from start to stop, as `slabs_of` yields them."""
+        nx, ny, nz = runs.shape
+        (first, row), rows = divmod(start, ny), min(stop - start, ny)
+        i, j = first + np.arange((stop - start) // rows + 1), row + np.arange(rows + 1)
+        columns = i[:, np.newaxis] % nx * ny + j % ny
+        return cls((first, row), columns, runs.expand(columns.ravel()).reshape(*columns.shape, nz))
 
 
 def march_slab(
@@ -43,27 +55,27 @@ def march_slab(
     Of its own vertices edges, fractions, sides and ends; of all that its triangles use names and shifts; the triangles
     as rows of these; their number by cells.
     """
-    (nx, ny, nz), (start, stop, labels) = lattice.shape, slab
-    i, j = np.arange(start, stop + 1) % nx, np.arange(ny + 1) % ny
+    (_, ny, nz), labels, (planes, rows) = lattice.shape, slab.labels, slab.columns.shape
     inside = labels == INSIDE
     needed = np.zeros(labels.shape, dtype=bool)
     mark_crossed(method, inside, needed)
     points = np.argwhere(needed)
-    samples = field(lattice.positions(first_points(i[points[:, 0]] * ny + j[points[:, 1]], points[:, 2], ny, alike)))
-    values = np.ones(labels.shape)
+    columns = slab.columns[points[:, 0], points[:, 1]]
+    samples = field(lattice.positions(first_points(columns, points[:, 2], ny, alike)))
+    values = np.where(inside, 1.0, -1.0)
     # What was filled or removed has the other sign: its size is what places the vertices beside it.
-    values[needed] = np.maximum(np.abs(require_finite(samples, "field values")), TINY)
-    surface = march(np.where(inside, values, -values), inside, method)
+    values[needed] *= np.maximum(np.abs(require_finite(samples, "field values")), TINY)
+    surface = march(values, inside, method)
     names, shifts = np.empty_like(surface.edges), np.empty_like(surface.edges)
-    name_in_tile(surface.edges, surface.shape, start, lattice.shape, names, shifts)
+    name_in_tile(surface.edges, surface.shape, slab.first, lattice.shape, names, shifts)
     point = surface.edges >> 3
-    is_own = (point // ((ny + 1) * nz) < stop - start) & (point // nz % (ny + 1) < ny)
+    low = np.stack([point // (rows * nz), point // nz % rows, point % nz])
+    is_own = (low[0] < planes - 1) & (low[1] < rows - 1)
     step = [surface.edges & 1, surface.edges >> 1 & 1, surface.edges >> 2 & 1]
-    low = np.stack([point // ((ny + 1) * nz), point // nz % (ny + 1), point % nz])
     upward = inside[tuple(low)]
     outer = np.where(upward, low + step, low)
     sides = labels[tuple(outer[:, is_own])]
-    cells = np.zeros((stop - start, ny), dtype=np.int64)
+    cells = np.zeros((planes - 1, rows - 1), dtype=np.int64)
     count_cells(method, inside, cells)
     triangles = surface.triangles.astype(np.int32)
     parts = names[is_own], surface.fractions[is_own], sides, upward[is_own]
