@@ -1,5 +1,7 @@
 """From the points of one leaf to its blade as a parametrised surface, step by step."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -24,8 +26,8 @@ from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.holes import split_bow_ties
+from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
-from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 MAX_RESIDUAL = 10.0
@@ -71,8 +73,10 @@ def build_parametric_blade(
     with journal.stage("find sheet"):
         points, petiole = _part_petiole(points, options)
         sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
+        if sheet.leftovers is None:
+            points, sheet, petiole = _part_piece(points, sheet, options)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
-    with journal.stage("lay flat"):
+    with journal.stage("lay flat"), _others_named(sheet):
         sheet, chart = _lay_flat(sheet, petiole, midrib, options)
     # A smoothed partition of unity S(u, v) through the points at their feet.
     with journal.stage("fit surface"):
@@ -111,10 +115,8 @@ class _Parted(NamedTuple):
 def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:
     """Return the points without those of the petiole, unless it is to be kept, and what is known of it.
 
-    Of several pieces the largest one's petiole is looked for: it is that of the leaf, unless another is asked for.
+    Of several pieces the largest one's petiole is looked for.
     """
-    if options.piece not in (None, 1):
-        return points, _Parted()
     try:
         noise = OrientedCloud.of(points).noise
     except InputError:
@@ -127,6 +129,27 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
     return points[blade], _Parted(end, junction, (f"{petiole}: cut off",))
+
+
+@contextmanager
+def _others_named(sheet: OpenSheet) -> Iterator[None]:
+    """Name the other pieces of the scan where a sheet is refused inside."""
+    try:
+        yield
+    except ReconstructionError as cause:
+        if sheet.leftovers is None or len(sheet.leftovers.pieces) < 2:
+            raise
+        more = f"; that is the largest piece of {sheet.leftovers.listed()}; give piece for another"
+        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+
+
+def _part_piece(points: FloatArray, sheet: OpenSheet, options: BladeOptions) -> tuple[FloatArray, OpenSheet, _Parted]:
+    """Return the points of one piece of a scan, its sheet without a petiole of its own, and what is known of that."""
+    own = points[sheet.rows]
+    blade, petiole = _part_petiole(own, options)
+    if len(blade) == len(own):
+        return own, replace(sheet, rows=np.arange(len(own))), petiole
+    return blade, replace(find_sheet(blade, one_sheet=options.one_sheet), leftovers=None), petiole
 
 
 def _lay_flat(
