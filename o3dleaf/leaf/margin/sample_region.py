@@ -1,6 +1,6 @@
 """The part of the plane that a sample covers: Delaunay triangles without the gaps that are more than chance."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -8,7 +8,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.trees import query
 from o3dleaf.fitting.rbf.tail import IntArray
 from o3dleaf.leaf.margin.missing_area import missing_area, randomness
 from o3dleaf.leaf.margin.sample_spacing import NEIGHBORS, BoolArray, cell_sizes, cells_of, crude_spacing
@@ -32,8 +31,6 @@ BRIDGE = 8.0
 """Pieces of a sample are joined over gaps of so many spacings; beyond that nothing says that they belong together."""
 FLAT = 1e-9
 """Area of a triangle over the square of its longest side, at least: flatter ones are as wide as can be."""
-HALF, AROUND = 0.5, 8
-"""Share of the leaf's density below which what is at its border is none of it, and points that it is asked of."""
 SLIT = 2.0
 """Length of a gap's banks over that of its mouth, from which on it is a slit: a half disc, a bite, has 1.6."""
 PIECE = 10
@@ -63,8 +60,6 @@ class SampleRegion:
         Length of the longest triangle over such a gap; 0: there was none.
     left_out : (k,) int ndarray
         The points in no triangle kept.
-    sparse : (s, 2) ndarray
-        Further points, strung out beyond the border, that were left out first.
     """
 
     points: FloatArray
@@ -76,7 +71,6 @@ class SampleRegion:
     bridged: int
     widest: float
     left_out: IntArray
-    sparse: FloatArray
 
 
 def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
@@ -96,43 +90,15 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     covered = _covered(mesh, spacing, short)
-    kept, between, bridged = _joined(mesh, covered, spacing, short)
-    widest = float(mesh.reach[between].max(initial=0.0)) if bridged else 0.0
-    slits = _slits(mesh, kept, fill_slits)
-    sparse = _sparse(mesh, kept, between, spacing)
-    if sparse.any() and 2 * sparse.sum() < len(points):
-        region = cover_sample(points[~sparse], fill_slits)
-        return replace(region, sparse=np.concatenate([region.sparse, points[sparse]]))
-    kept |= slits
+    kept, bridged, widest = _joined(mesh, covered, spacing, short)
+    kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
     left_out = np.setdiff1d(np.arange(len(points)), mesh.triangles[kept])
     random = _randomness(mesh, kept, deep, spacing)
     missing = missing_area(mesh, kept, spacing, random, LONG * short)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
-    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out, points[:0])
-
-
-def _sparse(mesh: Triangulation, kept: BoolArray, between: BoolArray, spacing: FloatArray) -> BoolArray:
-    """Return the points (n,) at the border of what is kept about which it holds less than half of the leaf's density.
-
-    A blurred edge lies where half of the density is left; what is strung out beyond it, as mixed pixels and the trails
-    of photogrammetry, covers an area with few points. Cells of points are asked, not discs about them, of which a tip
-    fills as little; what lies `between` pieces that were joined is no cell.
-    """
-    left, sparse = kept & ~between, np.zeros(len(mesh.points), dtype=bool)
-    for _ in range(len(mesh.points)):
-        used, inner = inner_points(mesh, left | (kept & between))
-        used &= ~sparse
-        rows, border = np.flatnonzero(used), np.flatnonzero(used & ~inner)
-        cells = cells_of(mesh.points, mesh.triangles[left], mesh.areas[left])[rows] / spacing[rows] ** 2
-        near = query(cKDTree(mesh.points[rows]), mesh.points[border], k=[*range(1, 1 + min(AROUND, len(rows)))])[1]
-        found = border[HALF * cells[near].mean(axis=1) > 1]
-        if not len(found):
-            break
-        sparse[found] = True
-        left &= ~sparse[mesh.triangles].any(axis=1)
-    return sparse
+    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out)
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:
@@ -219,10 +185,8 @@ def _small(mesh: Triangulation, chosen: BoolArray, cells: FloatArray, most: floa
     return chosen & small
 
 
-def _joined(
-    mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float
-) -> tuple[BoolArray, BoolArray, int]:
-    """Return the triangles with bridges, which of these lie between pieces of `PIECE` points, how many they join."""
+def _joined(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> tuple[BoolArray, int, float]:
+    """Return the triangles with those that bridge pieces, how many pieces of `PIECE` points these join, and how far."""
     labels = _labels(mesh, kept)
     piece = np.arange(len(mesh.points)) + labels.max() + 1  # a point alone is a piece by itself
     for corner in range(3):
@@ -238,4 +202,4 @@ def _joined(
     pieces = np.flatnonzero(np.bincount(labels[kept]) >= PIECE)
     after = _labels(mesh, joined)[kept & np.isin(labels, pieces)]
     bridged = len(pieces) - len(np.unique(after))
-    return joined, bridge & large[of].all(axis=1), bridged
+    return joined, bridged, float(mesh.reach[bridge & large[of].all(axis=1)].max(initial=0.0)) if bridged else 0.0

@@ -71,12 +71,11 @@ def build_parametric_blade(
     """
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
+        scan, points = points, _piece_of(points, options)
         points, petiole = _part_petiole(points, options)
-        sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
-        if sheet.leftovers is None:
-            points, sheet, petiole = _part_piece(points, sheet, options)
+        sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
-    with journal.stage("lay flat"), _others_named(sheet):
+    with journal.stage("lay flat"), _pieces_named(scan, sheet, options):
         sheet, chart = _lay_flat(sheet, petiole, midrib, options)
     # A smoothed partition of unity S(u, v) through the points at their feet.
     with journal.stage("fit surface"):
@@ -112,10 +111,32 @@ class _Parted(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+def _piece_of(points: FloatArray, options: BladeOptions) -> FloatArray:
+    """Return the points of the piece that is asked for, all if none is."""
+    if options.piece is None:
+        return points
+    return points[find_sheet(points, piece=options.piece, one_sheet=options.one_sheet).rows]
+
+
+@contextmanager
+def _pieces_named(scan: FloatArray, sheet: OpenSheet, options: BladeOptions) -> Iterator[None]:
+    """Name the pieces of a scan, as they are counted, where its sheet is refused inside and none was asked for."""
+    try:
+        yield
+    except ReconstructionError as cause:
+        if options.piece is not None or sheet.leftovers is None or len(sheet.leftovers.pieces) < 2:
+            raise
+        pieces = find_sheet(scan, one_sheet=options.one_sheet).leftovers
+        if pieces is None or len(pieces.pieces) < 2:
+            raise
+        more = f"; the scan's pieces are {pieces.listed()}; give `piece` to take one"
+        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+
+
 def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:
     """Return the points without those of the petiole, unless it is to be kept, and what is known of it.
 
-    Of several pieces the largest one's petiole is looked for.
+    Of several pieces the largest one's petiole is looked for: it is that of the leaf.
     """
     try:
         noise = OrientedCloud.of(points).noise
@@ -129,27 +150,6 @@ def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray
     if options.keep_petiole:
         return points, _Parted(end, None, (f"{petiole}: kept as part of the blade",))
     return points[blade], _Parted(end, junction, (f"{petiole}: cut off",))
-
-
-@contextmanager
-def _others_named(sheet: OpenSheet) -> Iterator[None]:
-    """Name the other pieces of the scan where a sheet is refused inside."""
-    try:
-        yield
-    except ReconstructionError as cause:
-        if sheet.leftovers is None or len(sheet.leftovers.pieces) < 2:
-            raise
-        more = f"; that is the largest piece of {sheet.leftovers.listed()}; give piece for another"
-        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
-
-
-def _part_piece(points: FloatArray, sheet: OpenSheet, options: BladeOptions) -> tuple[FloatArray, OpenSheet, _Parted]:
-    """Return the points of one piece of a scan, its sheet without a petiole of its own, and what is known of that."""
-    own = points[sheet.rows]
-    blade, petiole = _part_petiole(own, options)
-    if len(blade) == len(own):
-        return own, replace(sheet, rows=np.arange(len(own))), petiole
-    return blade, replace(find_sheet(blade, one_sheet=options.one_sheet), leftovers=None), petiole
 
 
 def _lay_flat(
