@@ -11,7 +11,7 @@ import argparse
 import numpy as np
 from scipy.spatial import Delaunay
 
-from o3dleaf.leaf.sheet.slits import GAPS, Sheet
+from o3dleaf.leaf.sheet.pieces.slits import GAPS, Sheet
 
 BORDER = 2.0
 """Spacings along the border of the square that do not count: triangles of the convex hull are long there."""

@@ -1,4 +1,4 @@
-"""The noise of a scan about a blade, from what neighbors differ by: what errors of whole passes do not hide."""
+"""The noise of a scan about a blade, from what neighbors differ by, and what of their residuals they share."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,3 +32,21 @@ def local_noise(feet: FloatArray, distance: FloatArray) -> float:
     rows = np.arange(0, len(feet), -(-len(feet) // MOST))
     _, near = query(cKDTree(feet), feet[rows], k=min(NEIGHBORS + 1, len(feet)))
     return QN * float(np.quantile(np.abs(distance[near[:, 1:]] - distance[rows, np.newaxis]), LEAST))
+
+
+def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
+    """Return the root mean square of what points and their nearest neighbors are off a blade alike.
+
+    Errors of single points are independent, and their products cancel; waves that are shorter than what the blade
+    follows lift neighbors together, as noise does that several points have in common.
+
+    Parameters
+    ----------
+    feet : (n, 3) ndarray
+        Of the points on the blade, in the world.
+    distance : (n,) ndarray
+        Signed, of the points from the blade.
+    """
+    rows = np.arange(0, len(feet), -(-len(feet) // MOST))
+    _, near = query(cKDTree(feet), feet[rows], k=[min(2, len(feet))])
+    return float(np.sqrt(max(float(np.mean(distance[rows] * distance[near[:, 0]])), 0.0)))

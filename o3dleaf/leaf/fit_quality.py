@@ -16,7 +16,7 @@ from o3dleaf.core.units import measure_in_words
 from o3dleaf.leaf.blade.blade import SAMPLE_COUNT, Blade
 from o3dleaf.leaf.blade.distortion import Distortion
 from o3dleaf.leaf.blade.outline_area import places_inside
-from o3dleaf.leaf.fit_noise import local_noise
+from o3dleaf.leaf.fit_noise import local_noise, shared_residual
 from o3dleaf.leaf.fit_places import Place, find_places, tell_places
 
 FAR = 3.0
@@ -61,6 +61,9 @@ class FitQuality:
     noise, spacing, limit : float
         Standard deviation of the points about the blade, from what neighbors differ by; 1/√(points per area), the
         median over the blade; and `FAR` noise deviations, at least `LEAST_FAR` spacings; in `unit`.
+    shared : float
+        Root mean square of what neighbors are off the blade alike (`shared_residual`), of points neither far nor
+        outside; in `unit`.
     residuals : tuple of four floats
         |residual| that half of the points stay below, 95 % and 99 % of them, and the largest; of those not outside.
     far, outside, gaps : float
@@ -85,6 +88,7 @@ class FitQuality:
     noise: float
     spacing: float
     limit: float
+    shared: float
     residuals: tuple[float, ...]
     far: float
     outside: float
@@ -125,6 +129,7 @@ class FitQuality:
         is_outside = _outside(blade, plane, max(OUTSIDE * spacing, FAR * noise))
         is_far = (np.abs(distance) > limit) & ~is_outside
         in_gap = query(cKDTree(points), world)[0] > np.hypot(GAP * spacing, limit)
+        held = ~is_far & ~is_outside
         kept = np.abs(distance[~is_outside]) if not is_outside.all() else np.abs(distance)
         return cls(
             plane=plane,
@@ -134,6 +139,7 @@ class FitQuality:
             noise=noise,
             spacing=spacing,
             limit=limit,
+            shared=shared_residual(feet[held], distance[held]) if held.any() else 0.0,
             residuals=tuple(np.quantile(kept, (0.5, 0.95, 0.99, 1)).tolist()),
             far=float(is_far.mean()),
             outside=float(is_outside.mean()),
@@ -166,6 +172,11 @@ class FitQuality:
             lines.append(
                 f"{_percent(self.far)} of the points lie more than {self._length(self.limit)} off the blade, "
                 f"{tell_places(self.far_places)}"
+            )
+        if self.shared > LEAST_FAR * self.spacing:
+            lines.append(
+                f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves too short "
+                "for the blade to follow, whose area it lacks, or noise that points have in common"
             )
         if self.outside > MAX_OUTSIDE:
             lines.append(
@@ -203,6 +214,7 @@ class FitQuality:
             "points": len(self.plane),
             "noise": self.noise,
             "spacing": self.spacing,
+            "shared": self.shared,
             "residuals": dict(zip(names, self.residuals, strict=True)),
             "far": {"limit": self.limit, "share": self.far, "places": _listed(self.far_places)},
             "outside": {"share": self.outside, "places": _listed(self.outside_places)},

@@ -75,3 +75,5 @@ def test_places_that_a_camera_did_not_see_are_left_out_and_told(run, scan, monke
     assert result.returncode == 0, result.stderr
     assert given == [len(points)]
     assert "left out: 7 points that are NaN or infinite" in result.stderr
+    summary = json.loads((tmp_path / "leaf.json").read_text())
+    assert summary["scan"] == {"points": len(points), "not_finite": 7}

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from blade_fields import KnownHole, KnownOutline, RolledBlade
 from o3dleaf.leaf.fit_quality import FAR, LEAST_FAR, MAX_OUTSIDE, FitQuality
-from tolerances import MOVED_READ_OUT, NOISE_OF_NEIGHBORS, SHARE_OF_A_SAMPLE, STRETCH_OF_A_LATTICE
+from tolerances import MOVED_READ_OUT, NOISE_OF_NEIGHBORS, SHARE_OF_A_SAMPLE, SHARED_OF_WAVES, STRETCH_OF_A_LATTICE
 
 SPACING = 0.5
 BLADE = RolledBlade()
@@ -58,6 +58,16 @@ def test_passes_that_disagree_are_no_noise(share, apart):
     assert quality.limit == FAR * quality.noise > LEAST_FAR * quality.spacing
     assert quality.far == pytest.approx(other.mean(), rel=SHARE_OF_A_SAMPLE)
     assert "scattered" in quality.warnings[0] or str(quality.far_places[0]) in quality.warnings[0]
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5])
+def test_waves_that_a_blade_does_not_follow_are_told_though_no_point_is_far(noise):
+    points, places = BLADE.scan(SPACING, noise)
+    waves = 0.8 * SPACING * np.sin(2 * np.pi * places[:, 0] / (4 * SPACING))
+    quality = FitQuality.of(BLADE, raised(BLADE, points, places, waves, 1.0))
+    assert quality.shared == pytest.approx(0.8 * SPACING / np.sqrt(2), rel=SHARED_OF_WAVES)
+    assert any("alike" in line for line in quality.warnings)
+    assert FitQuality.of(BLADE, points).shared < LEAST_FAR * SPACING / 2
 
 
 def test_points_beside_the_blade_are_told_and_not_its_residuals():

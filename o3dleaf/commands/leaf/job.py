@@ -111,12 +111,12 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         if self.only_estimate and self.spacing is not None:
             for need in needs:
                 need.require()
-            scan = self.read_scan()
+            scan, _ = self.read_scan()
             needs += self.need_for_mesh(scan, None if self.ct is None else self.read_patch(self.ct))
         return needs
 
-    def read_scan(self) -> "o3d.geometry.PointCloud":
-        """Return the scan; places where a depth camera saw nothing are NaN, left out and told."""
+    def read_scan(self) -> "tuple[o3d.geometry.PointCloud, int]":
+        """Return the scan without the places where a depth camera saw nothing, NaN, and their number; they are told."""
         from o3dleaf.io.point_cloud import read_point_cloud
 
         scan = read_point_cloud(self.scan, finite=False, columns=self.columns)
@@ -127,7 +127,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
             raise InputError(f"{self.scan}: all {whole:,} points are NaN or infinite")
         if left_out:
             journal.note(f"left out: {left_out:,} points that are NaN or infinite")
-        return scan
+        return scan, left_out
 
     def need_for_mesh(
         self, scan: "o3d.geometry.PointCloud", patch: "Volume | TiledField | PatchBlend | WangField | None"
@@ -156,7 +156,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         from o3dleaf.output.report.summary import seconds_of_stages, summarize, warnings_of
 
         with journal.stage("read"):
-            scan = self.read_scan()
+            scan, left_out = self.read_scan()
             midrib = None if self.midrib is None else read_point_cloud(self.midrib, least=2)
             patch = None if self.ct is None else self.read_patch(self.ct)
         for need in self.need_for_mesh(scan, patch):
@@ -178,6 +178,7 @@ class LeafJob(MeshOptions, ColumnsOption, BladeOptions, CtOptions, BlockOption, 
         summary: dict[str, Any]
         summary, _ = run_together(check, lambda: self.draw(leaf or blade, mesh, scan, fit))
         summary["seconds"] = seconds_of_stages()
+        summary["scan"] = {"points": len(scan.points), "not_finite": left_out}
         summary["mesh_step"] = {"length": step.length, "reason": step.reason}
         write_json(summary, self.beside(".json"))
         for line in (*fit.lines(), *(f"warning: {warning}" for warning in warnings_of(summary))):

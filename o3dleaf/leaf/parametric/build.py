@@ -1,5 +1,7 @@
 """From the points of one leaf to its blade as a parametrised surface, step by step."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -24,8 +26,8 @@ from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.holes import split_bow_ties
+from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.sheet import OpenSheet, find_sheet
-from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 
 MAX_RESIDUAL = 10.0
@@ -69,10 +71,11 @@ def build_parametric_blade(
     """
     # One open sheet near the points: passes that disagree are averaged, what lies over it is left out.
     with journal.stage("find sheet"):
+        scan, points = points, _piece_of(points, options)
         points, petiole = _part_petiole(points, options)
-        sheet = find_sheet(points, piece=options.piece, one_sheet=options.one_sheet)
+        sheet = find_sheet(points, one_sheet=options.one_sheet)
     # Laid flat with little stretch and turned, base at u = 0 and the midrib along v = 0.
-    with journal.stage("lay flat"):
+    with journal.stage("lay flat"), _pieces_named(scan, sheet, options):
         sheet, chart = _lay_flat(sheet, petiole, midrib, options)
     # A smoothed partition of unity S(u, v) through the points at their feet.
     with journal.stage("fit surface"):
@@ -108,13 +111,33 @@ class _Parted(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
+def _piece_of(points: FloatArray, options: BladeOptions) -> FloatArray:
+    """Return the points of the piece that is asked for, all if none is."""
+    if options.piece is None:
+        return points
+    return points[find_sheet(points, piece=options.piece, one_sheet=options.one_sheet).rows]
+
+
+@contextmanager
+def _pieces_named(scan: FloatArray, sheet: OpenSheet, options: BladeOptions) -> Iterator[None]:
+    """Name the pieces of a scan, as they are counted, where its sheet is refused inside and none was asked for."""
+    try:
+        yield
+    except ReconstructionError as cause:
+        if options.piece is not None or sheet.leftovers is None or len(sheet.leftovers.pieces) < 2:
+            raise
+        pieces = find_sheet(scan, one_sheet=options.one_sheet).leftovers
+        if pieces is None or len(pieces.pieces) < 2:
+            raise
+        more = f"; the scan's pieces are {pieces.listed()}; give `piece` to take one"
+        raise ReconstructionError(f"{cause}{more}", cause.places) from cause
+
+
 def _part_petiole(points: FloatArray, options: BladeOptions) -> tuple[FloatArray, _Parted]:
     """Return the points without those of the petiole, unless it is to be kept, and what is known of it.
 
-    Of several pieces the largest one's petiole is looked for: it is that of the leaf, unless another is asked for.
+    Of several pieces the largest one's petiole is looked for: it is that of the leaf.
     """
-    if options.piece not in (None, 1):
-        return points, _Parted()
     try:
         noise = OrientedCloud.of(points).noise
     except InputError:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
+from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
@@ -149,11 +150,29 @@ def _said(bend: Bend, raised: float, spacing: float, *, left: bool) -> str:
 def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> tuple[ChartMesh, FloatArray]:
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
     laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
-    chart = relax_rigidly(laid.vertices, laid.triangles, laid.chart)
-    if (chart_areas(chart, laid.triangles) <= 0).any():
-        chart = relax_without_flips(laid.vertices, laid.triangles, laid.chart)
-    relaxed = replace(laid, chart=_turned_onto(chart, laid.chart))
+    single, of_vertex = _without_doubles(laid)
+    chart = relax_rigidly(single.vertices, single.triangles, single.chart)
+    if (chart_areas(chart, single.triangles) <= 0).any():
+        chart = relax_without_flips(single.vertices, single.triangles, single.chart)
+    relaxed = replace(laid, chart=_turned_onto(chart[of_vertex], laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
+
+
+def _without_doubles(mesh: ChartMesh) -> tuple[ChartMesh, IntArray]:
+    """Return a mesh with one vertex at each place of its chart, and which of them (n,) each vertex is.
+
+    Vertices of a rough sheet that lie behind one corner of the mesh that was laid flat are carried there both.
+    """
+    _, first, of_vertex = np.unique(mesh.chart, axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(mesh.chart):
+        return mesh, np.arange(len(first))
+    order = np.argsort(first, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    of_vertex = rank[of_vertex.ravel()]
+    triangles = of_vertex[mesh.triangles]
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    return ChartMesh(mesh.vertices[first[order]], triangles, mesh.chart[first[order]]), of_vertex
 
 
 def _turned_onto(chart: FloatArray, other: FloatArray) -> FloatArray:

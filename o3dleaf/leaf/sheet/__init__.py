@@ -5,11 +5,10 @@
 `stars`          triangles between points: the Delaunay stars of tangent planes
 `gluing`         triangles glued into sheets without handles
 `holes`          small holes closed, flaps of other sheets cut off
-`slits`          gaps between the margins of a leaf that is rolled up
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
 `parting`        layers told apart where they lie closer than points
-`leftovers`      pieces, layers and branchings that a sheet leaves out
+`pieces/`        what a sheet leaves out, and where it is cut: layers, leaves that touch, slits
 `sheet`          `find_sheet`: all of it together
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars

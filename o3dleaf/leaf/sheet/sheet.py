@@ -13,11 +13,12 @@ from o3dleaf.core.errors import InputError, ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.holes import cut_off_flaps, fill_small_holes, split_bow_ties
-from o3dleaf.leaf.sheet.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
 from o3dleaf.leaf.sheet.open_sheets import OpenSheets, nearest_layers
 from o3dleaf.leaf.sheet.parting import other_layers
+from o3dleaf.leaf.sheet.pieces.leftovers import Leftovers, place_of, tell_averaging, tell_cuts
+from o3dleaf.leaf.sheet.pieces.necks import find_necks
+from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.scan_lines import without_scan_lines
-from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.leaf.sheet.widths import (
     LINK,
     OFF,
@@ -102,7 +103,8 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     points : (n, 3) array_like or Open3D point cloud
         Of a leaf, and whatever else was scanned.
     piece : int, optional
-        Which of the pieces and layers, 1 for the one with most points; left out, the largest.
+        Which of the pieces and layers, 1 for the largest sheet or, where parts of it hang together by narrow necks, the
+        largest of them; left out, that sheet as a whole.
     one_sheet : bool
         Whether layers that lie close together are one surface. If not, a scan with such layers is refused.
 
@@ -122,9 +124,12 @@ def find_sheet(points: CloudLike, *, piece: int | None = None, one_sheet: bool =
     with finding:
         found = _sheet_of(scan, used, one_sheet=one_sheet)
         found = _with_strays(found, scan, used)
-        leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing)
-        if piece is None or piece == 1:
-            return replace(found, leftovers=leftovers)
+        necks = find_necks(found.vertices, found.triangles)
+        part = None if necks is None else necks.part
+        leftovers = Leftovers.of(scan, found.rows, found.vertices, found.triangles, found.spacing, part)
+        if piece is None or (piece == 1 and necks is None):
+            notes = found.notes if necks is None else (*found.notes, necks.note)
+            return replace(found, leftovers=leftovers, notes=notes)
         return _sheet_of(scan, leftovers.piece(piece), one_sheet=one_sheet)
 
 

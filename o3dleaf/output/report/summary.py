@@ -10,10 +10,12 @@ import open3d as o3d
 
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.journal import open_journal
+from o3dleaf.core.mesh_arrays import mesh_arrays
 from o3dleaf.core.parallel import get_num_threads, run_together
 from o3dleaf.core.units import measure_in_words
 from o3dleaf.fitting.local.splines import LocalSplines
 from o3dleaf.leaf.blade.blade import Blade
+from o3dleaf.leaf.fit_places import find_places, tell_places
 from o3dleaf.leaf.fit_quality import FitQuality
 from o3dleaf.leaf.folds import Folds
 from o3dleaf.leaf.macro.blade import HeightMapBlade
@@ -23,6 +25,7 @@ from o3dleaf.leaf.multiscale import MultiscaleLeaf
 from o3dleaf.leaf.texture.corners import KINDS
 from o3dleaf.leaf.texture.hairs.thinned import ThinnedField
 from o3dleaf.leaf.texture.wang import WangField
+from o3dleaf.surface.mesh.crossings import find_crossings
 from o3dleaf.surface.mesh.mesh_report import mesh_report
 
 PACKAGES = ("o3dleaf", "numpy", "scipy", "numba", "open3d", "scikit-image", "pymeshlab", "shapely")
@@ -77,7 +80,11 @@ def summarize(
         summary["frame"] = blade.frame_quality(scan).to_dict()
     held = FitQuality.of(blade, scan) if fit is None and scan is not None else fit
     if held is not None:
-        summary["fit"] = _held_summary(held, summary["mesh"]["area"] if _shows_blade(leaf, settings) else None)
+        summary["fit"] = held.to_dict()
+        if _shows_blade(leaf, settings):
+            _add_area(summary["fit"], held, report["area"])
+        if leaf is None and report["self_intersections"]:
+            summary["fit"]["warnings"].append(_crossings_in_words(mesh, held.spacing))
     summary["notes"] = list(blade.notes)
     if leaf is not None:
         summary["micro_structure"] = _texture_summary(leaf)
@@ -108,11 +115,8 @@ def _shows_blade(leaf: MultiscaleLeaf | None, settings: dict[str, Any]) -> bool:
     return leaf is None and settings.get("region") is None and settings.get("around") is None
 
 
-def _held_summary(fit: FitQuality, mesh_area: float | None) -> dict[str, Any]:
-    """Return the read-out of fit, with the area of the blade's mesh beside its own."""
-    table = fit.to_dict()
-    if mesh_area is None:
-        return table
+def _add_area(table: dict[str, Any], fit: FitQuality, mesh_area: float) -> None:
+    """Add the area of the blade's mesh beside the blade's own to the read-out of fit, and tell where they differ."""
     table["area"]["mesh"] = mesh_area
     more = mesh_area / fit.area[0] - 1
     if abs(more) > MAX_AREA:
@@ -121,7 +125,17 @@ def _held_summary(fit: FitQuality, mesh_area: float | None) -> dict[str, Any]:
             f"the mesh has {100 * abs(more):.2g} % {'more' if more > 0 else 'less'} area than the blade, {areas}; "
             "give a finer spacing"
         )
-    return table
+
+
+def _crossings_in_words(mesh: o3d.geometry.TriangleMesh, spacing: float) -> str:
+    """Return how many triangles of a blade's mesh cross others, and where."""
+    vertices, triangles = mesh_arrays(mesh)
+    crossing = find_crossings(vertices, triangles)
+    places = find_places(vertices[triangles].mean(axis=1), crossing, spacing)
+    return (
+        f"{crossing.sum():,} triangles of the mesh cross others, {tell_places(places)}: parts of the leaf lie closer "
+        "there than the scan can tell apart"
+    )
 
 
 def _texture_summary(leaf: MultiscaleLeaf) -> dict[str, Any]:

@@ -38,7 +38,9 @@ def collapse_edges(
     # Each kind gets vertices of its own, so that the lines between them are borders, and is joined again after.
     names, corner = np.unique(triangles + len(vertices) * kind[:, np.newaxis], return_inverse=True)
     origin = names % len(vertices)
-    session = _session(vertices[origin], corner.reshape(-1, 3), kind.astype(np.float64), origin + 1.0)
+    # What MeshLab takes for nothing depends on the unit: at an extent of 1 to 2 all meshes are alike, to the last bit.
+    unit = 2.0 ** np.floor(np.log2(max(float(np.ptp(vertices[origin], axis=0).max()), np.finfo(float).tiny)))
+    session = _session(vertices[origin] / unit, corner.reshape(-1, 3), kind.astype(np.float64), origin + 1.0)
     session.meshing_decimation_quadric_edge_collapse(
         targetfacenum=int(target),
         qualitythr=quality,
@@ -49,6 +51,7 @@ def collapse_edges(
         autoclean=False,
     )
     vertices_left, left = _result(session)
+    vertices_left *= unit
     source = session.current_mesh().vertex_scalar_array().astype(np.int64) - 1
     shared = np.flatnonzero(np.bincount(origin, minlength=len(vertices)) > 1)
     same = np.isin(source, shared)

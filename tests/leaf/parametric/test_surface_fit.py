@@ -176,3 +176,14 @@ def test_a_fit_without_folds_is_not_smoothed_more_nor_one_by_a_number(fit):
     points = roll(places(600, 0)) + np.random.default_rng(1).normal(0, 0.25, (600, 3))
     assert fit.notes == ()
     assert fit_chart_surface(points, strip(), smoothing=0.05).notes == ()
+
+
+def test_vertices_at_one_place_of_a_chart_stay_at_one_place(scan):
+    """A vertex of a rough sheet is carried to where another one is; the triangles between have no area."""
+    mesh = strip()
+    one, other, _ = mesh.triangles[len(mesh.triangles) // 2]
+    chart = mesh.chart.copy()
+    chart[other] = chart[one]
+    found = fit_chart_surface(scan[1], replace(mesh, chart=chart)).mesh.chart
+    assert np.isfinite(found).all()
+    assert (found[other] == found[one]).all()

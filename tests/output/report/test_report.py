@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import open3d as o3d
 import pytest
 
 import o3dleaf as o3l
@@ -78,6 +79,22 @@ def test_the_fit_stands_in_the_summary_with_the_area_of_the_mesh():
     assert summary["fit"]["coverage"] == fit.coverage
     assert warnings_of(summary) == fit.warnings != []
     assert summarize(blade, mesh, {}, fit=fit)["fit"] == summarize(blade, mesh, {}, scan=lacking)["fit"]
+
+
+def test_triangles_of_a_blade_that_cross_others_are_told_with_their_place():
+    blade = RolledBlade()
+    scan, mesh = blade.scan(0.5)[0], blade.extract_mesh(0.5)
+    vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.triangles)
+    middle = len(triangles) // 2
+    corners = vertices[triangles[middle]]
+    up = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    up /= np.linalg.norm(up)
+    through = corners.mean(axis=0) + 0.1 * np.array([up, -up, corners[1] - corners[0]])
+    mesh.vertices = o3d.utility.Vector3dVector(np.concatenate([vertices, through]))
+    mesh.triangles = o3d.utility.Vector3iVector(np.concatenate([triangles, len(vertices) + np.array([[0, 1, 2]])]))
+    summary = summarize(blade, mesh, {}, scan=scan)
+    (warning,) = warnings_of(summary)
+    assert f"{summary['mesh']['self_intersections']} triangles of the mesh cross others, most at" in warning
 
 
 def test_a_mesh_that_lacks_area_is_told_unless_it_shows_a_part():

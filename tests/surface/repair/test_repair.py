@@ -137,3 +137,13 @@ def test_the_thread_that_loads_meshlab_outlives_the_one_that_called_it():
     triangles, threads = done.stdout.splitlines()
     assert 200 < int(triangles) <= 300
     assert threads.split() == ["MainThread", "pymeshlab"]
+
+
+@pytest.mark.parametrize("unit", [2.0**-20, 2.0**10])
+def test_simplifying_does_not_depend_on_the_unit(unit):
+    """MeshLab takes small errors for none, by their size: noisy meshes of other units became others."""
+    vertices, triangles = mesh_arrays(extract_isosurface(sphere(), 0.1))
+    rough = vertices + np.random.default_rng(0).normal(0, 0.01, vertices.shape)
+    one, other = (mesh_arrays(simplify_mesh((rough * by, triangles), target_triangles=600)) for by in (1.0, unit))
+    np.testing.assert_array_equal(other[0], one[0] * unit)
+    np.testing.assert_array_equal(other[1], one[1])

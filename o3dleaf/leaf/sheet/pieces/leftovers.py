@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import ReconstructionError
 from o3dleaf.core.mesh_arrays import IntArray
+from o3dleaf.core.trees import query
 from o3dleaf.leaf.sheet.widths import Passes
 from o3dleaf.surface.mesh.deviation import nearest_on_mesh
 from o3dleaf.surface.mesh.topology import EdgeTable, label_nodes
@@ -20,6 +21,8 @@ TOUCHING = 2.0
 """Spacings from the sheet at which another one meets it."""
 FEWEST = 24
 """Points of a piece that can be asked for."""
+LISTED = 6
+"""Pieces that are listed where one has to be chosen."""
 SHOWN = 3
 """Groups that are told one by one."""
 
@@ -40,6 +43,8 @@ class Leftovers:
     held : int
         Points of the sheet.
     spacing : float
+    parts : tuple of (k,) ndarrays
+        Of those, the rows of each part, where parts hang together by narrow necks.
     """
 
     scan: FloatArray
@@ -48,12 +53,19 @@ class Leftovers:
     branch: tuple[FloatArray | None, ...]
     held: IntArray
     spacing: float
+    parts: tuple[IntArray, ...] = ()
 
     @classmethod
     def of(
-        cls, scan: FloatArray, held: IntArray, vertices: FloatArray, triangles: IntArray, spacing: float
+        cls,
+        scan: FloatArray,
+        held: IntArray,
+        vertices: FloatArray,
+        triangles: IntArray,
+        spacing: float,
+        part: IntArray | None = None,
     ) -> "Leftovers":
-        """Group the points of a scan that a sheet does not hold."""
+        """Group the points of a scan that a sheet does not hold, and those that it does by the `part` of vertices."""
         rest = np.setdiff1d(np.arange(len(scan)), held)
         groups = _groups(scan, rest, LINK * spacing)
         edges = EdgeTable.of(triangles)
@@ -67,22 +79,39 @@ class Leftovers:
             # What nowhere leaves the sheet lies over it, and meets it nowhere.
             meets = inner.min() <= TOUCHING * spacing and far.max() > NEAR * spacing and len(rows) >= FEWEST
             branch.append(feet[inner.argmin()] if meets else None)
-        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing)
+        parts: tuple[IntArray, ...] = ()
+        if part is not None:
+            own = part[query(cKDTree(vertices), scan[held])[1]]
+            parts = tuple(sorted((held[own == each] for each in range(int(part.max()) + 1)), key=lambda p: -len(p)))
+        return cls(scan, groups, tuple(distance), tuple(branch), held, spacing, parts)
 
     def piece(self, number: int) -> IntArray:
-        """Return the rows of the N-th largest piece, from 2 on; the sheet itself is the first.
+        """Return the rows of the N-th piece, counted from 1: the sheet or its parts, and what is apart from them.
 
         Raises
         ------
         ReconstructionError
             If there are not so many.
         """
-        large = [rows for rows in self.groups if len(rows) >= FEWEST]
-        if number - 2 >= len(large):
-            all_of = self._name(self.held) + "".join(f"; {self._name(rows)}" for rows in large[:SHOWN])
-            places = np.array([np.median(self.scan[rows], axis=0) for rows in (self.held, *large)])
-            raise ReconstructionError(f"piece: is {number}, but the scan has {1 + len(large)}: {all_of}", places)
-        return large[number - 2]
+        pieces = self.pieces
+        if number > len(pieces):
+            places = np.array([np.median(self.scan[rows], axis=0) for rows in pieces])
+            raise ReconstructionError(f"piece: is {number}, but the scan has {self.listed()}", places)
+        return pieces[number - 1]
+
+    @property
+    def pieces(self) -> tuple[IntArray, ...]:
+        """Rows of all that can be asked for: the sheet and then the groups; where it has parts, the largest first."""
+        groups = tuple(rows for rows in self.groups if len(rows) >= FEWEST)
+        return (
+            tuple(sorted((*self.parts, *groups), key=lambda rows: -len(rows))) if self.parts else (self.held, *groups)
+        )
+
+    def listed(self) -> str:
+        """Return the number of the pieces, and the first of them by number, size and place."""
+        pieces = self.pieces
+        shown = "; ".join(f"{k}: {self._name(rows)}" for k, rows in enumerate(pieces[:LISTED], 1))
+        return f"{len(pieces)}: {shown}{'; ...' if len(pieces) > LISTED else ''}"
 
     def beyond(self, reach: float) -> IntArray:
         """Return the rows (k,) of groups too small for a piece that lie within so many spacings of the sheet."""

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray, triangle_areas
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.sheet.leftovers import place_of
+from o3dleaf.leaf.sheet.pieces.leftovers import place_of
 from o3dleaf.surface.mesh.topology import EdgeTable, find_holes, label_nodes, label_triangles
 
 GAPS = ((2.0, 1.2, -3.3), (1.7, 2.4, 0.0), (1.5, 4.0, 3.5))

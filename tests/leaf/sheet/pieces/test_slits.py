@@ -5,8 +5,8 @@ from scipy.spatial import Delaunay
 
 import o3dleaf as o3l
 from o3dleaf.core.mesh_arrays import triangle_areas
+from o3dleaf.leaf.sheet.pieces.slits import find_slits
 from o3dleaf.leaf.sheet.sheet import find_sheet
-from o3dleaf.leaf.sheet.slits import find_slits
 from o3dleaf.surface.mesh.topology import find_holes, label_triangles
 
 SIDE = 60.0
