@@ -50,7 +50,8 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     graph = (graph + graph.T).tocsr()
     rim = np.unique(ends[edges.count == 1])
     depth = dijkstra(graph, indices=rim, min_only=True)
-    area = np.bincount(triangles.ravel(), np.repeat(triangle_areas(vertices, triangles) / 3, 3), len(vertices))
+    thirds = np.repeat(triangle_areas(vertices, triangles) / 3, 3)
+    area = np.asarray(np.bincount(triangles.ravel(), thirds, len(vertices)), np.float64)
     label, necks = _parts(depth, RAGGED * float(np.median(length)), area, graph.indptr, graph.indices)
     if not necks:
         return None
@@ -101,8 +102,8 @@ def _parts(
 def _ranked(label: IntArray, area: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the numbers of parts from the largest on, the number of each vertex's (v,), and their areas."""
     _, part = np.unique(label, return_inverse=True)
-    sizes = np.bincount(part, area)
+    sizes = np.asarray(np.bincount(part, area), np.float64)
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return np.arange(len(order)), rank[part], sizes[order]
+    return np.arange(len(order)), rank[part].astype(np.int64), sizes[order]
