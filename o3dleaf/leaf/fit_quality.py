@@ -175,8 +175,8 @@ class FitQuality:
             )
         if self.shared > LEAST_FAR * self.spacing:
             lines.append(
-                f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves too short "
-                "for the blade to follow, whose area it lacks, or noise that points have in common"
+                f"neighbors lie off the blade alike, by {self._length(self.shared)} (root mean square): waves that are "
+                "too short for the blade to follow, whose area it lacks, or noise that points have in common"
             )
         if self.outside > MAX_OUTSIDE:
             lines.append(

@@ -8,7 +8,7 @@
 `open_sheets`    a cloud, averaged over given widths, as open sheets
 `widths`         how wide a cloud must be averaged to be one sheet
 `parting`        layers told apart where they lie closer than points
-`pieces/`        what a sheet leaves out, and where it is cut: layers, leaves that touch, slits
+`pieces`         what a sheet leaves out, and where it is cut: layers, leaves that touch, slits
 `sheet`          `find_sheet`: all of it together
 `average_loops`  the compiled loops of averaging and thinning
 `star_loops`     the compiled loops of stars

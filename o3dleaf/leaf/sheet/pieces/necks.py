@@ -14,6 +14,8 @@ from o3dleaf.surface.mesh.topology import EdgeTable
 NARROW = 0.5
 """Width of a neck over that of the narrower part, at most: of the leaves that were looked at none is half as wide and
 wide again, but for its petiole. It is told, and nothing is cut that was not asked for."""
+RAGGED = 2.0
+"""Edges that a rim is ragged by, one on either side of a neck: so much may be missing of what is narrow by chance."""
 LEAST = 0.1
 """Share of the sheet's area that a part has at least; less is a shred of a margin."""
 
@@ -25,17 +27,12 @@ class Necks(NamedTuple):
     note: str
 
 
-class _Neck(NamedTuple):
-    place: FloatArray
-    width: float
-
-
 def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     """Return the parts of a sheet that hang together by narrow necks, or None of a sheet that has none.
 
     Of the depth, the distance from the rim along the sheet, each wide part has a peak, and where two meet, half the
-    neck's width is left. Vertices are taken by falling depth; parts that meet are one, unless the depth there is no
-    more than half of both peaks.
+    neck's width is left. Vertices are taken by falling depth; parts that meet are one, unless the depth there is less
+    than half of both peaks by what a rim is ragged.
 
     Parameters
     ----------
@@ -53,25 +50,30 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     graph = (graph + graph.T).tocsr()
     rim = np.unique(ends[edges.count == 1])
     depth = dijkstra(graph, indices=rim, min_only=True)
-    area = np.bincount(triangles.ravel(), np.repeat(triangle_areas(vertices, triangles) / 3, 3), len(vertices))
-    label, necks = _parts(depth, area, graph.indptr, graph.indices)
+    thirds = np.repeat(triangle_areas(vertices, triangles) / 3, 3)
+    area = np.asarray(np.bincount(triangles.ravel(), thirds, len(vertices)), np.float64)
+    label, necks = _parts(depth, RAGGED * float(np.median(length)), area, graph.indptr, graph.indices)
     if not necks:
         return None
+    # What is no deeper than the necks belongs to the part that is nearest along the sheet.
+    core = np.flatnonzero(depth > depth[necks].max())
+    nearest = dijkstra(graph, indices=core, min_only=True, return_predecessors=True)[2]
+    label = np.where(nearest >= 0, label[nearest], label)
     names, part, sizes = _ranked(label, area)
     shown = "; ".join(
         f"{size:.3g} at {place_of(vertices[part == name])}" for name, size in zip(names, sizes, strict=True)
     )
-    at = ", ".join(f"{2 * width:.2g} wide at {place_of(vertices[[place]])}" for place, width in necks)
+    at = ", ".join(f"{2 * depth[place]:.2g} wide at {place_of(vertices[[place]])}" for place in necks)
     return Necks(part, f"{len(names)} parts, areas about {shown}, hang together by {at}: `piece` takes one of them")
 
 
 def _parts(
-    depth: FloatArray, area: FloatArray, first: IntArray, neighbor: IntArray
-) -> tuple[IntArray, list[tuple[int, float]]]:
-    """Return the part (v,) of each vertex, and the vertex and depth of each neck between them."""
+    depth: FloatArray, ragged: float, area: FloatArray, first: IntArray, neighbor: IntArray
+) -> tuple[IntArray, list[int]]:
+    """Return the part (v,) of each vertex, and a vertex in each neck between them."""
     parent, peak, size = np.full(len(depth), -1), depth.copy(), area.copy()
     whole = LEAST * float(area[np.isfinite(depth)].sum())
-    met: dict[tuple[int, int], tuple[int, float]] = {}
+    met: dict[tuple[int, int], int] = {}
 
     def root(of: int) -> int:
         while parent[of] != of:
@@ -88,8 +90,8 @@ def _parts(
         size[roots[0]] += area[vertex]
         for other in roots[1:]:
             one = root(vertex)
-            if depth[vertex] <= NARROW * peak[other] and min(size[one], size[other]) >= whole:
-                met.setdefault((min(one, other), max(one, other)), (vertex, float(depth[vertex])))
+            if depth[vertex] + ragged <= NARROW * peak[other] and min(size[one], size[other]) >= whole:
+                met.setdefault((min(one, other), max(one, other)), vertex)
                 continue
             parent[other] = one
             size[one] += size[other]
@@ -100,8 +102,8 @@ def _parts(
 def _ranked(label: IntArray, area: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the numbers of parts from the largest on, the number of each vertex's (v,), and their areas."""
     _, part = np.unique(label, return_inverse=True)
-    sizes = np.bincount(part, area)
+    sizes = np.asarray(np.bincount(part, area), np.float64)
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    return np.arange(len(order)), rank[part], sizes[order]
+    return np.arange(len(order)), rank[part].astype(np.int64), sizes[order]
