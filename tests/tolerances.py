@@ -240,11 +240,6 @@ LATTICE_EDGE = 1e-12
 BOX_INDEPENDENCE = 1e-9
 """Lattices of two boxes start at other multiples of the spacing, so that positions differ by roundings."""
 
-HELD_BY_TILE = 2.3
-"""Times as much memory beside files for a tile of nine times the columns, whose planes and walls are three times as
-long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes,
-and 2.92 with the points of the walls sorted in memory."""
-
 SHARPENED_ORDER = 3.0
 """Least order of a vertex on the zero of a parabola; found 4.0 on a cubic field, and 2.0 where the chord is kept."""
 
@@ -544,6 +539,11 @@ BLUNT = 0.05
 """Share of the vertices of the sharp edge that stay on the wall beneath it: a handful of 200, where the edge of a
 triangle would spoil; how many is a matter of roundings, and so of the processor. Found 0 to 4, and 7 of 248 at a finer
 step. A loose last step of Newton along the wall leaves 0.07, short steps 0.13, two steps 0.7, none all of them."""
+
+HELD_BY_TILE = 2.3
+"""Times as much memory beside files for a tile of nine times the columns, whose planes and walls are three times as
+long. Found 1.45 to make it and 2.05 to write it, by numbers of each slab and block; 2.57 with slabs of whole planes,
+and 2.92 with the points of the walls sorted in memory."""
 
 SHARPENED = 1e-3
 """Of an edge: regula falsi stops at steps of 1e-4; found 2e-4. Linear interpolation leaves 1e-1."""
