@@ -92,6 +92,8 @@ def fit_splines(
             balls = start, stop, values, cover.balls, tail, power
             if trials:
                 fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
+            elif data.share and data.groups is not None:
+                fit_loops.fit_sharing_balls(*balls, diagonals, data.groups, data.share, fitted)
             else:
                 fit_loops.fit_balls(*balls, diagonals, fitted)
 

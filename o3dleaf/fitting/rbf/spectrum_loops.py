@@ -10,6 +10,7 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
+from o3dleaf.fitting.rbf.shared_noise_loops import add_errors, count_group, held_out, judged
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
 ROUNDING = 2e-15
@@ -80,7 +81,7 @@ def coefficients_of(values, roots, decomposed):
 
 
 @njit(nogil=True, cache=True)
-def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
+def held_out_squares(decomposed, values, weighted, roots, groups, share, trials, blocks, counts):
     r"""Return Σ w_j e_j² over groups of points left out together, for each trial value of the smoothing, and Σ w_j.
 
     Row j is of the group that is named by row groups[j] of the ball (−1: by one that is not in it), and only groups
@@ -91,8 +92,11 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
     ----------
     decomposed
         What `decompose` returns.
-    values, roots : (n,)
+    values, weighted, roots : (n,)
+        f, W^½ S f (see `shared_noise_loops`) and √w.
     groups : (n,) int64
+    share : float
+        β, the part of the variance that a group has in common: where it is not 0, see `judged`.
     trials : (m,) smoothing in unit coordinates, above 0
     blocks, counts : (g, m, g, g), (g,)
         The s B_II of groups of 1, ..., g rows are added here, and their number.
@@ -104,16 +108,16 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
     for k in range(free):
         put(eigenvectors[:, k], basis[k, rank:])
         reflect(basis[k], vectors, betas, False)
-    coefficients = basis @ (values * roots)
+    coefficients = basis @ weighted
     basis = np.ascontiguousarray(basis.T)
     inverses = 1.0 / (eigenvalues.reshape(-1, 1) + trials)
     pulled = (basis * coefficients) @ inverses
-    squares, weight = np.zeros(trials.size), 0.0
+    sums = held_out(trials.size)
     for name in range(count):
         rows = np.flatnonzero(groups == name)
         if groups[name] != name or count - rows.size < 2 * rank:
             continue
-        weight += np.sum(roots[rows] ** 2)
+        count_group(rows, name, values, roots, share, sums)
         block = group_blocks(basis[rows], inverses)
         if rows.size <= counts.size:
             counts[rows.size - 1] += 1
@@ -122,8 +126,8 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
         for k in range(trials.size):
             right = pulled[rows, k]
             solve_few(block[k], right)
-            squares[k] += np.sum(right * right)
-    return squares, weight
+            add_errors(right, rows, name, values, roots, share, sums, k)
+    return judged(sums)
 
 
 @njit(nogil=True, cache=True)
