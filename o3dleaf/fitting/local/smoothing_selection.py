@@ -31,7 +31,7 @@ that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
 GROUP = 3
 """Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
 
-LESS, MORE = 10.0, 100.0
+LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
 
 NOISY = 0.5
