@@ -670,6 +670,9 @@ WEIGHTED_SYSTEM = 1e-10
 that is divided by them: 4e-12 seen; with the next trial value they
 are off by a quarter."""
 
+SLOPE_OF_PLANE = 0.05
+"""Slope of the fit to a noisy plane of 900 points, relative to that of least squares."""
+
 # --- creases ---
 
 CREASED = 1e-8

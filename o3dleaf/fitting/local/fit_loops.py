@@ -9,9 +9,9 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared, whitened
-from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise, whiten, whiten_both_sides
-from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_local, tail_matrix
-from o3dleaf.fitting.rbf.spectrum_loops import decompose_system, held_out_squares, spectra
+from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise
+from o3dleaf.fitting.rbf.solve_loops import solve_local
+from o3dleaf.fitting.rbf.spectrum_loops import decompose_shared, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
 
@@ -158,10 +158,8 @@ def decompose_ball(ball, data, balls, exponents, power, groups, share):
     """Return what `decompose` does of one ball's weighted system, in unit coordinates; see `shared_noise_loops`."""
     rows = rows_of(balls, ball)
     local, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
-    matrix, tail, noise = radial_matrix(local, power), tail_matrix(local, exponents), shared_noise(groups[rows], share)
-    whiten_both_sides(noise, matrix)
-    whiten(noise, tail)
-    return decompose_system(matrix, tail, natural_monomials(local, exponents), np.sqrt(data.weights[rows]))
+    roots, noise = np.sqrt(data.weights[rows]), shared_noise(groups[rows], share)
+    return decompose_shared(local, roots, exponents, power, noise)
 
 
 @njit(nogil=True, cache=True)

@@ -53,6 +53,18 @@ def factors(size, share):
 @njit(nogil=True, cache=True)
 def whiten(noise, rows):
     """Multiply rows (n, q) with S, in place."""
+    multiply(noise, rows, False)
+
+
+@njit(nogil=True, cache=True)
+def unwhiten(noise, rows):
+    """Multiply rows (n, q) with the inverse of S, in place."""
+    multiply(noise, rows, True)
+
+
+@njit(nogil=True, cache=True)
+def multiply(noise, rows, inversely):
+    """Multiply rows (n, q) with S or its inverse, in place; of single rows, or without a share, nothing changes."""
     if noise.share == 0.0:
         return
     first = 0
@@ -60,6 +72,8 @@ def whiten(noise, rows):
         size = last - first
         if size > 1:
             apart, together = factors(size, noise.share)
+            if inversely:
+                apart, together = 1.0 / apart, 1.0 / together
             for k in range(rows.shape[1]):
                 mean = 0.0
                 for i in range(first, last):

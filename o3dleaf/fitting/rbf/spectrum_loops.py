@@ -10,7 +10,15 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
-from o3dleaf.fitting.rbf.shared_noise_loops import add_errors, count_group, held_out, judged
+from o3dleaf.fitting.rbf.shared_noise_loops import (
+    add_errors,
+    count_group,
+    held_out,
+    judged,
+    unwhiten,
+    whiten,
+    whiten_both_sides,
+)
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
 ROUNDING = 2e-15
@@ -28,6 +36,15 @@ def decompose(points, roots, exponents, power):
     """
     frame = natural_monomials(points, exponents)
     return decompose_system(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+
+
+@njit(nogil=True, cache=True)
+def decompose_shared(points, roots, exponents, power, noise):
+    """Return what `decompose` does of the system that `shared_noise_loops.whiten` leaves."""
+    matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
+    whiten_both_sides(noise, matrix)
+    whiten(noise, tail)
+    return decompose_system(matrix, tail, natural_monomials(points, exponents), roots)
 
 
 @njit(nogil=True, cache=True)
@@ -150,10 +167,11 @@ def group_blocks(basis, inverses):
 
 
 @njit(nogil=True, cache=True)
-def diagnose(points, weights, roots, exponents, power, smoothing):
+def diagnose(points, weights, roots, exponents, power, smoothing, noise):
     r"""Diagnose the fit with the weights λ and s = `smoothing`, unit coordinates, from its own numbers alone.
 
-    With B = Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ the point j is missed by e_j = μ_j/(√w_j B_jj) when it is left out.
+    With B = S W^½ Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ W^½ S the point j is missed by e_j = λ_j/B_jj when it is left out; S is that of
+    the noise, see `shared_noise_loops`, and I where points share none.
 
     Returns
     -------
@@ -164,7 +182,7 @@ def diagnose(points, weights, roots, exponents, power, smoothing):
 
     Where the solution left out directions, its numbers do not say what they contained: score and errors are NaN.
     """
-    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    eigenvalues, eigenvectors, vectors, betas = decompose_shared(points, roots, exponents, power, noise)
     count, free = len(weights), len(eigenvalues)
     rank = count - free
     errors = np.full(count, np.nan)
@@ -185,9 +203,13 @@ def diagnose(points, weights, roots, exponents, power, smoothing):
         put(eigenvectors[:, k], column[rank:])
         reflect(column, vectors, betas, False)
         apart += column * column
+        column *= roots
+        whiten(noise, column.reshape(-1, 1))
         diagonal += column * column / shifted[k]
-    mu = weights / roots
+    mu = weights.copy()
+    unwhiten(noise, mu.reshape(-1, 1))
+    mu /= roots
     for j in range(count):
         if apart[j] > LEVERAGE:
-            errors[j] = mu[j] / (roots[j] * diagonal[j])
+            errors[j] = weights[j] / diagonal[j]
     return count * dot(mu, mu, count) / np.sum(1 / shifted) ** 2, degrees, condition, errors

@@ -130,6 +130,7 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "places": _whole("k", most="s"),
         "smoothing_per_ball": _floats("k", optional=True),
         "point_weights": _floats("t", optional=True),
+        "point_groups": Array(np.int64, ("t",), optional=True),
     },
     LocalColumns: {
         "tails": _floats("k", "c", "q"),
