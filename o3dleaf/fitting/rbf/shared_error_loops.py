@@ -15,7 +15,15 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
-from o3dleaf.fitting.rbf.shared_noise_loops import add_errors, count_group, held_out, judged, whiten, whiten_both_sides
+from o3dleaf.fitting.rbf.shared_noise_loops import (
+    add_errors,
+    count_group,
+    held_out,
+    judged,
+    whiten,
+    whiten_both_sides,
+    whiten_rows,
+)
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, solve_system, tail_matrix
 from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
@@ -27,14 +35,28 @@ EXACT = 1e-10
 
 
 class TailFreeSystem(NamedTuple):
-    """W^½ A W^½ on the null space of (W^½ P)ᵀ, as it is multiplied with: A (n, n), √w (n,), a basis of W^½ P (r, n).
+    """W^½ S A S W^½ on the null space of (W^½ S P)ᵀ, as it is multiplied with; see `shared_noise_loops`.
 
-    A and P are those that `shared_noise_loops.whiten` leaves.
+    Attributes
+    ----------
+    matrix, roots, noise
+        A (n, n), √w (n,) and S.
+    tail : (r, n)
+        A basis of W^½ S P.
     """
 
     matrix: Any
     roots: Any
+    noise: Any
     tail: Any
+
+
+@njit(nogil=True, cache=True)
+def weight_rows(system, vector):
+    """Return S W^½ x of a vector (n,), which multiplies A."""
+    weighted = system.roots * vector
+    whiten(system.noise, weighted)
+    return weighted
 
 
 class Krylov(NamedTuple):
@@ -93,7 +115,8 @@ def advance(system, krylov, shifts, first, most, link, residual):
     vector, before, pivots, heights, directions, solutions = krylov
     roots, size = system.roots, vector.size
     for step in range(first, most):
-        image = system.matrix @ (roots * vector)
+        image = system.matrix @ weight_rows(system, vector)
+        whiten(system.noise, image)
         for j in range(size):
             image[j] *= roots[j]
         middle = dot(image, vector, size)
@@ -157,13 +180,14 @@ def solve_chosen(points, values, roots, exponents, power, groups, noise, trials,
     # A factor takes n³/6 products and 2 n² for each reflector of the tail, a step n².
     most = max(count // 6 + 2 * len(triangle), step + 1)
     if length > 0.0 and not advance(system, own, shift, step, most, link, EXACT)[2]:
-        return factor_solution(points, exponents, noise, system, weighted, trials[best]), best
-    weights, reduced = own.solutions[0] * roots, np.empty(len(triangle))
-    rest = weighted - roots * (system.matrix @ weights)
+        return factor_solution(points, exponents, system, weighted, trials[best]), best
+    weights, reduced = weight_rows(system, own.solutions[0]), np.empty(len(triangle))
+    image = system.matrix @ weights
+    whiten(noise, image)
+    rest = weighted - roots * image
     for k in range(reduced.size):
         reduced[k] = dot(system.tail[k], rest, count)
     solve_triangle(triangle, reduced)
-    whiten(noise, weights.reshape(-1, 1))
     return (weights, basis @ reduced, reduced.size, 0), best
 
 
@@ -172,12 +196,12 @@ def solve_shared(points, values, exponents, power, diagonal, noise):
     """Return what `solve_local` does where s is that on the `diagonal` (n,) of the whitened system."""
     matrix, tail, right = radial_matrix(points, power), tail_matrix(points, exponents), values.copy()
     whiten_both_sides(noise, matrix)
-    whiten(noise, tail)
-    whiten(noise, right.reshape(-1, 1))
+    whiten_rows(noise, tail)
+    whiten(noise, right)
     for i in range(len(matrix)):
         matrix[i, i] += diagonal[i]
     weights, coefficients, rank, lost = solve_system(matrix, tail, natural_monomials(points, exponents), right)
-    whiten(noise, weights.reshape(-1, 1))
+    whiten(noise, weights)
     return weights, coefficients, rank, lost
 
 
@@ -185,31 +209,29 @@ def solve_shared(points, values, exponents, power, diagonal, noise):
 def whitened(values, roots, noise):
     """Return W^½ S f of values f (n,)."""
     shared = values.copy()
-    whiten(noise, shared.reshape(-1, 1))
+    whiten(noise, shared)
     return shared * roots
 
 
 @njit(nogil=True, cache=True)
-def factor_solution(points, exponents, noise, system, weighted, smoothing):
+def factor_solution(points, exponents, system, weighted, smoothing):
     """Return what `solve_local` does, by a Cholesky factor; the matrix A of the system is overwritten."""
     tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
-    whiten(noise, tail)
+    whiten_rows(system.noise, tail)
+    whiten_both_sides(system.noise, system.matrix)
     projected = project_weighted(system.matrix, tail, frame, system.roots)
     matrix = projected[0]
     for i in range(len(system.tail), len(matrix)):
         matrix[i, i] += smoothing
     scaled, coefficients, rank, lost = solve_projected(weighted, projected)
-    weights = scaled * system.roots
-    whiten(noise, weights.reshape(-1, 1))
-    return weights, coefficients, rank, lost
+    return weight_rows(system, scaled), coefficients, rank, lost
 
 
 @njit(nogil=True, cache=True)
 def tail_free(points, exponents, power, roots, noise):
     """Return the system of some points without its tail, the tail's triangle R, and its basis; see `restrict_tail`."""
-    tail, matrix = tail_matrix(points, exponents), radial_matrix(points, power)
-    whiten(noise, tail)
-    whiten_both_sides(noise, matrix)
+    tail = tail_matrix(points, exponents)
+    whiten_rows(noise, tail)
     for i in range(len(roots)):
         tail[i] *= roots[i]
     vectors, betas, triangle, basis = restrict_tail(tail, natural_monomials(points, exponents))
@@ -217,7 +239,7 @@ def tail_free(points, exponents, power, roots, noise):
     for k in range(len(span)):
         span[k, k] = 1.0
         reflect(span[k], vectors, betas, False)
-    return TailFreeSystem(matrix, roots, span), triangle, basis
+    return TailFreeSystem(radial_matrix(points, power), roots, noise, span), triangle, basis
 
 
 @njit(nogil=True, cache=True)
@@ -261,12 +283,12 @@ def group_squares(pulled, rank, values, roots, groups, share, trials, inverses):
         rows, first = order[first:last], last
         if name < 0 or groups[name] != name or rows.size > len(inverses) or count - rows.size < 2 * rank:
             continue
-        count_group(rows, name, values, roots, share, sums)
+        readings, weight = count_group(rows, name, values, roots, share, sums), roots[name] ** 2
         for k in range(trials.size):
             for i in range(rows.size):
                 missed[i] = 0.0
                 for j in range(rows.size):
                     missed[i] += inverses[rows.size - 1, k, i, j] * pulled[k, rows[j]]
                 missed[i] *= trials[k]
-            add_errors(missed, rows, name, values, roots, share, sums, k)
+            add_errors(missed, rows.size, weight, readings, share, sums, k)
     return judged(sums)

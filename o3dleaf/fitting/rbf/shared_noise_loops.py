@@ -14,16 +14,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
+from o3dleaf.fitting.rbf.reflector_loops import subtract
 
 LEAST_SLOPE = 1e-2
 """Share of the data's slope that a fit has at least when its errors are judged by it."""
 
 
 class SharedNoise(NamedTuple):
-    """Rows (n,) group by group, where each group ends among them (k,), and the share β of the variance in common."""
+    """The groups of several rows, and S: times `apart`, and `shifts` of the group's sum more.
+
+    Attributes
+    ----------
+    order : (m,)
+        Their rows, group by group.
+    ends, shifts : (k,)
+    apart, share : float
+        1/√(1 − β) and the share β of the variance that a group has in common.
+    """
 
     order: Any
     ends: Any
+    shifts: Any
+    apart: float
     share: float
 
 
@@ -37,11 +49,25 @@ class HeldOut(NamedTuple):
 
 @njit(nogil=True, cache=True)
 def shared_noise(groups, share):
-    """Return the noise of rows that belong to groups (n,), named by any numbers."""
-    order = np.argsort(groups, kind="mergesort")
-    named = groups[order]
-    ends = np.append(np.flatnonzero(named[1:] != named[:-1]) + 1, len(named))
-    return SharedNoise(order, ends, share)
+    """Return the noise of rows that belong to groups (n,), named by any numbers; without a share no row has a group."""
+    count = groups.size if share > 0.0 else 0
+    order, ends, shifts = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+    sorted_rows = np.argsort(groups, kind="mergesort") if count > 0 else order
+    filled, several, first = 0, 0, 0
+    while first < count:
+        last = first + 1
+        while last < count and groups[sorted_rows[last]] == groups[sorted_rows[first]]:
+            last += 1
+        size = last - first
+        if size > 1:
+            apart, together = factors(size, share)
+            for i in range(first, last):
+                order[filled] = sorted_rows[i]
+                filled += 1
+            ends[several], shifts[several] = filled, (together - apart) / size
+            several += 1
+        first = last
+    return SharedNoise(order[:filled], ends[:several], shifts[:several], factors(1, share)[0], share)
 
 
 @njit(nogil=True, cache=True)
@@ -51,45 +77,54 @@ def factors(size, share):
 
 
 @njit(nogil=True, cache=True)
-def whiten(noise, rows):
-    """Multiply rows (n, q) with S, in place."""
-    multiply(noise, rows, False)
-
-
-@njit(nogil=True, cache=True)
-def unwhiten(noise, rows):
-    """Multiply rows (n, q) with the inverse of S, in place."""
-    multiply(noise, rows, True)
-
-
-@njit(nogil=True, cache=True)
-def multiply(noise, rows, inversely):
-    """Multiply rows (n, q) with S or its inverse, in place; of single rows, or without a share, nothing changes."""
-    if noise.share == 0.0:
-        return
+def whiten(noise, vector):
+    """Multiply a vector (n,) with S, in place."""
+    order, ends, shifts, apart, _ = noise
     first = 0
-    for last in noise.ends:
-        size = last - first
-        if size > 1:
-            apart, together = factors(size, noise.share)
-            if inversely:
-                apart, together = 1.0 / apart, 1.0 / together
-            for k in range(rows.shape[1]):
-                mean = 0.0
-                for i in range(first, last):
-                    mean += rows[noise.order[i], k] / size
-                for i in range(first, last):
-                    j = noise.order[i]
-                    rows[j, k] = apart * (rows[j, k] - mean) + together * mean
-        first = last
+    for k in range(ends.size):
+        total = 0.0
+        for i in range(first, ends[k]):
+            total += vector[order[i]]
+        total *= shifts[k]
+        for i in range(first, ends[k]):
+            vector[order[i]] = apart * vector[order[i]] + total
+        first = ends[k]
+
+
+@njit(nogil=True, cache=True)
+def inverse(noise):
+    """Return the noise whose S is the inverse."""
+    order, ends, shifts, apart, share = noise
+    inverted, first = np.empty(ends.size), 0
+    for k in range(ends.size):
+        size = ends[k] - first
+        inverted[k] = (1.0 / (apart + size * shifts[k]) - 1.0 / apart) / size
+        first = ends[k]
+    return SharedNoise(order, ends, inverted, 1.0 / apart, share)
+
+
+@njit(nogil=True, cache=True)
+def whiten_rows(noise, matrix):
+    """Multiply a matrix (n, q) with S, in place."""
+    order, ends, shifts, apart, _ = noise
+    first, total = 0, np.empty(matrix.shape[1])
+    for k in range(ends.size):
+        total[:] = 0.0
+        for i in range(first, ends[k]):
+            subtract(matrix[order[i]], -shifts[k], total)
+        for i in range(first, ends[k]):
+            row = matrix[order[i]]
+            for column in range(row.size):
+                row[column] = apart * row[column] + total[column]
+        first = ends[k]
 
 
 @njit(nogil=True, cache=True)
 def whiten_both_sides(noise, matrix):
     """Make a symmetric A (n, n) S A S, in place."""
-    if noise.share != 0.0:
-        whiten(noise, matrix)
-        whiten(noise, matrix.T)
+    whiten_rows(noise, matrix)
+    for row in matrix:
+        whiten(noise, row)
 
 
 @njit(nogil=True, cache=True)
@@ -100,37 +135,46 @@ def held_out(count):
 
 @njit(nogil=True, cache=True)
 def count_group(rows, name, values, roots, share, sums):
-    """Add a group's weights to the sums and, where errors are shared, the squares of its rises from the row `name`."""
+    """Count a group in, and return what multiplies its errors W^½ S e (g,) to the measured row's, and to its slope's.
+
+    Where errors are shared, only that of the row `name` counts, and the slope is that of the values' rises from it.
+    """
+    size = rows.size
+    own, slope = np.zeros(size), np.zeros(size)
     if share == 0.0:
         for row in rows:
             sums.totals[0] += roots[row] ** 2
-        return
-    weight = roots[name] ** 2
+        return own, slope
+    apart, together = factors(size, share)
+    mean, weight = (1.0 / together - 1.0 / apart) / size, roots[name] ** 2
+    rises = 0.0
+    for i in range(size):
+        rises += values[rows[i]] - values[name]
+    for i in range(size):
+        rise, single = values[rows[i]] - values[name], (1.0 / apart) / roots[rows[i]]
+        own[i] = mean / roots[rows[i]] + (single if rows[i] == name else 0.0)
+        slope[i] = weight * (rises * own[i] - rises * mean / roots[rows[i]] - rise * single)
+        sums.totals[1] += weight * rise * rise
     sums.totals[0] += weight
-    for row in rows:
-        sums.totals[1] += weight * (values[row] - values[name]) ** 2
+    for k in range(sums.slopes.size):
+        for i in range(size):
+            sums.slopes[k] += weight * (values[rows[i]] - values[name]) ** 2
+    return own, slope
 
 
 @njit(nogil=True, cache=True)
-def add_errors(missed, rows, name, values, roots, share, sums, k):
-    """Add the errors W^½ S e (g,) of the rows of a group to the sums of the trial value k: all, or the row `name`'s."""
+def add_errors(missed, size, weight, readings, share, sums, k):
+    """Add the errors W^½ S e of a group of that size to the sums of the trial value k; see `count_group`."""
     if share == 0.0:
-        for i in range(rows.size):
+        for i in range(size):
             sums.squares[k] += missed[i] * missed[i]
         return
-    apart, together = factors(rows.size, share)
-    mean, own = 0.0, 0.0
-    for i in range(rows.size):
-        mean += missed[i] / (rows.size * roots[rows[i]])
-    for i in range(rows.size):
-        if rows[i] == name:
-            own = (missed[i] / roots[name] - mean) / apart + mean / together
-    weight = roots[name] ** 2
-    sums.squares[k] += weight * own * own
-    for i in range(rows.size):
-        row, rise = rows[i], values[rows[i]] - values[name]
-        error = (missed[i] / roots[row] - mean) / apart + mean / together
-        sums.slopes[k] += weight * rise * (rise - error + own)
+    own, slope = readings
+    error = 0.0
+    for i in range(size):
+        error += own[i] * missed[i]
+        sums.slopes[k] += slope[i] * missed[i]
+    sums.squares[k] += weight * error * error
 
 
 @njit(nogil=True, cache=True)

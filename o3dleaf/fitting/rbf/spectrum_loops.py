@@ -14,10 +14,11 @@ from o3dleaf.fitting.rbf.shared_noise_loops import (
     add_errors,
     count_group,
     held_out,
+    inverse,
     judged,
-    unwhiten,
     whiten,
     whiten_both_sides,
+    whiten_rows,
 )
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
@@ -43,7 +44,7 @@ def decompose_shared(points, roots, exponents, power, noise):
     """Return what `decompose` does of the system that `shared_noise_loops.whiten` leaves."""
     matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
     whiten_both_sides(noise, matrix)
-    whiten(noise, tail)
+    whiten_rows(noise, tail)
     return decompose_system(matrix, tail, natural_monomials(points, exponents), roots)
 
 
@@ -134,7 +135,7 @@ def held_out_squares(decomposed, values, weighted, roots, groups, share, trials,
         rows = np.flatnonzero(groups == name)
         if groups[name] != name or count - rows.size < 2 * rank:
             continue
-        count_group(rows, name, values, roots, share, sums)
+        readings, weight = count_group(rows, name, values, roots, share, sums), roots[name] ** 2
         block = group_blocks(basis[rows], inverses)
         if rows.size <= counts.size:
             counts[rows.size - 1] += 1
@@ -143,7 +144,7 @@ def held_out_squares(decomposed, values, weighted, roots, groups, share, trials,
         for k in range(trials.size):
             right = pulled[rows, k]
             solve_few(block[k], right)
-            add_errors(right, rows, name, values, roots, share, sums, k)
+            add_errors(right, rows.size, weight, readings, share, sums, k)
     return judged(sums)
 
 
@@ -204,10 +205,10 @@ def diagnose(points, weights, roots, exponents, power, smoothing, noise):
         reflect(column, vectors, betas, False)
         apart += column * column
         column *= roots
-        whiten(noise, column.reshape(-1, 1))
+        whiten(noise, column)
         diagonal += column * column / shifted[k]
     mu = weights.copy()
-    unwhiten(noise, mu.reshape(-1, 1))
+    whiten(inverse(noise), mu)
     mu /= roots
     for j in range(count):
         if apart[j] > LEVERAGE:
