@@ -109,7 +109,7 @@ def fit_splines(
             run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)
     sites, weights, tails, ranks, dropped = fitted
     kept = None if data.weights is None else data.weights[cover.members]
-    shared = data.groups is not None and data.share > 0
+    groups, share = (data.groups, data.share) if data.share > 0 else (None, 0.0)
     places = dimension * cover.offsets[:-1]
     return LocalSplines(
         model.kernel,
@@ -124,8 +124,8 @@ def fit_splines(
         dropped,
         per_ball,
         kept,
-        data.groups[cover.members] if shared else None,
-        data.share if shared else 0.0,
+        None if groups is None else groups[cover.members],
+        0.0 if groups is None else share,
     )
 
 
