@@ -40,7 +40,7 @@ class SharedNoise(NamedTuple):
 
 
 class HeldOut(NamedTuple):
-    """Sums over groups left out: squares of errors (m,) and of slopes times rises (m,); weights and squared rises."""
+    """Sums over groups left out: squares of errors, what slopes lack, times rises (m,); weights and squared rises."""
 
     squares: Any
     slopes: Any
@@ -156,9 +156,6 @@ def count_group(rows, name, values, roots, share, sums):
         slope[i] = weight * (rises * own[i] - rises * mean / roots[rows[i]] - rise * single)
         sums.totals[1] += weight * rise * rise
     sums.totals[0] += weight
-    for k in range(sums.slopes.size):
-        for i in range(size):
-            sums.slopes[k] += weight * (values[rows[i]] - values[name]) ** 2
     return own, slope
 
 
@@ -183,5 +180,5 @@ def judged(sums):
     squares, (weight, rises) = sums.squares.copy(), sums.totals
     if rises > 0.0:
         for k in range(squares.size):
-            squares[k] /= max(sums.slopes[k] / rises, LEAST_SLOPE) ** 2
+            squares[k] /= max(1.0 + sums.slopes[k] / rises, LEAST_SLOPE) ** 2
     return squares, weight
