@@ -4,8 +4,8 @@ import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
-from o3dleaf.fitting.rbf.cholesky_loops import cholesky, solve_rows, solve_triangle
 from o3dleaf.fitting.local.columns.held_out_loops import held_out
+from o3dleaf.fitting.rbf.cholesky_loops import cholesky, solve_rows, solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
 from o3dleaf.fitting.rbf.solve_loops import project, solve_projected
