@@ -21,6 +21,8 @@ Finite = Annotated[float, between(-LARGEST, LARGEST, f"a number of at most {LARG
 Limit = Annotated[float, between(1 / LARGEST, float("inf"), "a number above zero, or infinity")]
 """A factor beyond which something counts as too far; infinite, nothing does."""
 Share = Annotated[float, between(0, 1, "a number from 0 to 1")]
+PartialShare = Annotated[float, between(0, 0.99, "a number from 0 to 0.99")]
+"""A share that leaves something."""
 Unit = Annotated[
     str, Allowed(lambda value: isinstance(value, str) and is_unit(value), f"one of {', '.join(METERS)}", UnitError)
 ]

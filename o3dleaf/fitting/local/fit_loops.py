@@ -8,9 +8,10 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
-from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen
+from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared, whitened
+from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise
 from o3dleaf.fitting.rbf.solve_loops import solve_local
-from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
+from o3dleaf.fitting.rbf.spectrum_loops import decompose_shared, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
 
@@ -52,12 +53,15 @@ class SharedTrials(NamedTuple):
         The place of the value that a sample of balls agrees on, which balls take that have no group to leave out.
     per_point : float
         What the values are multiplied with for each point of a ball, 0 for nothing; see `Smoothing`.
+    share : float
+        The part of the variance of its rows that a group has in common.
     """
 
     values: FloatArray
     inverses: FloatArray
     usual: int
     per_point: float
+    share: float
 
 
 @njit(nogil=True, cache=True)
@@ -101,6 +105,18 @@ def fit_balls(start, stop, data, balls, tail, power, smoothing, fitted):
 
 
 @njit(nogil=True, cache=True)
+def fit_sharing_balls(start, stop, data, balls, tail, power, smoothing, groups, share, fitted):
+    """Do what `fit_balls` does where the rows of a group (n,) have that share of their variance in common."""
+    for ball in range(start, stop):
+        first, last = balls.offsets[ball], balls.offsets[ball + 1]
+        rows, radius = balls.members[first:last], balls.radii[ball]
+        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
+        diagonal = smoothing[ball] / radius**power / data.weights[rows]
+        exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(groups[rows], share)
+        write_ball(ball, first, local, solve_shared(local, values, exponents, power, diagonal, noise), fitted)
+
+
+@njit(nogil=True, cache=True)
 def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, chosen, fitted):
     """Fit the balls start:stop, each with the smoothing of the trials that it chooses, written into `chosen` (M,)."""
     for ball in range(start, stop):
@@ -110,9 +126,9 @@ def fit_choosing_balls(start, stop, data, balls, tail, power, groups, trials, ch
         scale = trials.per_point * rows.size if trials.per_point > 0.0 else 1.0
         scaled = trials.values * (scale / radius**power)
         roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
-        exponents = tail.exponents[: tail.terms[ball]]
+        exponents, noise = tail.exponents[: tail.terms[ball]], shared_noise(groups[rows], trials.share)
         solved, best = solve_chosen(
-            local, values, roots, exponents, power, named, scaled, trials.inverses, trials.usual
+            local, values, roots, exponents, power, named, noise, scaled, trials.inverses, trials.usual
         )
         write_ball(ball, first, local, solved, fitted)
         chosen[ball] = trials.values[best]
@@ -138,27 +154,29 @@ def local_groups(rows, groups):
 
 
 @njit(nogil=True, cache=True)
-def decompose_ball(ball, data, balls, exponents, power):
-    """Return what `decompose` does of one ball's weighted system, in unit coordinates."""
+def decompose_ball(ball, data, balls, exponents, power, groups, share):
+    """Return what `decompose` does of one ball's weighted system, in unit coordinates; see `shared_noise_loops`."""
     rows = rows_of(balls, ball)
     local, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
-    return decompose(local, np.sqrt(data.weights[rows]), exponents, power)
+    roots, noise = np.sqrt(data.weights[rows]), shared_noise(groups[rows], share)
+    return decompose_shared(local, roots, exponents, power, noise)
 
 
 @njit(nogil=True, cache=True)
-def ball_held_out_squares(ball, data, balls, decomposed, groups, trials, max_size):
+def ball_held_out_squares(ball, data, balls, decomposed, groups, share, trials, max_size):
     """Return one ball's `held_out_squares`, and its sums of blocks of up to `max_size` rows and their numbers."""
     rows = rows_of(balls, ball)
     blocks, counts = np.zeros((max_size, trials.size, max_size, max_size)), np.zeros(max_size)
-    roots, named = np.sqrt(data.weights[rows]), local_groups(rows, groups)
-    squares, weight = held_out_squares(decomposed, data.values[rows], roots, named, trials, blocks, counts)
+    roots, named, values = np.sqrt(data.weights[rows]), local_groups(rows, groups), data.values[rows]
+    weighted = whitened(values, roots, shared_noise(groups[rows], share))
+    squares, weight = held_out_squares(decomposed, values, weighted, roots, named, share, trials, blocks, counts)
     return squares, weight, blocks, counts
 
 
 @njit(nogil=True, cache=True)
-def ball_shared_squares(ball, data, balls, exponents, power, groups, trials, inverses):
+def ball_shared_squares(ball, data, balls, exponents, power, groups, share, trials, inverses):
     """Return one ball's `shared_squares`."""
     rows = rows_of(balls, ball)
     local, values = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
-    named = local_groups(rows, groups)
-    return shared_squares(local, values, np.sqrt(data.weights[rows]), exponents, power, named, trials, inverses)
+    named, noise, roots = local_groups(rows, groups), shared_noise(groups[rows], share), np.sqrt(data.weights[rows])
+    return shared_squares(local, values, roots, exponents, power, named, noise, trials, inverses)

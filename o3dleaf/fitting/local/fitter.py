@@ -36,6 +36,10 @@ class ScatteredData:
     normals : (n, d) ndarray or None
         Outward unit normals of a surface on which the value is zero, and where it is not, of the level set there; 0 at
         points of which the value alone is known.
+    share : float
+        The part β, below 1, of the variance of their errors that the points of a group have in common: the covariance
+        is that of (1 − β) I + β 11ᵀ over their weights, where there is smoothing. Where it is not 0 errors of points
+        left out are those of the measured ones, over the slope that the fit leaves, see `shared_noise_loops`.
     """
 
     points: FloatArray
@@ -43,6 +47,7 @@ class ScatteredData:
     weights: FloatArray | None = None
     groups: IntArray | None = None
     normals: FloatArray | None = None
+    share: float = 0.0
 
     @classmethod
     def of(
@@ -53,6 +58,7 @@ class ScatteredData:
         weights: npt.ArrayLike | None = None,
         groups: npt.ArrayLike | None = None,
         normals: npt.ArrayLike | None = None,
+        share: float = 0.0,
     ) -> "ScatteredData":
         """Return data of any arrays, or raise `InputError`; normals may have any length above 0."""
         sites = as_sites(points, "points", least=1, largest=FARTHEST)
@@ -62,6 +68,7 @@ class ScatteredData:
             None if weights is None else as_weights(weights, len(sites)),
             None if groups is None else as_rows(groups, len(sites)),
             None if normals is None else as_normals(normals, sites),
+            share,
         )
 
     @classmethod

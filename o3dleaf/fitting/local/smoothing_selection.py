@@ -31,7 +31,7 @@ that of 256 balls (median), once, on a flat curve, 66; a decade matters."""
 GROUP = 3
 """Rows of a point, on the surface and off its two sides, that balls that choose for themselves leave out together."""
 
-LESS, MORE = 10.0, 100.0
+LESS, MORE = 3.0, 100.0
 """How far below and above the value that balls agree on one of them may choose."""
 
 NOISY = 0.5
@@ -99,7 +99,7 @@ class SharedErrors:
         and nothing to choose: there all take its value.
         """
         sample = _sample(len(self.cover.radii), max(LEAST_BALLS, round(SHARED_POINTS / np.median(self.cover.counts))))
-        decomposed = each_ball(lambda ball: fit_loops.decompose_ball(*self._system(ball)), sample)
+        decomposed = each_ball(lambda ball: fit_loops.decompose_ball(*self._system(ball), *self._sharing), sample)
         few = slice(None, None, max(1, len(sample) // 4))
         found = zip(sample[few], decomposed[few], strict=True)
         trials = trial_values(np.concatenate([part[0] / self._scale(ball) for ball, part in found]))
@@ -110,7 +110,7 @@ class SharedErrors:
             near = trials == chosen
         inverses, near_values = np.ascontiguousarray(np.linalg.inv(blocks[:, near])), trials[near]
         usual = int(np.searchsorted(near_values, chosen))
-        return pooled, SharedTrials(near_values, inverses, usual, pooled.per_point)
+        return pooled, SharedTrials(near_values, inverses, usual, pooled.per_point, self.data.share)
 
     def _pooled(self, sample: IntArray, decomposed: list[Any], trials: FloatArray) -> tuple[Smoothing, FloatArray]:
         """Return the smoothing of `trials` (m,) that a sample of balls agrees on, and the mean blocks.
@@ -120,7 +120,7 @@ class SharedErrors:
         system = dict(zip(sample.tolist(), decomposed, strict=True))
 
         def squares_of(ball: int) -> tuple[Any, ...]:
-            taken = ball, self.data.weighted, self.cover.balls, system[ball], self.data.groups
+            taken = ball, self.data.weighted, self.cover.balls, system[ball], *self._sharing
             found: tuple[Any, ...] = fit_loops.ball_held_out_squares(*taken, trials * self._scale(ball), GROUP)
             return found
 
@@ -136,11 +136,15 @@ class SharedErrors:
         own = replace(self.model.smoothing, value=float(trials.values[trials.usual]))
 
         def value_of(ball: int) -> float:
-            taken = *self._system(ball), self.data.groups, trials.values * self._scale(ball), trials.inverses
+            taken = *self._system(ball), *self._sharing, trials.values * self._scale(ball), trials.inverses
             squares, weight = fit_loops.ball_shared_squares(*taken)
             return cast("float", (own.chosen_from(trials.values, squares, weight) if weight else own).value)
 
         return _value_of_each(value_of, len(self.cover.radii))
+
+    @property
+    def _sharing(self) -> tuple[Any, float]:
+        return self.data.groups, self.data.share
 
     def _system(self, ball: int) -> tuple[Any, ...]:
         """Return what the compiled loops take of a ball."""

@@ -23,6 +23,7 @@ from o3dleaf.fitting.local.fit_loops import SplineArrays, Tails
 from o3dleaf.fitting.local.fitter import POINTS_PER_BALL, ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import SharedErrors, choose_smoothing
 from o3dleaf.fitting.rbf.kernels import Polyharmonic, as_degree, as_kernel, require_twice_differentiable
+from o3dleaf.fitting.rbf.shared_noise_loops import SharedNoise, shared_noise
 from o3dleaf.fitting.rbf.smoothing import Smoothing, SplineModel, as_smoothing
 from o3dleaf.fitting.rbf.tail import IntArray
 
@@ -92,6 +93,8 @@ def fit_splines(
             balls = start, stop, values, cover.balls, tail, power
             if trials:
                 fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
+            elif data.groups is not None and data.share > 0:
+                fit_loops.fit_sharing_balls(*balls, diagonals, data.groups, data.share, fitted)
             else:
                 fit_loops.fit_balls(*balls, diagonals, fitted)
 
@@ -106,6 +109,7 @@ def fit_splines(
             run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)
     sites, weights, tails, ranks, dropped = fitted
     kept = None if data.weights is None else data.weights[cover.members]
+    groups, share = (data.groups, data.share) if data.share > 0 else (None, 0.0)
     places = dimension * cover.offsets[:-1]
     return LocalSplines(
         model.kernel,
@@ -120,6 +124,8 @@ def fit_splines(
         dropped,
         per_ball,
         kept,
+        None if groups is None else groups[cover.members],
+        0.0 if groups is None else share,
     )
 
 
@@ -145,6 +151,10 @@ class LocalSplines:
         Each ball's own value of the smoothing, where it was "gcv-per-ball".
     point_weights : (total,) ndarray or None
         The weights of the points of each ball, where there were any.
+    point_groups : (total,) int64 ndarray or None
+        The groups of the points of each ball, where these share errors.
+    share : float
+        The part of the variance that a group has in common, see `ScatteredData`.
     """
 
     kernel: Polyharmonic
@@ -159,6 +169,8 @@ class LocalSplines:
     dropped: IntArray
     smoothing_per_ball: FloatArray | None = field(default=None, metadata={"stored": "amounts"})
     point_weights: FloatArray | None = field(default=None, metadata={"stored": "trust"})
+    point_groups: IntArray | None = None
+    share: float = 0.0
 
     def __repr__(self) -> str:
         return f"LocalSplines({self.kernel}, {len(self.tails):,} balls)"
@@ -175,6 +187,13 @@ class LocalSplines:
         points = self.sites[place : place + dimension * (last - first)].reshape(dimension, last - first)
         weights = np.ones(last - first) if self.point_weights is None else self.point_weights[first:last]
         return points, self.weights[first:last], weights
+
+    def noise(self, ball: int) -> SharedNoise:
+        """Return what the points of a ball share of their errors, as the compiled loops take it."""
+        first, last = self.offsets[ball], self.offsets[ball + 1]
+        named = np.arange(last - first) if self.point_groups is None else self.point_groups[first:last]
+        noise: SharedNoise = shared_noise(named, self.share)
+        return noise
 
     def fit_alike(self, cover: Cover, data: ScatteredData, balls: IntArray) -> "LocalSplines":
         """Fit the balls of a cover with the smoothing that some of these have, to which they correspond."""
@@ -210,7 +229,7 @@ class LocalSplines:
             offsets=offsets,
             places=dimension * offsets[:-1],
             sites=both("sites", lambda each: places[id(each)]),
-            **{name: both(name, lambda each: each.offsets) for name in ("weights", "point_weights")},
+            **{name: both(name, lambda each: each.offsets) for name in ("weights", "point_weights", "point_groups")},
             **{name: both(name, lambda _: own) for name in ("tails", "ranks", "dropped", "smoothing_per_ball")},
         )
 

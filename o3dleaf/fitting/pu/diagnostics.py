@@ -82,9 +82,8 @@ def diagnose_balls(cover: Cover, local: LocalSplines, balls: IntArray) -> BallDi
     def numbers_of(ball: int) -> tuple[float, float, float, float]:
         points, coefficients, weights = local.ball(ball)
         smoothing = diagonals[ball] / cover.radii[ball] ** local.kernel.power
-        score, degrees, condition, errors = diagnose(
-            points, coefficients, np.sqrt(weights), local.exponents, local.kernel.power, smoothing
-        )
+        system = np.sqrt(weights), local.exponents, local.kernel.power, smoothing, local.noise(ball)
+        score, degrees, condition, errors = diagnose(points, coefficients, *system)
         known = ~np.isnan(errors)
         if not known.any():
             return score, degrees, condition, np.nan

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from o3dleaf.core import progress
 from o3dleaf.core.arguments.checked import checked
-from o3dleaf.core.arguments.kinds import Count, Finite, Positive, SmoothingValue, Unit
+from o3dleaf.core.arguments.kinds import Count, Finite, PartialShare, Positive, SmoothingValue, Unit
 from o3dleaf.core.checks.arrays import FloatArray, as_array
 from o3dleaf.core.checks.attributes import require_one_column, warn_of_contradictions
 from o3dleaf.core.checks.coordinates import as_bounds
@@ -101,6 +101,7 @@ class PUInterpolant(Blended):
         overlap: float = OVERLAP,
         weights: npt.ArrayLike | None = None,
         groups: npt.ArrayLike | None = None,
+        share: PartialShare = 0.0,
         normals: npt.ArrayLike | None = None,
         local: Fitter | FitBall | None = None,
         unit: Unit | None = None,
@@ -142,6 +143,10 @@ class PUInterpolant(Blended):
             The points of a group share their error, which "gcv" would take for the surface's shape: given the groups,
             it leaves each of them out as a whole, and takes the least mean square error there.
             "gcv-per-ball" then costs no more than the fit, and chooses around what "gcv" takes.
+        share : float
+            The part of the variance of their errors that the points of a group have in common, from 0 to below 1. What
+            is smoothed then is a group's mean more than its differences; and the errors by which "gcv" judges are
+            those of the measured points, over the slope that the fit leaves of the differences.
         normals : (n, d) array_like, optional
             Outward normals, of any length above 0, where the values are those of a surface; for fits that use them.
         local : optional
@@ -166,7 +171,7 @@ class PUInterpolant(Blended):
         DataWarning
             If points coincide with different values where nothing is smoothed: the fit goes through their means.
         """
-        data = ScatteredData.of(points, values, weights=weights, groups=groups, normals=normals)
+        data = ScatteredData.of(points, values, weights=weights, groups=groups, normals=normals, share=share)
         if local is not None and data.values.ndim > 1:
             raise InputError("values: several columns are for splines; leave out local, or fit one column")
         fitter = Splines(kernel, degree, smoothing, rho) if local is None else as_fitter(local, data)

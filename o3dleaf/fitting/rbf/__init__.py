@@ -17,7 +17,7 @@ the answer can be evaluated and differentiated.
 `solve_loops`         the solution of one local system
 `column_loops`        the same for many columns of values
 `spectrum_loops`      one eigen-decomposition for every smoothing
-`held_out_loops`      errors at points left out
-`shared_error_loops`  the same where groups of points share their error
+`shared_noise_loops`  what points of a group share of their error
+`shared_error_loops`  smoothing chosen by groups left out, and the fit with it
 `potential_loops`     potentials of points and normals: Hermite and curl-free
 """

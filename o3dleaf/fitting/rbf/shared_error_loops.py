@@ -15,7 +15,16 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import solve_triangle
 from o3dleaf.fitting.rbf.radial_loops import REASSOCIATE, dot
 from o3dleaf.fitting.rbf.reflector_loops import reflect, restrict_tail, subtract
-from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, tail_matrix
+from o3dleaf.fitting.rbf.shared_noise_loops import (
+    add_errors,
+    count_group,
+    held_out,
+    judged,
+    whiten,
+    whiten_both_sides,
+    whiten_rows,
+)
+from o3dleaf.fitting.rbf.solve_loops import natural_monomials, radial_matrix, solve_projected, solve_system, tail_matrix
 from o3dleaf.fitting.rbf.spectrum_loops import project_weighted
 
 RESIDUAL = 1e-2
@@ -26,11 +35,28 @@ EXACT = 1e-10
 
 
 class TailFreeSystem(NamedTuple):
-    """W^½ A W^½ on the null space of (W^½ P)ᵀ, as it is multiplied with: A (n, n), √w (n,), a basis of W^½ P (r, n)."""
+    """W^½ S A S W^½ on the null space of (W^½ S P)ᵀ, as it is multiplied with; see `shared_noise_loops`.
+
+    Attributes
+    ----------
+    matrix, roots, noise
+        A (n, n), √w (n,) and S.
+    tail : (r, n)
+        A basis of W^½ S P.
+    """
 
     matrix: Any
     roots: Any
+    noise: Any
     tail: Any
+
+
+@njit(nogil=True, cache=True)
+def weight_rows(system, vector):
+    """Return S W^½ x of a vector (n,), which multiplies A."""
+    weighted = system.roots * vector
+    whiten(system.noise, weighted)
+    return weighted
 
 
 class Krylov(NamedTuple):
@@ -89,7 +115,8 @@ def advance(system, krylov, shifts, first, most, link, residual):
     vector, before, pivots, heights, directions, solutions = krylov
     roots, size = system.roots, vector.size
     for step in range(first, most):
-        image = system.matrix @ (roots * vector)
+        image = system.matrix @ weight_rows(system, vector)
+        whiten(system.noise, image)
         for j in range(size):
             image[j] *= roots[j]
         middle = dot(image, vector, size)
@@ -117,7 +144,7 @@ def advance(system, krylov, shifts, first, most, link, residual):
 
 
 @njit(nogil=True, cache=True)
-def solve_chosen(points, values, roots, exponents, power, groups, trials, inverses, usual):
+def solve_chosen(points, values, roots, exponents, power, groups, noise, trials, inverses, usual):
     """Choose a trial value and solve `solve_local`'s equation with it, in the Krylov space that both are found in.
 
     Of values that two points in the weight could not tell apart, the largest, as `Smoothing.chosen_from` does; the one
@@ -125,7 +152,7 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
 
     Parameters
     ----------
-    points, values, roots, exponents, power, groups, trials, inverses
+    points, values, roots, exponents, power, groups, noise, trials, inverses
         As in `shared_squares`.
     usual : int
 
@@ -136,13 +163,15 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
         The place of the value among the trials.
     """
     count = len(values)
-    system, triangle, basis = tail_free(points, exponents, power, roots)
-    weighted, best = values * roots, usual
+    system, triangle, basis = tail_free(points, exponents, power, roots, noise)
+    weighted, best = whitened(values, roots, noise), usual
     krylov, length = begin(system, weighted, trials.size)
     step, link = 0, 0.0
     if trials.size > 1 and length > 0.0:
         step, link, _ = advance(system, krylov, trials, 0, 2 * count, 0.0, RESIDUAL)
-        squares, weight = group_squares(krylov.solutions, len(triangle), roots, groups, trials, inverses)
+        squares, weight = group_squares(
+            krylov.solutions, len(triangle), values, roots, groups, noise.share, trials, inverses
+        )
         if weight > 0.0:
             limit = np.min(squares) * (1.0 + 2.0 / weight)
             for k in range(trials.size):
@@ -152,8 +181,10 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
     most = max(count // 6 + 2 * len(triangle), step + 1)
     if length > 0.0 and not advance(system, own, shift, step, most, link, EXACT)[2]:
         return factor_solution(points, exponents, system, weighted, trials[best]), best
-    weights, reduced = own.solutions[0] * roots, np.empty(len(triangle))
-    rest = weighted - roots * (system.matrix @ weights)
+    weights, reduced = weight_rows(system, own.solutions[0]), np.empty(len(triangle))
+    image = system.matrix @ weights
+    whiten(noise, image)
+    rest = weighted - roots * image
     for k in range(reduced.size):
         reduced[k] = dot(system.tail[k], rest, count)
     solve_triangle(triangle, reduced)
@@ -161,21 +192,46 @@ def solve_chosen(points, values, roots, exponents, power, groups, trials, invers
 
 
 @njit(nogil=True, cache=True)
+def solve_shared(points, values, exponents, power, diagonal, noise):
+    """Return what `solve_local` does where s is that on the `diagonal` (n,) of the whitened system."""
+    matrix, tail, right = radial_matrix(points, power), tail_matrix(points, exponents), values.copy()
+    whiten_both_sides(noise, matrix)
+    whiten_rows(noise, tail)
+    whiten(noise, right)
+    for i in range(len(matrix)):
+        matrix[i, i] += diagonal[i]
+    weights, coefficients, rank, lost = solve_system(matrix, tail, natural_monomials(points, exponents), right)
+    whiten(noise, weights)
+    return weights, coefficients, rank, lost
+
+
+@njit(nogil=True, cache=True)
+def whitened(values, roots, noise):
+    """Return W^½ S f of values f (n,)."""
+    shared = values.copy()
+    whiten(noise, shared)
+    return shared * roots
+
+
+@njit(nogil=True, cache=True)
 def factor_solution(points, exponents, system, weighted, smoothing):
     """Return what `solve_local` does, by a Cholesky factor; the matrix A of the system is overwritten."""
     tail, frame = tail_matrix(points, exponents), natural_monomials(points, exponents)
+    whiten_rows(system.noise, tail)
+    whiten_both_sides(system.noise, system.matrix)
     projected = project_weighted(system.matrix, tail, frame, system.roots)
     matrix = projected[0]
     for i in range(len(system.tail), len(matrix)):
         matrix[i, i] += smoothing
     scaled, coefficients, rank, lost = solve_projected(weighted, projected)
-    return scaled * system.roots, coefficients, rank, lost
+    return weight_rows(system, scaled), coefficients, rank, lost
 
 
 @njit(nogil=True, cache=True)
-def tail_free(points, exponents, power, roots):
+def tail_free(points, exponents, power, roots, noise):
     """Return the system of some points without its tail, the tail's triangle R, and its basis; see `restrict_tail`."""
     tail = tail_matrix(points, exponents)
+    whiten_rows(noise, tail)
     for i in range(len(roots)):
         tail[i] *= roots[i]
     vectors, betas, triangle, basis = restrict_tail(tail, natural_monomials(points, exponents))
@@ -183,7 +239,7 @@ def tail_free(points, exponents, power, roots):
     for k in range(len(span)):
         span[k, k] = 1.0
         reflect(span[k], vectors, betas, False)
-    return TailFreeSystem(radial_matrix(points, power), roots, span), triangle, basis
+    return TailFreeSystem(radial_matrix(points, power), roots, noise, span), triangle, basis
 
 
 @njit(nogil=True, cache=True)
@@ -195,29 +251,31 @@ def of_shift(krylov, k):
 
 
 @njit(nogil=True, cache=True)
-def shared_squares(points, values, roots, exponents, power, groups, trials, inverses):
-    """Return, for each trial value, Σ e² over groups of points left out together, and Σ w of those rows.
+def shared_squares(points, values, roots, exponents, power, groups, noise, trials, inverses):
+    """Return, for each trial value, Σ e² over groups of points left out together, and Σ w of those rows; see `judged`.
 
     Parameters
     ----------
     points, values, roots, exponents, power, groups, trials
         As in `o3dleaf.fitting.rbf.spectrum_loops.held_out_squares`, the trials rising.
+    noise : SharedNoise
     inverses : (g, m, g, g)
         Inverses of the mean s B_II of groups of 1, ..., g rows; groups of more do not count.
     """
-    system, triangle, _ = tail_free(points, exponents, power, roots)
-    krylov, length = begin(system, values * roots, trials.size)
+    system, triangle, _ = tail_free(points, exponents, power, roots, noise)
+    krylov, length = begin(system, whitened(values, roots, noise), trials.size)
     if length > 0.0:
         advance(system, krylov, trials, 0, 2 * len(values), 0.0, RESIDUAL)
-    return group_squares(krylov.solutions, len(triangle), roots, groups, trials, inverses)
+    return group_squares(krylov.solutions, len(triangle), values, roots, groups, noise.share, trials, inverses)
 
 
 @njit(nogil=True, cache=True)
-def group_squares(pulled, rank, roots, groups, trials, inverses):
+def group_squares(pulled, rank, values, roots, groups, share, trials, inverses):
     """Return `shared_squares` of the solutions (m, n) for all trials, of points that a tail takes `rank` of."""
     count = roots.size
     order = np.argsort(groups, kind="mergesort")
-    squares, weight, first = np.zeros(trials.size), 0.0, 0
+    sums, first = held_out(trials.size), 0
+    missed = np.empty(len(inverses))
     while first < count:
         last, name = first + 1, groups[order[first]]
         while last < count and groups[order[last]] == name:
@@ -225,12 +283,12 @@ def group_squares(pulled, rank, roots, groups, trials, inverses):
         rows, first = order[first:last], last
         if name < 0 or groups[name] != name or rows.size > len(inverses) or count - rows.size < 2 * rank:
             continue
-        for row in rows:
-            weight += roots[row] ** 2
+        readings, weight = count_group(rows, name, values, roots, share, sums), roots[name] ** 2
         for k in range(trials.size):
             for i in range(rows.size):
-                missed = 0.0
+                missed[i] = 0.0
                 for j in range(rows.size):
-                    missed += inverses[rows.size - 1, k, i, j] * pulled[k, rows[j]]
-                squares[k] += (trials[k] * missed) ** 2
-    return squares, weight
+                    missed[i] += inverses[rows.size - 1, k, i, j] * pulled[k, rows[j]]
+                missed[i] *= trials[k]
+            add_errors(missed, rows.size, weight, readings, share, sums, k)
+    return judged(sums)

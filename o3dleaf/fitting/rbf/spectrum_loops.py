@@ -10,6 +10,16 @@ from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.rbf.cholesky_loops import SINGULAR, solve_few
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
+from o3dleaf.fitting.rbf.shared_noise_loops import (
+    add_errors,
+    count_group,
+    held_out,
+    inverse,
+    judged,
+    whiten,
+    whiten_both_sides,
+    whiten_rows,
+)
 from o3dleaf.fitting.rbf.solve_loops import natural_monomials, project_system, radial_matrix, tail_matrix
 
 ROUNDING = 2e-15
@@ -27,6 +37,15 @@ def decompose(points, roots, exponents, power):
     """
     frame = natural_monomials(points, exponents)
     return decompose_system(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
+
+
+@njit(nogil=True, cache=True)
+def decompose_shared(points, roots, exponents, power, noise):
+    """Return what `decompose` does of the system that `shared_noise_loops.whiten` leaves."""
+    matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
+    whiten_both_sides(noise, matrix)
+    whiten_rows(noise, tail)
+    return decompose_system(matrix, tail, natural_monomials(points, exponents), roots)
 
 
 @njit(nogil=True, cache=True)
@@ -80,7 +99,7 @@ def coefficients_of(values, roots, decomposed):
 
 
 @njit(nogil=True, cache=True)
-def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
+def held_out_squares(decomposed, values, weighted, roots, groups, share, trials, blocks, counts):
     r"""Return Σ w_j e_j² over groups of points left out together, for each trial value of the smoothing, and Σ w_j.
 
     Row j is of the group that is named by row groups[j] of the ball (−1: by one that is not in it), and only groups
@@ -91,8 +110,11 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
     ----------
     decomposed
         What `decompose` returns.
-    values, roots : (n,)
+    values, weighted, roots : (n,)
+        f, W^½ S f (see `shared_noise_loops`) and √w.
     groups : (n,) int64
+    share : float
+        β, the part of the variance that a group has in common: where it is not 0, see `judged`.
     trials : (m,) smoothing in unit coordinates, above 0
     blocks, counts : (g, m, g, g), (g,)
         The s B_II of groups of 1, ..., g rows are added here, and their number.
@@ -104,16 +126,16 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
     for k in range(free):
         put(eigenvectors[:, k], basis[k, rank:])
         reflect(basis[k], vectors, betas, False)
-    coefficients = basis @ (values * roots)
+    coefficients = basis @ weighted
     basis = np.ascontiguousarray(basis.T)
     inverses = 1.0 / (eigenvalues.reshape(-1, 1) + trials)
     pulled = (basis * coefficients) @ inverses
-    squares, weight = np.zeros(trials.size), 0.0
+    sums = held_out(trials.size)
     for name in range(count):
         rows = np.flatnonzero(groups == name)
         if groups[name] != name or count - rows.size < 2 * rank:
             continue
-        weight += np.sum(roots[rows] ** 2)
+        readings, weight = count_group(rows, name, values, roots, share, sums), roots[name] ** 2
         block = group_blocks(basis[rows], inverses)
         if rows.size <= counts.size:
             counts[rows.size - 1] += 1
@@ -122,8 +144,8 @@ def held_out_squares(decomposed, values, roots, groups, trials, blocks, counts):
         for k in range(trials.size):
             right = pulled[rows, k]
             solve_few(block[k], right)
-            squares[k] += np.sum(right * right)
-    return squares, weight
+            add_errors(right, rows.size, weight, readings, share, sums, k)
+    return judged(sums)
 
 
 @njit(nogil=True, cache=True)
@@ -146,10 +168,11 @@ def group_blocks(basis, inverses):
 
 
 @njit(nogil=True, cache=True)
-def diagnose(points, weights, roots, exponents, power, smoothing):
+def diagnose(points, weights, roots, exponents, power, smoothing, noise):
     r"""Diagnose the fit with the weights λ and s = `smoothing`, unit coordinates, from its own numbers alone.
 
-    With B = Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ the point j is missed by e_j = μ_j/(√w_j B_jj) when it is left out.
+    With B = S W^½ Q₂ U (E + s)⁻¹ Uᵀ Q₂ᵀ W^½ S the point j is missed by e_j = λ_j/B_jj when it is left out; S is that of
+    the noise, see `shared_noise_loops`, and I where points share none.
 
     Returns
     -------
@@ -160,7 +183,7 @@ def diagnose(points, weights, roots, exponents, power, smoothing):
 
     Where the solution left out directions, its numbers do not say what they contained: score and errors are NaN.
     """
-    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power)
+    eigenvalues, eigenvectors, vectors, betas = decompose_shared(points, roots, exponents, power, noise)
     count, free = len(weights), len(eigenvalues)
     rank = count - free
     errors = np.full(count, np.nan)
@@ -181,9 +204,13 @@ def diagnose(points, weights, roots, exponents, power, smoothing):
         put(eigenvectors[:, k], column[rank:])
         reflect(column, vectors, betas, False)
         apart += column * column
+        column *= roots
+        whiten(noise, column)
         diagonal += column * column / shifted[k]
-    mu = weights / roots
+    mu = weights.copy()
+    whiten(inverse(noise), mu)
+    mu /= roots
     for j in range(count):
         if apart[j] > LEVERAGE:
-            errors[j] = mu[j] / (roots[j] * diagonal[j])
+            errors[j] = weights[j] / diagonal[j]
     return count * dot(mu, mu, count) / np.sum(1 / shifted) ** 2, degrees, condition, errors

@@ -52,6 +52,7 @@ ARRAYS: dict[type, dict[str, Array]] = {
         "places": whole("k", most="s"),
         "smoothing_per_ball": floats("k", optional=True),
         "point_weights": floats("t", optional=True),
+        "point_groups": Array(np.int64, ("t",), optional=True),
     },
     LocalColumns: {
         "tails": floats("k", "c", "q"),

@@ -145,6 +145,7 @@ def _joined(data: ScatteredData, free: FreeSites) -> ScatteredData:
         np.concatenate([data.points, free.sites]),
         np.concatenate([data.values, free.values]),
         **{name: None if part is None else np.concatenate([part, own[name]]) for name, part in known.items()},
+        share=data.share,
     )
 
 

@@ -20,6 +20,8 @@ MARGIN = 4.0
 """Spacings that the field reaches beyond its data, one more than the widest gap that is closed."""
 SMALL_BALLS = (100, 200)
 """Constraints of a ball of a clean cloud, for which larger ones only cost more; under noise larger ones do better."""
+SHARE = 0.5
+"""Part of the variance of the rows of a noisy point that they have in common, the rest being that of its normal."""
 
 Constrain = Callable[[OrientedCloud], OffsetConstraints]
 """An oriented cloud to constraints off the surface."""
@@ -97,6 +99,7 @@ def fit_surface(
             surface.points,
             surface.values,
             groups=surface.groups,
+            share=surface.share,
             weights=surface.weights,
             normals=surface.normals,
             **options,
@@ -121,4 +124,5 @@ def surface_data(
         cloud.weights[groups],
         groups,
         normals[groups],
+        0.0 if cloud.is_clean else SHARE,
     )

@@ -14,7 +14,7 @@ from o3dleaf.fitting.local.fitter import ScatteredData
 from o3dleaf.fitting.local.smoothing_selection import SharedErrors
 from o3dleaf.fitting.local.splines import Splines, fit_splines
 from o3dleaf.fitting.rbf.tail import tail_exponents
-from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE, WEIGHTED_SYSTEM
+from tolerances import GROUPS_REFIT, ONE_KRYLOV_SPACE, SLOPE_OF_PLANE, WEIGHTED_SYSTEM
 
 TRIALS = np.array([1e-3, 1e-1, 10.0])
 
@@ -36,12 +36,18 @@ def one_ball(points, values, weights, kernel, degree):
     return 0, WeightedValues(points, values, weights), balls, tail_exponents(d, degree), kernel.power
 
 
+def held_out(system, groups, share):
+    """What the compiled loops make of the groups left out, by a factor."""
+    decomposed = decompose_ball(*system, groups, share)
+    return ball_held_out_squares(*system[:3], decomposed, groups, share, TRIALS, 3)
+
+
 @pytest.mark.parametrize(("m", "d"), [(2, 2), (3, 3)])
 def test_points_left_out_with_all_their_constraints_are_missed_as_by_a_refit_without_them(m, d):
     points, values, groups, weights = bundle(d)
     kernel, degree = polyharmonic(m, d), m - 1
     system = one_ball(points, values, weights, kernel, degree)
-    squares, total, _, _ = ball_held_out_squares(*system[:3], decompose_ball(*system), groups, TRIALS, 3)
+    squares, total, _, _ = held_out(system, groups, 0.0)
     expected = np.zeros(len(TRIALS))
     for name in range(60):
         out = groups == name
@@ -51,6 +57,48 @@ def test_points_left_out_with_all_their_constraints_are_missed_as_by_a_refit_wit
             expected[at] += weights[out] @ missed**2
     np.testing.assert_allclose(squares, expected, rtol=GROUPS_REFIT)
     assert total == pytest.approx(weights[groups >= 0].sum(), rel=GROUPS_REFIT)
+
+
+def covariance(groups, share, weights):
+    """C: the part `share` of the variance is a group's, the rest its rows' own."""
+    same = groups[:, np.newaxis] == groups
+    return ((1 - share) * np.eye(len(groups)) + share * same) / np.sqrt(weights[:, np.newaxis] * weights)
+
+
+def shared_fit(points, values, kernel, degree, covariances):
+    """The paper's equation (2) with any matrix D: λ and the tail's coefficients, and the field."""
+    tail = reference.polynomials(points, degree)
+    empty = np.zeros((tail.shape[1], tail.shape[1]))
+    system = np.block([[kernel(reference.distances(points, points)) + covariances, tail], [tail.T, empty]])
+    solved = np.linalg.solve(system, np.append(values, np.zeros(len(empty))))
+    weights, coefficients = solved[: len(points)], solved[len(points) :]
+
+    def field(places):
+        near = kernel(reference.distances(places, points)) @ weights
+        return near + reference.polynomials(places, degree) @ coefficients
+
+    return weights, field
+
+
+@pytest.mark.parametrize("share", [0.3, 0.8])
+def test_where_errors_are_shared_the_measured_point_is_missed_as_by_a_refit_over_the_slope_that_is_left(share):
+    points, values, groups, own = bundle(2)
+    values[60:-1] += np.resize([0.2, -0.3], len(values) - 61)
+    kernel, weights = polyharmonic(2, 2), own[groups]
+    spread = covariance(groups, share, weights)
+    squares, total, _, _ = held_out(one_ball(points, values, weights, kernel, 1), groups, share)
+    for at, trial in enumerate(TRIALS):
+        missed, slope, rises = 0.0, 0.0, 0.0
+        for name in range(60):
+            out = groups == name
+            kept = np.ix_(~out, ~out)
+            _, field = shared_fit(points[~out], values[~out], kernel, 1, trial * spread[kept])
+            foretold, rise = field(points[out]), values[out] - values[name]
+            missed += weights[name] * (values[name] - foretold[0]) ** 2
+            slope += weights[name] * rise @ (foretold - foretold[0])
+            rises += weights[name] * rise @ rise
+        assert squares[at] == pytest.approx(missed / max(slope / rises, 0.01) ** 2, rel=GROUPS_REFIT)
+    assert total == pytest.approx(weights[:60].sum(), rel=GROUPS_REFIT)
 
 
 @pytest.mark.parametrize(("m", "d"), [(2, 2), (3, 3)])
@@ -74,7 +122,7 @@ def test_one_krylov_space_gives_the_errors_of_dense_inverses_with_mean_blocks(m,
         for at in range(len(TRIALS))
     ]
     system = one_ball(points, values, weights, kernel, m - 1)
-    squares, total = ball_shared_squares(*system, groups, TRIALS, inverses)
+    squares, total = ball_shared_squares(*system, groups, 0.0, TRIALS, inverses)
     np.testing.assert_allclose(squares, expected, rtol=ONE_KRYLOV_SPACE)
     assert total == pytest.approx(weights[groups >= 0].sum(), rel=GROUPS_REFIT)
 
@@ -108,15 +156,16 @@ def test_a_flat_half_is_smoothed_more_than_a_rough_one_and_both_come_nearer_to_t
     assert np.median(flat) > 10 * np.median(rough)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5])
 @pytest.mark.parametrize("weighted", [False, True])
-def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_have_chosen_before(weighted):
+def test_a_ball_that_chooses_on_its_way_to_its_fit_is_fitted_with_what_it_would_have_chosen_before(weighted, share):
     """The Krylov space in which it chooses is gone on with, for that value alone, to what a factor gives."""
     sites, values, groups, _ = half_flat()
     weights = np.random.default_rng(5).uniform(0.2, 2, len(groups))[groups] if weighted else None
-    options = {"smoothing": "gcv-per-ball", "groups": groups, "weights": weights}
+    options = {"smoothing": "gcv-per-ball", "groups": groups, "weights": weights, "share": share}
     field = PUInterpolant.fit(sites, values, points_per_ball=(100, 200), **options)
     data, model = (
-        ScatteredData.of(sites, values, weights=weights, groups=groups),
+        ScatteredData.of(sites, values, weights=weights, groups=groups, share=share),
         Splines(smoothing="gcv-per-ball").model(3),
     )
     choice = SharedErrors(field.cover, data, model, np.full(len(field.cover.radii), len(model.exponents)))
@@ -139,6 +188,46 @@ def test_without_noise_each_ball_takes_the_value_of_all():
     # So little smoothing takes conjugate gradients too long: a factor solves.
     atol = GROUPS_REFIT * np.abs(one.local.weights).max()
     np.testing.assert_allclose(fit.local.weights, one.local.weights, rtol=0, atol=atol)
+
+
+def test_fit_and_diagnostics_where_errors_are_shared_are_those_of_a_dense_system():
+    points, values, groups, own = bundle(2)
+    points, values, groups, weights = points[:-1], values[:-1], groups[:-1], own[groups[:-1]]
+    options = {"kernel": "thin_plate_spline", "smoothing": 0.02, "weights": weights, "groups": groups, "share": 0.6}
+    field = PUInterpolant.fit(points, values, points_per_ball=200, **options)
+    spread = 0.02 * covariance(groups, 0.6, weights)
+    _, known = shared_fit(points, values, polyharmonic(2, 2), 1, spread)
+    places = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
+    np.testing.assert_allclose(field(places), known(places), rtol=0, atol=GROUPS_REFIT)
+    squares = []
+    for left in range(len(points)):
+        kept = np.arange(len(points)) != left
+        own = spread[np.ix_(kept, kept)]
+        coefficients, rest = shared_fit(points[kept], values[kept], polyharmonic(2, 2), 1, own)
+        # What the others of its group are missed by tells of its own error.
+        foretold = rest(points[left : left + 1])[0] + spread[left, kept] @ coefficients
+        squares.append((values[left] - foretold) ** 2)
+    expected = np.sqrt(np.average(squares, weights=weights))
+    assert field.diagnostics().leave_one_out[0] == pytest.approx(expected, rel=GROUPS_REFIT)
+
+
+def test_places_that_are_off_make_a_field_flat_and_less_so_where_errors_are_known_to_be_shared():
+    """A plane through values v of places that are off by σ has the slope Σ vᵀC⁻¹v/(Σ vᵀC⁻¹v + σ² Σ 1ᵀC⁻¹1)."""
+    rng = np.random.default_rng(13)
+    points, off, distance = rng.random((900, 2)), 0.03, 0.05
+    base = np.arange(0, 900, 2)
+    groups = np.concatenate([np.arange(900), base, base])
+    values = np.repeat([0.0, -distance, distance], [900, len(base), len(base)])
+    sites = np.column_stack([points, off * rng.standard_normal(900)])[groups]
+    sites[:, 2] -= values
+    inside = np.column_stack([points, np.zeros(900)])[((points > 0.1) & (points < 0.9)).all(axis=1)]
+    rise = np.array([0.0, -distance, distance])
+    for share in (0.0, 0.5, 0.8):
+        field = PUInterpolant.fit(sites, values, smoothing="gcv-per-ball", groups=groups, share=share)
+        inverse, one = np.linalg.inv(covariance(np.zeros(3), share, np.ones(3))), np.ones(3)
+        signal, noise = rise @ inverse @ rise, off**2 * (one @ inverse @ one + 1)  # every other point stands alone
+        slope = -field.gradient(inside)[:, 2]
+        assert np.median(slope) == pytest.approx(signal / (signal + noise), rel=SLOPE_OF_PLANE)
 
 
 def noisy(count=400, d=2):

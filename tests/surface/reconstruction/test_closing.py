@@ -55,7 +55,7 @@ def opened(count, degrees, seed=1):
 
 
 def test_a_thin_solid_is_closed_whatever_its_field_does_beyond_the_rim():
-    thickness, noise = 2.0, 0.25
+    thickness, noise = 1.5, 0.25
     mesh, said = reconstructed(*lens(3_000, thickness, noise))
     found = mesh_report(mesh)
     assert (found.components, found.boundary_edges) == (1, 0)

@@ -4,8 +4,8 @@ import numpy as np
 
 from o3dleaf.core.compiled.decorator import njit
 from o3dleaf.fitting.cover.ball_loops import rows_of
+from o3dleaf.fitting.local.columns.held_out_loops import held_out
 from o3dleaf.fitting.rbf.cholesky_loops import cholesky, solve_rows, solve_triangle
-from o3dleaf.fitting.rbf.held_out_loops import held_out
 from o3dleaf.fitting.rbf.radial_loops import dot, put
 from o3dleaf.fitting.rbf.reflector_loops import reflect
 from o3dleaf.fitting.rbf.solve_loops import project, solve_projected
@@ -89,7 +89,7 @@ def ball_column_spectra(ball, data, balls, exponents, power):
 
 @njit(nogil=True, cache=True)
 def ball_held_out(ball, data, balls, exponents, power, smoothing, groups):
-    """Return the held-out errors (c, n) of one ball's fit at its own points; see `rbf.held_out_loops`."""
+    """Return the held-out errors (c, n) of one ball's fit at its own points; see `held_out_loops`."""
     rows = rows_of(balls, ball)
     local, values = gather_columns(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
     diagonal = smoothing[ball] / balls.radii[ball] ** power / data.weights[rows]
