@@ -391,6 +391,7 @@ DOORS: dict[str, Door] = {
         **PU,
         weights=VALUES.like(lambda w: np.ones(300)).optional,
         groups=VALUES.like(lambda w: np.arange(300)).optional,
+        share=FINITE.like(0.0),
         normals=NORMALS.optional,
         local=OBJECT.without("a function", "its class").optional,
         unit=maybe_unit,

@@ -62,9 +62,12 @@ class ScatteredData:
     ) -> "ScatteredData":
         """Return data of any arrays, or raise `InputError`; normals may have any length above 0."""
         sites = as_sites(points, "points", least=1, largest=FARTHEST)
+        known = as_values(values, len(sites), columns=True)
+        if share and (groups is None or known.ndim > 1):
+            raise InputError("share: is of the points of a group, and of one column of values; give those, or no share")
         return cls(
             sites,
-            as_values(values, len(sites), columns=True),
+            known,
             None if weights is None else as_weights(weights, len(sites)),
             None if groups is None else as_rows(groups, len(sites)),
             None if normals is None else as_normals(normals, sites),

@@ -283,3 +283,10 @@ def test_the_number_of_threads_does_not_change_a_bit_of_what_groups_make_balls_c
     finally:
         set_num_threads(before)
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(("values", "groups"), [(np.zeros(40), None), (np.zeros((40, 2)), np.arange(40))])
+def test_a_share_without_groups_or_of_several_columns_is_refused(values, groups):
+    points = np.random.default_rng(0).uniform(size=(40, 3))
+    with pytest.raises(InputError, match="share: is of the points of a group"):
+        PUInterpolant.fit(points, values, groups=groups, share=0.5)
