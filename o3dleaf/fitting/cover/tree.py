@@ -3,17 +3,18 @@
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.core.parallel import blocks, run_blocks
+from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.resources.scratch import GrowingArray
 from o3dleaf.fitting.cover import ball_loops
 from o3dleaf.fitting.cover.ball_loops import BoxTree
 
 TOP_DEPTH = 6
 """Levels of the top: as many as 64 branches."""
-TOGETHER = 16
-"""Branches that are made before they are added: of all of them twice as much would be held."""
+TOGETHER = 1 << 17
+"""Balls of branches that are made before these are added, about: of all of them twice as much would be held."""
 FEW = 1 << 12
 """Balls up to which all is made at once: to begin a branch and to add it takes a tenth of a millisecond."""
 MAX_DEPTH = 54
@@ -30,12 +31,13 @@ def build_tree(centers: FloatArray, radii: FloatArray, bounds: FloatArray) -> Bo
     whole, roots = [GrowingArray(part.dtype) for part in top], list[list[Any]]()
     for growing, part in zip(whole[:5], top[:5], strict=True):
         growing.append(part)
-    for first, last in blocks(len(leaves), TOGETHER):
-        branches = [top] * (last - first)
+    batch = np.cumsum((top.stops - top.starts)[leaves]) // TOGETHER
+    for some in np.split(leaves, np.flatnonzero(np.diff(batch)) + 1):
+        branches = [top] * len(some)
 
-        def task(start: int, stop: int, first: int = first, branches: list[BoxTree] = branches) -> None:
+        def task(start: int, stop: int, some: npt.NDArray[np.int64] = some, branches: list[BoxTree] = branches) -> None:
             for number in range(start, stop):
-                leaf = leaves[first + number]
+                leaf = some[number]
                 low, high = boxes[leaf]
                 candidates = top.images[top.starts[leaf] : top.stops[leaf]]
                 branches[number] = ball_loops.build_tree(centers, radii, low, high, candidates, MAX_DEPTH)
