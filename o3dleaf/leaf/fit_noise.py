@@ -29,9 +29,8 @@ def local_noise(feet: FloatArray, distance: FloatArray) -> float:
     distance : (n,) ndarray
         Signed, of the points from the blade.
     """
-    rows = np.arange(0, len(feet), -(-len(feet) // MOST))
-    _, near = query(cKDTree(feet), feet[rows], k=min(NEIGHBORS + 1, len(feet)))
-    return QN * float(np.quantile(np.abs(distance[near[:, 1:]] - distance[rows, np.newaxis]), LEAST))
+    own, others = _beside(feet, distance, NEIGHBORS)
+    return QN * float(np.quantile(np.abs(others - own), LEAST))
 
 
 def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
@@ -42,11 +41,15 @@ def shared_residual(feet: FloatArray, distance: FloatArray) -> float:
 
     Parameters
     ----------
-    feet : (n, 3) ndarray
-        Of the points on the blade, in the world.
-    distance : (n,) ndarray
-        Signed, of the points from the blade.
+    feet, distance
+        As in `local_noise`.
     """
+    own, others = _beside(feet, distance, 1)
+    return float(np.sqrt(max(float(np.mean(own * others)), 0.0)))
+
+
+def _beside(feet: FloatArray, distance: FloatArray, neighbors: int) -> tuple[FloatArray, FloatArray]:
+    """Return the distances (m, 1) of at most `MOST` of the points, and (m, k) of the nearest other ones."""
     rows = np.arange(0, len(feet), -(-len(feet) // MOST))
-    _, near = query(cKDTree(feet), feet[rows], k=[min(2, len(feet))])
-    return float(np.sqrt(max(float(np.mean(distance[rows] * distance[near[:, 0]])), 0.0)))
+    _, near = query(cKDTree(feet), feet[rows], k=range(2, min(neighbors + 1, len(feet)) + 1))
+    return distance[rows, np.newaxis], distance[near]

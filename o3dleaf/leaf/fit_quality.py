@@ -139,7 +139,7 @@ class FitQuality:
             noise=noise,
             spacing=spacing,
             limit=limit,
-            shared=shared_residual(feet[held], distance[held]) if held.any() else 0.0,
+            shared=shared_residual(feet[held], distance[held]) if held.sum() > 1 else 0.0,
             residuals=tuple(np.quantile(kept, (0.5, 0.95, 0.99, 1)).tolist()),
             far=float(is_far.mean()),
             outside=float(is_outside.mean()),

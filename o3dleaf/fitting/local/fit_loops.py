@@ -10,8 +10,7 @@ from o3dleaf.fitting.cover.ball_loops import rows_of
 from o3dleaf.fitting.rbf.radial_loops import put
 from o3dleaf.fitting.rbf.shared_error_loops import shared_squares, solve_chosen, solve_shared, whitened
 from o3dleaf.fitting.rbf.shared_noise_loops import shared_noise
-from o3dleaf.fitting.rbf.solve_loops import solve_local
-from o3dleaf.fitting.rbf.spectrum_loops import decompose_shared, held_out_squares, spectra
+from o3dleaf.fitting.rbf.spectrum_loops import decompose, held_out_squares, spectra
 from o3dleaf.fitting.rbf.tail import IntArray
 
 
@@ -79,7 +78,7 @@ def gather(points, values, rows, center, radius):
 
 @njit(nogil=True, cache=True)
 def write_ball(ball, first, local, solved, fitted):
-    """Write the fit of a ball, whose points (d, n) have the weights from `first` on, as `solve_local` returns it."""
+    """Write the fit of a ball, whose points (d, n) have the weights from `first` on, as `solve_shared` returns it."""
     weights, coefficients, rank, dropped = solved
     dimension, count = local.shape
     put(local.ravel(), fitted.sites[dimension * first : dimension * (first + count)])
@@ -90,23 +89,12 @@ def write_ball(ball, first, local, solved, fitted):
 
 
 @njit(nogil=True, cache=True)
-def fit_balls(start, stop, data, balls, tail, power, smoothing, fitted):
+def fit_balls(start, stop, data, balls, tail, power, smoothing, groups, share, fitted):
     """Fit the balls start:stop; `smoothing` is each ball's diagonal in the data's unit.
 
-    Tail coefficients that a ball has no terms for stay as they are.
+    The rows of a group (n,) have that share of their variance in common. Tail coefficients that a ball has no terms for
+    stay as they are.
     """
-    for ball in range(start, stop):
-        first, last = balls.offsets[ball], balls.offsets[ball + 1]
-        rows, radius = balls.members[first:last], balls.radii[ball]
-        local, values = gather(data.points, data.values, rows, balls.centers[ball], radius)
-        diagonal = smoothing[ball] / radius**power / data.weights[rows]
-        exponents = tail.exponents[: tail.terms[ball]]
-        write_ball(ball, first, local, solve_local(local, values, exponents, power, diagonal), fitted)
-
-
-@njit(nogil=True, cache=True)
-def fit_sharing_balls(start, stop, data, balls, tail, power, smoothing, groups, share, fitted):
-    """Do what `fit_balls` does where the rows of a group (n,) have that share of their variance in common."""
     for ball in range(start, stop):
         first, last = balls.offsets[ball], balls.offsets[ball + 1]
         rows, radius = balls.members[first:last], balls.radii[ball]
@@ -159,7 +147,7 @@ def decompose_ball(ball, data, balls, exponents, power, groups, share):
     rows = rows_of(balls, ball)
     local, _ = gather(data.points, data.values, rows, balls.centers[ball], balls.radii[ball])
     roots, noise = np.sqrt(data.weights[rows]), shared_noise(groups[rows], share)
-    return decompose_shared(local, roots, exponents, power, noise)
+    return decompose(local, roots, exponents, power, noise)
 
 
 @njit(nogil=True, cache=True)

@@ -81,6 +81,11 @@ class ScatteredData:
         return cls(sites, np.zeros(len(sites)), normals=as_normals(normals, sites))
 
     @cached_property
+    def named(self) -> IntArray:
+        """The groups, each point's own where none are given."""
+        return np.arange(len(self.points)) if self.groups is None else self.groups
+
+    @cached_property
     def weighted(self) -> WeightedValues:
         """Points, values and weights, 1 where there are none, as the compiled loops take them."""
         return WeightedValues(

@@ -93,10 +93,8 @@ def fit_splines(
             balls = start, stop, values, cover.balls, tail, power
             if trials:
                 fit_loops.fit_choosing_balls(*balls, data.groups, trials, per_ball, fitted)
-            elif data.groups is not None and data.share > 0:
-                fit_loops.fit_sharing_balls(*balls, diagonals, data.groups, data.share, fitted)
             else:
-                fit_loops.fit_balls(*balls, diagonals, fitted)
+                fit_loops.fit_balls(*balls, diagonals, data.named, data.share, fitted)
 
         def written(start: int, stop: int) -> tuple[npt.NDArray[Any], ...]:
             first, last = cover.offsets[start], cover.offsets[stop]
@@ -109,7 +107,6 @@ def fit_splines(
             run_kept_blocks(task, count, BATCH_SIZE, written, reports=True)
     sites, weights, tails, ranks, dropped = fitted
     kept = None if data.weights is None else data.weights[cover.members]
-    groups, share = (data.groups, data.share) if data.share > 0 else (None, 0.0)
     places = dimension * cover.offsets[:-1]
     return LocalSplines(
         model.kernel,
@@ -124,8 +121,8 @@ def fit_splines(
         dropped,
         per_ball,
         kept,
-        None if groups is None else groups[cover.members],
-        0.0 if groups is None else share,
+        data.named[cover.members] if data.share else None,
+        data.share,
     )
 
 

@@ -16,6 +16,7 @@ from o3dleaf.fitting.rbf.shared_noise_loops import (
     held_out,
     inverse,
     judged,
+    shared_noise,
     whiten,
     whiten_both_sides,
     whiten_rows,
@@ -30,18 +31,12 @@ LEVERAGE = 1e-12
 
 
 @njit(nogil=True, cache=True)
-def decompose(points, roots, exponents, power):
-    """Return (eigenvalues, eigenvectors, reflectors, β) of W^½ A W^½ on the null space of (W^½ P)ᵀ.
+def decompose(points, roots, exponents, power, noise):
+    """Return (eigenvalues, eigenvectors, reflectors, β) of W^½ S A S W^½ on the null space of (W^½ S P)ᵀ.
 
-    `roots` are the √w of the points. Eigenvalues of rounding size, one for each coinciding point, are zero.
+    `roots` are the √w of the points, S is that of their noise, see `shared_noise_loops`. Eigenvalues of rounding size,
+    one for each coinciding point, are zero.
     """
-    frame = natural_monomials(points, exponents)
-    return decompose_system(radial_matrix(points, power), tail_matrix(points, exponents), frame, roots)
-
-
-@njit(nogil=True, cache=True)
-def decompose_shared(points, roots, exponents, power, noise):
-    """Return what `decompose` does of the system that `shared_noise_loops.whiten` leaves."""
     matrix, tail = radial_matrix(points, power), tail_matrix(points, exponents)
     whiten_both_sides(noise, matrix)
     whiten_rows(noise, tail)
@@ -79,7 +74,8 @@ def spectra(points, values, roots, exponents, power):
     They live on the null space of the tail. With them the residual of smoothing s is Σ (s c/(e + s))², in the
     weighted norm, for every s at once. Coefficients of rounding size are zero.
     """
-    return coefficients_of(values, roots, decompose(points, roots, exponents, power))
+    noise = shared_noise(np.empty(0, np.int64), 0.0)
+    return coefficients_of(values, roots, decompose(points, roots, exponents, power, noise))
 
 
 @njit(nogil=True, cache=True)
@@ -183,7 +179,7 @@ def diagnose(points, weights, roots, exponents, power, smoothing, noise):
 
     Where the solution left out directions, its numbers do not say what they contained: score and errors are NaN.
     """
-    eigenvalues, eigenvectors, vectors, betas = decompose_shared(points, roots, exponents, power, noise)
+    eigenvalues, eigenvectors, vectors, betas = decompose(points, roots, exponents, power, noise)
     count, free = len(weights), len(eigenvalues)
     rank = count - free
     errors = np.full(count, np.nan)
