@@ -167,9 +167,10 @@ def test_a_tree_made_at_once_lists_the_balls_of_one_made_by_branches(monkeypatch
     rng = np.random.default_rng(3)
     points, centers, radii = rng.random((2000, 3)), rng.random((3000, 3)), rng.uniform(0.01, 0.2, 3000)
     found = []
-    for few in (tree.FEW, 0):
+    for few, together in ((tree.FEW, tree.TOGETHER), (0, tree.TOGETHER), (0, 500)):
         monkeypatch.setattr(tree, "FEW", few)
+        monkeypatch.setattr(tree, "TOGETHER", together)
         index = BallIndex.build(centers, radii, np.array([[0.0] * 3, [1.0] * 3]))
         leaves, boxes = index.fold(points)[1], index.tree
         found.append([boxes.images[boxes.starts[leaf] : boxes.stops[leaf]].tolist() for leaf in leaves])
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
