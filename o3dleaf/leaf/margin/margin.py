@@ -1,6 +1,7 @@
 """The margin: the closed curve in the chart where the leaf ends, with its holes."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -180,6 +181,15 @@ class Margin:
         """Return what the margin is made of, for `o3dleaf.io.model_file`."""
         names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
         return {name: getattr(self, name) for name in names}
+
+    def carried(self, carry: Callable[[FloatArray], FloatArray]) -> "Margin":
+        """Return the margin in another chart, to which `carry` takes places (n, 2) of this one."""
+        holes = tuple(replace(hole, place=carry(hole.place[np.newaxis])[0]) for hole in self.holes)
+        rings = [carry(ring) for ring in (self.ring, *self.hole_rings)]
+        points = carry(self.points)
+        return Margin(
+            points, rings[0], tuple(rings[1:]), spacing=self.spacing, holes=holes, notes=self.notes, unit=self.unit
+        )
 
     @property
     def rounded(self) -> shapely.Polygon:

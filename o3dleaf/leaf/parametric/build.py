@@ -22,7 +22,7 @@ from o3dleaf.leaf.options import BladeOptions
 from o3dleaf.leaf.parametric.fitted import ChartMesh, SurfaceFit
 from o3dleaf.leaf.parametric.mirror import Halves, mirror_points
 from o3dleaf.leaf.parametric.parametric_blade import ParametricBlade
-from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface
+from o3dleaf.leaf.parametric.surface_fit import extend_fit, fit_chart_surface, relax_chart
 from o3dleaf.leaf.parametric.thickness import ThicknessMap, as_factors
 from o3dleaf.leaf.parametric.tight_bends import past_tight_bends
 from o3dleaf.leaf.sheet.holes import split_bow_ties
@@ -98,9 +98,12 @@ def build_parametric_blade(
     notes = (*sheet.notes, *leftovers, *petiole.notes, *chart.notes, *fit.notes, *margin.notes, *mirrored)
     for note in notes:
         journal.note(note)
+    # The chart once more, of the surface itself and up to its margin.
+    with journal.stage("relax chart"):
+        surface, margin = relax_chart(fit.surface, margin, fit.problem.spacing)
     table = None if options.thickness is None else as_factors(options.thickness, "thickness")
     thickness = None if table is None else ThicknessMap(table, margin.bounds)
-    return ParametricBlade(fit.surface, margin, rim_radius=options.rim_radius, notes=notes, thickness=thickness)
+    return ParametricBlade(surface, margin, rim_radius=options.rim_radius, notes=notes, thickness=thickness)
 
 
 class _Parted(NamedTuple):

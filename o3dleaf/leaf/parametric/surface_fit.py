@@ -5,6 +5,7 @@ parameters, both are corrected in turn. The sheet of the first chart only says w
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,9 +14,13 @@ from o3dleaf.core import progress
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray
 from o3dleaf.core.trees import query
+from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
-from o3dleaf.leaf.parametric.fitted import ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
+from o3dleaf.leaf.chart.flattening.untangle import untangle
+from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.sheet_mesh import triangulate
+from o3dleaf.leaf.parametric.fitted import COLLAR, ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
 from o3dleaf.leaf.parametric.surface import ChartSurface
 from o3dleaf.leaf.parametric.tight_bends import Bend, tightest_bend
 from o3dleaf.surface.cloud.downsample import thin
@@ -32,6 +37,12 @@ STIFFER = 4.0
 """Factor of the smoothing from one fit to the next where the surface is folded: the bandwidth's is its fifth root."""
 MOST_RAISES = 4
 """Fits with more smoothing at most: the bandwidth has then become three times as wide."""
+COARSER = 1.4
+"""Side in spacings of the triangles on which a finished surface is relaxed: half as many vertices as points. Through
+these the surface is the same to a few thousandths of a spacing, as its smoothing leaves nothing finer."""
+SAME = 0.25
+"""Spacings that a surface may move by where its chart is relaxed. Found 0.04 to 0.12; where two stretches of a margin
+come to lie side by side, as in a crumpled leaf, it has no room to go from one to the other: 0.3 to 2."""
 
 
 def fit_chart_surface(
@@ -88,6 +99,54 @@ def extend_fit(fit: SurfaceFit, points: FloatArray, near: FloatArray) -> Surface
     return replace(
         fit, surface=surface, mesh=mesh, points=whole, feet=feet, heights=heights, problem=problem, near=sites
     )
+
+
+def relax_chart(surface: ChartSurface, margin: Margin, spacing: float) -> tuple[ChartSurface, Margin]:
+    """Return the same surface in a chart relaxed on it up to its margin, and the margin there.
+
+    Smoothing moves a surface along itself as well, towards lines of the chart that bend less, so that the last fit
+    stretches its chart by a few per cent where the leaf is bent; and past the rim of the sheet, on which charts are
+    relaxed in the rounds before, it is held by nothing else. So the surface is laid flat once more and interpolated.
+    All stays as it is where the relaxed chart would lie over itself, or the surface would be another one.
+
+    Parameters
+    ----------
+    surface : ChartSurface
+    margin : Margin
+    spacing : float
+        Of the points that the surface was fitted to.
+    """
+    plane, triangles = triangulate(margin.polygon, COARSER * spacing)
+    space = surface.jet(plane, 0)[0]
+    relaxed = untangle(relax_rigidly(space, triangles, plane), triangles)
+    if relaxed is None:
+        return surface, margin
+    chart = _turned_onto(relaxed, plane)
+    moved = margin.carried(partial(_carried, plane, triangles, chart))
+    if not moved.polygon.is_valid:
+        return surface, margin
+    same = _interpolated(surface, space, chart, spacing)
+    before, after = (
+        part.jet(np.concatenate([places[triangles].mean(axis=1), edge.ring, *edge.hole_rings]), 0)[0]
+        for part, places, edge in ((surface, plane, margin), (same, chart, moved))
+    )
+    off = np.linalg.norm(after - before, axis=1).max()
+    return (same, moved) if off <= SAME * spacing else (surface, margin)
+
+
+def _carried(plane: FloatArray, triangles: IntArray, chart: FloatArray, places: FloatArray) -> FloatArray:
+    """Return where a mesh takes places (k, 2) on it or beside it from one chart (n, 2) to another one."""
+    flat, beside = (np.column_stack([each, np.zeros(len(each))]) for each in (plane, places))
+    return carry_chart(flat, triangles, chart, beside)
+
+
+def _interpolated(surface: ChartSurface, space: FloatArray, chart: FloatArray, spacing: float) -> ChartSurface:
+    """Return the surface through points (n, 3) of another one, at parameters (n, 2)."""
+    collar = COLLAR * spacing
+    bounds = np.array([chart.min(axis=0) - collar, chart.max(axis=0) + collar])
+    same = ChartSurface.fit(chart, space, smoothing=0.0, bounds=bounds, unit=surface.unit)
+    # What is told of the surface is how it was smoothed, not that it was then interpolated.
+    return replace(same, local=replace(same.local, smoothing=surface.local.smoothing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +210,12 @@ def _flatten_again(surface: ChartSurface, mesh: ChartMesh, near: FloatArray) -> 
     """Return the sheet laid onto the surface, its chart relaxed there, and the parameters (n, 2) in that chart."""
     laid = replace(mesh, vertices=surface.jet(mesh.chart, 0)[0])
     single, of_vertex = _without_doubles(laid)
-    chart = relax_rigidly(single.vertices, single.triangles, single.chart)
-    if (chart_areas(chart, single.triangles) <= 0).any():
-        chart = relax_without_flips(single.vertices, single.triangles, single.chart)
+    rigid = relax_rigidly(single.vertices, single.triangles, single.chart)
+    chart = untangle(rigid, single.triangles)
+    if chart is None:
+        # A rough sheet's own chart may be tangled in places, too: from such a one there is no way without flips.
+        tangled = (chart_areas(single.chart, single.triangles) <= 0).any()
+        chart = rigid if tangled else relax_without_flips(single.vertices, single.triangles, single.chart)
     relaxed = replace(laid, chart=_turned_onto(chart[of_vertex], laid.chart))
     return relaxed, relaxed.parameters(surface.jet(near, 0)[0])
 
