@@ -87,10 +87,13 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         kept = _covered(mesh, spacing, short)
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
-        usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
+        # Once for each deep corner: in a strip, those with deep corners alone are the small ones.
+        usual = np.repeat(mesh.reach / spacing[mesh.triangles].mean(axis=1), kept * deep[mesh.triangles].sum(axis=1))
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     covered = _covered(mesh, spacing, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
+    chance = _enclosed_by_chance(mesh, kept, spacing, short)
+    covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
@@ -139,9 +142,13 @@ def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArra
     gaps = reach > short
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
-    enclosed = gaps & ~_open(mesh, gaps)
-    covered: BoolArray = ~gaps | _small(mesh, enclosed, cells, CHANCE * short**2)
-    return covered
+    return ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
+
+
+def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> BoolArray:
+    """Return the gaps that the triangles kept enclose, where they are no larger than chance makes them."""
+    cells = mesh.areas / spacing[mesh.triangles].mean(axis=1) ** 2
+    return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
 
 
 def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:
