@@ -87,8 +87,8 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         kept = _covered(mesh, spacing, short)
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
-        # Once for each deep corner: in a strip, those with deep corners alone are the small ones.
-        usual = np.repeat(mesh.reach / spacing[mesh.triangles].mean(axis=1), kept * deep[mesh.triangles].sum(axis=1))
+        within = _within(mesh, kept, deep)
+        usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     covered = _covered(mesh, spacing, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
@@ -120,6 +120,18 @@ def _deep(mesh: Triangulation, kept: BoolArray, spacing: FloatArray) -> BoolArra
     tries = [inner & (depth > share * DEEP * spacing) for share in (1.0, 0.5, 0.0)]
     enough = min(2 * NEIGHBORS, int(used.sum()))
     return next((found for found in tries if found.sum() >= enough), used)
+
+
+def _within(mesh: Triangulation, kept: BoolArray, deep: BoolArray) -> BoolArray:
+    """Return the triangles that say how long sides are within the sample: those whose corners are all deep.
+
+    Each point has two triangles. Where those that are left have less than half of theirs, the deep part is a strip as
+    narrow as triangles, in which only small ones fit; then no corner need be deeper than beside the border.
+    """
+    within: BoolArray = kept & deep[mesh.triangles].all(axis=1)
+    if within.sum() >= deep.sum():
+        return within
+    return kept & inner_points(mesh, kept)[1][mesh.triangles].all(axis=1)
 
 
 def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
