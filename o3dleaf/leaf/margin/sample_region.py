@@ -25,6 +25,8 @@ random sample, the widest that 100,000 points have by chance."""
 CHANCE = 2.4
 """A gap of more than this many squares of the short side is one of the leaf: 24 cells of a random sample, the void of
 16 cells that 100,000 points have by chance (n e^(−A) have A cells) and the triangles around it."""
+VOID = 1.6
+"""Width of the widest void that chance leaves, in short sides: a disc of those 16 cells."""
 DEEP = 2.0
 """Spacings from the border at which cells are those of the sample."""
 BRIDGE = 8.0
@@ -60,6 +62,8 @@ class SampleRegion:
         Length of the longest triangle over such a gap; 0: there was none.
     left_out : (k,) int ndarray
         The points in no triangle kept.
+    void : float
+        Width of the widest void that chance leaves in it.
     """
 
     points: FloatArray
@@ -71,6 +75,7 @@ class SampleRegion:
     bridged: int
     widest: float
     left_out: IntArray
+    void: float
 
 
 def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
@@ -101,7 +106,8 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     random = _randomness(mesh, kept, deep, spacing)
     missing = missing_area(mesh, kept, spacing, random, LONG * short)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
-    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out)
+    void = VOID * short * float(np.median(spacing))
+    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out, void)
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:

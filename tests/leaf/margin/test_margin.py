@@ -137,6 +137,20 @@ def test_a_strip_few_spacings_wide_is_whole_and_has_no_holes(width):
     assert np.mean(areas) == pytest.approx(1.0, abs=STRIP_AREA)
 
 
+def test_a_slit_no_wider_than_gaps_of_chance_is_told_and_a_hole_is_not():
+    points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(9))
+    spacing = leaves.true_spacing(leaves.ellipse(), points)
+    slit = (np.abs(points[:, 1]) <= 1.5 * spacing) & (np.abs(points[:, 0]) <= 15 * spacing)
+    margin = Margin.fit(points[~slit])
+    assert margin.hole_rings
+    assert f"chance leaves between points, {len(margin.hole_rings)} of up to" in margin.notes[0]
+    told = float(margin.notes[0].split("fill_holes")[1].split()[0])
+    assert not Margin.fit(points[~slit], fill_holes=told).hole_rings
+    disc = np.hypot(*points.T) <= 4 * spacing
+    assert len((whole := Margin.fit(points[~disc])).hole_rings) == 1
+    assert not whole.notes
+
+
 def test_points_on_a_line_are_refused():
     with pytest.raises(InputError, match="one line"):
         Margin.fit(np.stack([np.arange(10.0), np.zeros(10)], axis=1))
