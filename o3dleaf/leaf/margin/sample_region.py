@@ -135,9 +135,9 @@ def _within(mesh: Triangulation, kept: BoolArray, deep: BoolArray) -> BoolArray:
     narrow as triangles, in which only small ones fit; then no corner need be deeper than beside the border.
     """
     within: BoolArray = kept & deep[mesh.triangles].all(axis=1)
-    if within.sum() >= deep.sum():
-        return within
-    return kept & inner_points(mesh, kept)[1][mesh.triangles].all(axis=1)
+    if within.sum() < deep.sum():
+        within = kept & inner_points(mesh, kept)[1][mesh.triangles].all(axis=1)
+    return within
 
 
 def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
