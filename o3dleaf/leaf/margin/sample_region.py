@@ -160,7 +160,8 @@ def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArra
     gaps = reach > short
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
-    return ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
+    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
+    return covered
 
 
 def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> BoolArray:
