@@ -856,6 +856,10 @@ MARGIN_HELD = 0.96
 MARGIN_HELD_RANDOM = 0.9
 """The same of random samples: 0.96 and more, but 0.90 in a notch of five spacings; without growth 0.7."""
 
+STRIP_AREA = 0.03
+"""Of random samples four to six spacings wide, the mean of six: found 0.012 and less; 0.14 with long sides as those of
+triangles with deep corners alone are, and holes."""
+
 TIP_LOST = 80.0
 """Spacings times degrees: a random sample of a tip of 10° ends 3.4 before it in the mean; found 62."""
 

@@ -17,7 +17,7 @@ from o3dleaf.core.parallel import run_together, single_threaded_blas
 from o3dleaf.core.resources import measured
 from o3dleaf.core.resources.needs import Need, need_of
 from o3dleaf.core.resume.blocks import kept
-from o3dleaf.core.units import unit_scale
+from o3dleaf.core.units import METERS, unit_scale
 from o3dleaf.fitting.local.lattice_fit import cost_of_fit
 from o3dleaf.fitting.pu.interpolant import PUInterpolant
 from o3dleaf.leaf.blade.blade import Blade
@@ -253,9 +253,12 @@ def _require_size(length: float, unit: str | None, limits: tuple[float, float], 
     """Raise `UnitError` for a length that no leaf has; without a unit there is nothing to judge by."""
     if unit is None:
         return
-    millimeters = length * unit_scale(unit, "mm")
-    if not limits[0] <= millimeters <= limits[1]:
-        raise UnitError(
-            f"{name}: the {what} is {length:.4g} {unit} across, where {limits[0]:g} to {limits[1]:g} mm are expected; "
-            f"is its unit really {unit}?"
-        )
+    least, most = limits
+    if least <= length * unit_scale(unit, "mm") <= most:
+        return
+    others = {each: length * unit_scale(each, "mm") for each in METERS}
+    fitting = ", ".join(f"in {each} {size:.4g} mm" for each, size in others.items() if least <= size <= most)
+    raise UnitError(
+        f"{name}: the {what} is {length:.4g} {unit} across, where {least:g} to {most:g} mm are expected; is its unit "
+        f"really {unit}?{f' It would be {fitting}' if fitting else ''}"
+    )

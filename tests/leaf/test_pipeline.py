@@ -194,7 +194,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads(texture, frame):
 
 @pytest.mark.parametrize("unit", ["um", "m"])
 def test_a_scan_in_the_wrong_unit_is_refused(unit):
-    with pytest.raises(o3l.errors.UnitError, match="is its unit really"):
+    with pytest.raises(o3l.errors.UnitError, match=rf"is its unit really {unit}\? It would be .*in mm "):
         create_blade(wheat_scan(count=500).cloud, unit=unit)
 
 

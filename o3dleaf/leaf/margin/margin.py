@@ -39,6 +39,8 @@ FUSE = 0.02
 """The covered region is grown by this many spacings, so that triangles which meet in a corner alone are one piece."""
 LEAST_HOLE = 6.0
 """Cells that a hole has at least, once the leaf has grown into it: less is one point that is not there by chance."""
+ROOM = 1.05
+"""Times the width of a hole that is named to fill it: more than a figure of three digits is rounded by."""
 TOLD = 0.002
 """Share of the points that may lie outside without a note."""
 
@@ -169,7 +171,7 @@ class Margin:
             tuple(rings[1:]),
             spacing=float(np.median(region.spacing)),
             holes=tuple(holes[i] for i in order),
-            notes=_notes(region),
+            notes=_notes(region, holes),
             unit=unit,
         )
 
@@ -289,9 +291,14 @@ def _hole(ring: FloatArray, limit: float) -> Hole:
     return Hole(shapely.get_coordinates(polygon.centroid)[0], float(polygon.area), width, width <= limit)
 
 
-def _notes(region: SampleRegion) -> tuple[str, ...]:
-    """Return what the region does not hold."""
+def _notes(region: SampleRegion, holes: list[Hole]) -> tuple[str, ...]:
+    """Return what the region does not hold, and which holes may be the scanner's."""
     notes = []
+    narrow = [hole.width for hole in holes if not hole.filled and hole.width <= region.void]
+    if narrow:
+        said = f"holes no wider than chance leaves between points, {len(narrow)} of up to {max(narrow):.3g}"
+        fill = f"fill_holes {ROOM * max(narrow):.3g} would fill them"
+        notes.append(f"{said}: tears, or slits that the scanner left; {fill}")
     if region.bridged:
         notes.append(f"{region.bridged + 1} pieces of the scan were joined over gaps wider than the scan's own")
     if len(region.left_out) > TOLD * len(region.points):

@@ -25,6 +25,8 @@ random sample, the widest that 100,000 points have by chance."""
 CHANCE = 2.4
 """A gap of more than this many squares of the short side is one of the leaf: 24 cells of a random sample, the void of
 16 cells that 100,000 points have by chance (n e^(−A) have A cells) and the triangles around it."""
+VOID = 1.6
+"""Width of the widest void that chance leaves, in short sides: a disc of those 16 cells."""
 DEEP = 2.0
 """Spacings from the border at which cells are those of the sample."""
 BRIDGE = 8.0
@@ -60,6 +62,8 @@ class SampleRegion:
         Length of the longest triangle over such a gap; 0: there was none.
     left_out : (k,) int ndarray
         The points in no triangle kept.
+    void : float
+        Width of the widest void that chance leaves in it.
     """
 
     points: FloatArray
@@ -71,6 +75,7 @@ class SampleRegion:
     bridged: int
     widest: float
     left_out: IntArray
+    void: float
 
 
 def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
@@ -87,10 +92,13 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
         kept = _covered(mesh, spacing, short)
         deep = _deep(mesh, kept, spacing)
         spacing = cell_sizes(points, cells_of(points, mesh.triangles[kept], mesh.areas[kept]), deep)
-        usual = (mesh.reach / spacing[mesh.triangles].mean(axis=1))[kept & deep[mesh.triangles].all(axis=1)]
+        within = _within(mesh, kept, deep)
+        usual = mesh.reach[within] / spacing[mesh.triangles[within]].mean(axis=1)
         short = SHORT * float(np.quantile(usual, USUAL)) if len(usual) else FIRST_SHORT
     covered = _covered(mesh, spacing, short)
     kept, bridged, widest = _joined(mesh, covered, spacing, short)
+    chance = _enclosed_by_chance(mesh, kept, spacing, short)
+    covered, kept = covered | chance, kept | chance
     kept |= _slits(mesh, kept, fill_slits)
     labels = _labels(mesh, kept)
     kept &= labels == np.argmax(np.bincount(labels[kept], mesh.areas[kept]))
@@ -98,7 +106,8 @@ def cover_sample(points: FloatArray, fill_slits: float = 0.0) -> SampleRegion:
     random = _randomness(mesh, kept, deep, spacing)
     missing = missing_area(mesh, kept, spacing, random, LONG * short)
     triangles, filled = mesh.triangles[kept], mesh.triangles[kept & ~covered]
-    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out)
+    void = VOID * short * float(np.median(spacing))
+    return SampleRegion(points, triangles, filled, spacing, missing, random, bridged, widest, left_out, void)
 
 
 def _randomness(mesh: Triangulation, kept: BoolArray, deep: BoolArray, spacing: FloatArray) -> float:
@@ -117,6 +126,18 @@ def _deep(mesh: Triangulation, kept: BoolArray, spacing: FloatArray) -> BoolArra
     tries = [inner & (depth > share * DEEP * spacing) for share in (1.0, 0.5, 0.0)]
     enough = min(2 * NEIGHBORS, int(used.sum()))
     return next((found for found in tries if found.sum() >= enough), used)
+
+
+def _within(mesh: Triangulation, kept: BoolArray, deep: BoolArray) -> BoolArray:
+    """Return the triangles that say how long sides are within the sample: those whose corners are all deep.
+
+    Each point has two triangles. Where those that are left have less than half of theirs, the deep part is a strip as
+    narrow as triangles, in which only small ones fit; then no corner need be deeper than beside the border.
+    """
+    within: BoolArray = kept & deep[mesh.triangles].all(axis=1)
+    if within.sum() < deep.sum():
+        within = kept & inner_points(mesh, kept)[1][mesh.triangles].all(axis=1)
+    return within
 
 
 def _labels(mesh: Triangulation, chosen: BoolArray) -> IntArray:
@@ -139,9 +160,14 @@ def _covered(mesh: Triangulation, spacing: FloatArray, short: float) -> BoolArra
     gaps = reach > short
     pockets = _open(mesh, gaps) & (reach <= LONG * short)
     gaps &= ~_small(mesh, pockets, cells, CHANCE * short**2)
-    enclosed = gaps & ~_open(mesh, gaps)
-    covered: BoolArray = ~gaps | _small(mesh, enclosed, cells, CHANCE * short**2)
+    covered: BoolArray = ~gaps | _enclosed_by_chance(mesh, ~gaps, spacing, short)
     return covered
+
+
+def _enclosed_by_chance(mesh: Triangulation, kept: BoolArray, spacing: FloatArray, short: float) -> BoolArray:
+    """Return the gaps that the triangles kept enclose, where they are no larger than chance makes them."""
+    cells = mesh.areas / spacing[mesh.triangles].mean(axis=1) ** 2
+    return _small(mesh, ~kept & ~_open(mesh, ~kept), cells, CHANCE * short**2)
 
 
 def _slits(mesh: Triangulation, kept: BoolArray, widest: float) -> BoolArray:

@@ -13,6 +13,7 @@ from tolerances import (
     MARGIN_HELD,
     MARGIN_HELD_RANDOM,
     MARGIN_TURNED,
+    STRIP_AREA,
     TIP_LOST,
 )
 
@@ -124,6 +125,30 @@ def test_pieces_are_joined_over_a_narrow_gap_and_left_out_and_told_beyond_a_wide
     assert "joined" in narrow.notes[0]
     assert "left out" in wide.notes[0]
     assert wide.bounds[1, 0] < 30
+
+
+@pytest.mark.parametrize("width", [4.0, 5.0, 6.0])
+def test_a_strip_few_spacings_wide_is_whole_and_has_no_holes(width):
+    leaf, areas = leaves.strip(40, width, 1500 / width), []
+    for seed in range(6):
+        margin = Margin.fit(leaves.uniform(leaf, 1500, np.random.default_rng(seed)))
+        areas.append(margin.area / leaf.area)
+        assert not margin.holes
+    assert np.mean(areas) == pytest.approx(1.0, abs=STRIP_AREA)
+
+
+def test_a_slit_no_wider_than_gaps_of_chance_is_told_and_a_hole_is_not():
+    points = leaves.uniform(leaves.ellipse(), 3000, np.random.default_rng(9))
+    spacing = leaves.true_spacing(leaves.ellipse(), points)
+    slit = (np.abs(points[:, 1]) <= 1.5 * spacing) & (np.abs(points[:, 0]) <= 15 * spacing)
+    margin = Margin.fit(points[~slit])
+    assert margin.hole_rings
+    assert f"chance leaves between points, {len(margin.hole_rings)} of up to" in margin.notes[0]
+    told = float(margin.notes[0].split("fill_holes")[1].split()[0])
+    assert not Margin.fit(points[~slit], fill_holes=told).hole_rings
+    disc = np.hypot(*points.T) <= 4 * spacing
+    assert len((whole := Margin.fit(points[~disc])).hole_rings) == 1
+    assert not whole.notes
 
 
 def test_points_on_a_line_are_refused():
