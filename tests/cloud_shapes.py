@@ -36,3 +36,18 @@ def slab(count, spacings=3.0, seed=0):
     for _ in range(5):
         thickness = spacings * np.sqrt((2 + 4 * thickness) / count)
     return block(count, (1.0, 1.0, thickness), seed)
+
+
+def pipe(count, spacings=1.5, seed=0):
+    """Return a pipe of mean radius 1/2 and length 3, open at both ends, whose wall is so many spacings thick."""
+    rng, half = np.random.default_rng(seed), spacings * np.sqrt(6 * np.pi / count) / 2
+    radii = 0.5 - half, 0.5 + half
+    part = rng.choice(3, count, p=np.array([3 * radii[0], 3 * radii[1], 2 * half]) / (3 + 2 * half))
+    angle, chance, end = rng.uniform(0, 2 * np.pi, count), rng.uniform(size=count), rng.choice([-1.0, 1.0], count)
+    ring = np.sqrt(radii[0] ** 2 + chance * (radii[1] ** 2 - radii[0] ** 2))
+    radius = np.choose(part, [radii[0], radii[1], ring])
+    height, facing = np.where(part == 2, 1.5 * end, 3 * chance - 1.5), np.choose(part, [-1.0, 1.0, 0.0])
+    outward = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    normals = facing[:, np.newaxis] * outward
+    normals[part == 2, 2] = end[part == 2]
+    return radius[:, np.newaxis] * outward + np.outer(height, [0, 0, 1]), normals

@@ -19,7 +19,7 @@ from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, 
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, ROUGH, Surfels
 from o3dleaf.surface.cloud.winding.closed import close_anew
-from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts
+from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts, settle_sheets
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
 ROUNDS = 3
@@ -160,12 +160,8 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     first, *more = progress.split(*(coarser_scales + 1) * [1])
     with first:
         sides = _find_sides(surfels)
-    if sides.enclosed < OPEN:
-        blended = _blended(points, surfels, sides.normals)
-        if TWO_CLEAR_SHEETS <= blended.excess < TWO_SHEETS:
-            anew = close_anew(points, surfels, sides.normals, blended.normals, thin=True)
-            if anew is not None:
-                return Orientation(*anew)
+    if (close := _close_sheets(points, surfels, sides)) is not None:
+        return close
     finest = surfels, sides
     for part in more:
         with part:
@@ -184,6 +180,23 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
         return found if anew is None else Orientation(*anew)
     normals, notes = settle_doubts(points, surfels, sides.normals, found.normals)
     return Orientation(normals, (*found.notes, *notes))
+
+
+def _close_sheets(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation | None:
+    """Return the normals (n, 3) of two sheets that groups of points do not tell apart, or None where they show one.
+
+    The wall of a vessel is such, though its middle encloses something, the hollow.
+    """
+    blended = _blended(points, surfels, sides.normals)
+    if blended.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
+        found = _split_sheets(blended, _notes(surfels, sides))
+        if sides.enclosed < OPEN:
+            return found
+        return found._replace(normals=settle_sheets(points, surfels.spacing, found.normals))
+    if sides.enclosed < OPEN and TWO_CLEAR_SHEETS <= blended.excess < TWO_SHEETS:
+        anew = close_anew(points, surfels, sides.normals, blended.normals, thin=True)
+        return None if anew is None else Orientation(*anew)
+    return None
 
 
 def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation:
@@ -277,8 +290,8 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
 class _Blended(NamedTuple):
     """Normals (n, 3) of surfels blended at the points, the points' heights (n,) over them, and their excess kurtosis.
 
-    The excess kurtosis of noise is 0, and above where groups differ; of two sheets 2a apart with noise σ it is
-    -2 a⁴/(a² + σ²)².
+    The excess kurtosis of noise is 0; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)². It is that around
+    most places: heights of parts that differ in thickness have more than those of each part, and rims have more.
     """
 
     normals: FloatArray
@@ -288,8 +301,14 @@ class _Blended(NamedTuple):
 
 def _blended(points: FloatArray, surfels: Surfels, normals: FloatArray) -> _Blended:
     outward, height = surfels.blend(points, normals)
-    square = float(np.mean(height**2))
-    return _Blended(outward, height, float(np.mean(height**4)) / square**2 - 3 if square > 0 else 0.0)
+    if len(surfels.points) == len(points):
+        return _Blended(outward, height, 0.0)
+    count, second, fourth = (surfels.total(height**power)[surfels.rows].sum(axis=1) for power in (0, 2, 4))
+    if not (second.all() and count.min() > 1):
+        return _Blended(outward, height, 0.0)
+    # So many values from a normal distribution have 3 on average if their ratio is multiplied with the first factor.
+    kurtosis = (count + 1) / (count - 1) * count * fourth / second**2
+    return _Blended(outward, height, float(np.median(kurtosis[surfels.rows].mean(axis=1))) - 3)
 
 
 def _split_sheets(blended: _Blended, notes: tuple[str, ...]) -> Orientation:

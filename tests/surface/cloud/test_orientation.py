@@ -3,7 +3,7 @@ import open3d as o3d
 import pytest
 from scipy.spatial import cKDTree
 
-from cloud_shapes import block, slab, sphere, torus
+from cloud_shapes import block, pipe, slab, sphere, torus
 from o3dleaf import (
     OrientedCloud,
     create_from_point_cloud_rbfpu,
@@ -17,7 +17,7 @@ from o3dleaf.core.errors import CloudWarning, InputError, OrientationError
 from o3dleaf.samples import fins
 from o3dleaf.surface.cloud.normals import find_opposed, repair_normals
 from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
-from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, MOST_OF_THIN, OPPOSED_LEFT
+from tolerances import ALMOST_ALL, CUT_SHARE, GROUPS_ANGLE, HALF_WINDING, MOST_OF_THIN, MOST_OF_VESSEL, OPPOSED_LEFT
 
 SHAPES = {"sphere": sphere, "torus": torus, "block": block, "slab": slab}
 
@@ -133,6 +133,24 @@ def test_sheets_closer_than_their_spacing_still_face_away_from_one_another(spaci
     cloud = preprocess_point_cloud(points[faces])
     assert right(cloud.normals, normals[faces]) >= ALMOST_ALL
     assert spacings > 1 or any("close together" in note for note in cloud.notes)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.0015])
+def test_the_wall_of_a_vessel_has_two_sides_though_its_hollow_is_enclosed(share):
+    """A pipe of a wall 1.5 spacings thick: groups show one sheet between its sides, which encloses the hollow."""
+    points, normals = pipe(8000)
+    cloud = preprocess_point_cloud(noisy(points, share))
+    assert right(cloud.normals, normals) >= MOST_OF_VESSEL
+    assert any("close together" in note for note in cloud.notes)
+
+
+def test_a_ball_of_even_noise_is_one_sheet():
+    """Noise that is spread evenly has two ends but no two sheets: its excess kurtosis is -1.2."""
+    normals = np.random.default_rng(2).normal(size=(6000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = normals * np.random.default_rng(5).uniform(0.9, 1.1, size=(6000, 1))
+    cloud = preprocess_point_cloud(points)
+    assert right(cloud.normals, cloud.points) >= MOST_OF_VESSEL
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,11 @@ another sheet, as near as the dipoles are wide, makes up for three quarters of i
 
 UNCERTAIN = 1e-3
 """Share of the points whose sides may be uncertain without a word."""
+DOUBTFUL = 0.01
+"""Share of uncertain sides up to which what two close sheets enclose is believed: of bowls, pipes and vases 1.3 to 1.7
+spacings thick heights leave 1 to 4 % wrong and this 0.1 to 1 %; with 2 to 11 % uncertain it is the other way round."""
+MOST_TURNED = 0.1
+"""Share of the sides that it may turn: it turns 1 to 4 %, and of sheets half a spacing apart 40 %."""
 UNCERTAIN_NOTE = (
     "the sides of {:,} points ({:.2g} %) remain uncertain, where sheets lie closer than their points tell apart, "
     "around {}; give normals, or where they were scanned from"
@@ -83,6 +88,24 @@ def settle_doubts(
     alike = np.abs(along_both) * np.hypot(1.0, TILT * noise / surfels.spacing) >= 1
     settled = np.where(alike[:, np.newaxis], np.sign(along_both)[:, np.newaxis] * normals, found)
     return settled, uncertain_notes(points, Consistent(settled, uncertain))
+
+
+def settle_sheets(points: FloatArray, spacing: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the normals (n, 3) of two close sheets as what they enclose has them, or those given where it is in doubt.
+
+    Heights over the middle leave a few percent wrong, at rims and where the middle bends: what turns more is no
+    correction, but dipoles too wide for sheets so close.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) ndarray
+    spacing : (n,) ndarray
+        1/√(points per unit area), of which each sheet has half.
+    """
+    wide = np.sqrt(2) * spacing
+    found = make_consistent(points, normals, wide, 0.0, np.zeros(len(points), bool))
+    turned = np.einsum("ij,ij->i", found.normals, normals) < 0
+    return found.normals if found.uncertain.mean() <= DOUBTFUL and turned.mean() <= MOST_TURNED else normals
 
 
 def uncertain_notes(points: FloatArray, found: Consistent) -> tuple[str, ...]:
