@@ -184,15 +184,6 @@ class Margin:
         names = ("points", "ring", "hole_rings", "spacing", "holes", "notes", "unit")
         return {name: getattr(self, name) for name in names}
 
-    def carried(self, carry: Callable[[FloatArray], FloatArray]) -> "Margin":
-        """Return the margin in another chart, to which `carry` takes places (n, 2) of this one."""
-        holes = tuple(replace(hole, place=carry(hole.place[np.newaxis])[0]) for hole in self.holes)
-        rings = [carry(ring) for ring in (self.ring, *self.hole_rings)]
-        points = carry(self.points)
-        return Margin(
-            points, rings[0], tuple(rings[1:]), spacing=self.spacing, holes=holes, notes=self.notes, unit=self.unit
-        )
-
     @property
     def rounded(self) -> shapely.Polygon:
         """The polygon itself: it is smooth, and open and closed meshes end on the same curve."""
@@ -283,6 +274,14 @@ def _simple(curve: FloatArray) -> FloatArray:
     """Return the curve, or where it crosses itself the border of the largest area inside it."""
     polygon = largest(polygon_of(curve))
     return np.asarray(shapely.get_coordinates(shapely.orient_polygons(polygon).exterior)[:-1])
+
+
+def carry_margin(margin: Margin, carry: Callable[[FloatArray], FloatArray]) -> Margin:
+    """Return a margin in another chart, to which `carry` takes places (n, 2) of its own."""
+    holes = tuple(replace(hole, place=carry(hole.place[np.newaxis])[0]) for hole in margin.holes)
+    ring, *hole_rings = (carry(ring) for ring in (margin.ring, *margin.hole_rings))
+    state = margin.state() | {"holes": holes, "ring": ring, "hole_rings": tuple(hole_rings)}
+    return Margin(**state | {"points": carry(margin.points)})
 
 
 def _hole(ring: FloatArray, limit: float) -> Hole:

@@ -18,7 +18,7 @@ from o3dleaf.leaf.chart.carry import carry_chart
 from o3dleaf.leaf.chart.flattening.embedding import relax_rigidly, relax_without_flips
 from o3dleaf.leaf.chart.flattening.stretch import chart_areas
 from o3dleaf.leaf.chart.flattening.untangle import untangle
-from o3dleaf.leaf.margin.margin import Margin
+from o3dleaf.leaf.margin.margin import Margin, carry_margin
 from o3dleaf.leaf.margin.sheet_mesh import triangulate
 from o3dleaf.leaf.parametric.fitted import COLLAR, ChartMesh, RobustSmoothing, SurfaceFit, SurfaceProblem
 from o3dleaf.leaf.parametric.surface import ChartSurface
@@ -122,7 +122,7 @@ def relax_chart(surface: ChartSurface, margin: Margin, spacing: float) -> tuple[
     if relaxed is None:
         return surface, margin
     chart = _turned_onto(relaxed, plane)
-    moved = margin.carried(partial(_carried, plane, triangles, chart))
+    moved = carry_margin(margin, partial(_carried, plane, triangles, chart))
     if not moved.polygon.is_valid:
         return surface, margin
     same = _interpolated(surface, space, chart, spacing)
