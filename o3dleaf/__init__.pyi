@@ -3,8 +3,8 @@ from .io.point_cloud import read_point_cloud as read_point_cloud
 from .surface.cloud.preprocess import preprocess_point_cloud as preprocess_point_cloud
 from .surface.cloud.oriented_cloud import OrientedCloud as OrientedCloud
 from .surface.cloud.outliers import detect_outliers as detect_outliers
-from .surface.cloud.orientation import estimate_normals as estimate_normals
-from .surface.cloud.orientation import orient_normals as orient_normals
+from .surface.cloud.orientation.orientation import estimate_normals as estimate_normals
+from .surface.cloud.orientation.orientation import orient_normals as orient_normals
 from .surface.cloud.oriented_cloud import point_spacing as point_spacing
 from .surface.cloud.oriented_cloud import estimate_noise as estimate_noise
 from .surface.cloud.downsample import voxel_down_sample as voxel_down_sample

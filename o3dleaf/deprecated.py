@@ -18,7 +18,7 @@ RENAMED: dict[str, str] = {
     "Distortion": "o3dleaf.leaf.blade.distortion:Distortion",
     "FrameQuality": "o3dleaf.leaf.macro.frame_quality:FrameQuality",
     "Inspection": "o3dleaf.surface.mesh.inspection:Inspection",
-    "Orientation": "o3dleaf.surface.cloud.orientation:Orientation",
+    "Orientation": "o3dleaf.surface.cloud.orientation.orientation:Orientation",
     "Support": "o3dleaf.surface.reconstruction.vertex_support:VertexSupport",
     "Verdict": "o3dleaf.output.report.requirements:CheckResult",
     "attach_support": "o3dleaf:color_by_support",

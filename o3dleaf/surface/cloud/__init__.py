@@ -9,9 +9,7 @@
 `outliers`        points that belong to no surface
 `normals`         agreement of neighbors' normals, and the pieces that agree
 `winding`         the winding number of the whole: signs of pieces, and normals in doubt
-`orientation`     normals estimated and turned outward
-`given_normals`   normals that came with a cloud
-`viewpoint`       normals turned to the scanner
+`orientation`     normals that point outward: estimated, given, or turned to the scanner
 `downsample`      points averaged in voxels, sheet by sheet
 `constraints`     points off the surface with their signed distances
 `preprocess`      all of it: any cloud to points and outward normals

@@ -21,13 +21,13 @@ from o3dleaf.core.errors import InputError
 from o3dleaf.surface.cloud.branchings.branchings import Branchings
 from o3dleaf.surface.cloud.branchings.find import find_branchings
 from o3dleaf.surface.cloud.downsample import voxel_down_sample
-from o3dleaf.surface.cloud.given_normals import check_normals
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import plane_normals
-from o3dleaf.surface.cloud.orientation import Orientation, estimate_normals, orient_normals
+from o3dleaf.surface.cloud.orientation.given_normals import check_normals
+from o3dleaf.surface.cloud.orientation.orientation import Orientation, estimate_normals, orient_normals
+from o3dleaf.surface.cloud.orientation.viewpoint import face_given, face_viewpoint
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud, Removed
 from o3dleaf.surface.cloud.outliers import detect_outliers
-from o3dleaf.surface.cloud.viewpoint import face_given, face_viewpoint
 
 UNUSABLE = 0.1
 """Share of given normals on the wrong side of a noisy cloud beyond which their directions are not used either."""

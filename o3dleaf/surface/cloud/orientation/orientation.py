@@ -11,33 +11,24 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.checks.coordinates import as_points
 from o3dleaf.core.cloud_arrays import CloudLike
 from o3dleaf.core.errors import InputError, OrientationError
-from o3dleaf.core.parallel import run_blocks
 from o3dleaf.core.trees import query
-from o3dleaf.surface.cloud import cloud_loops
-from o3dleaf.surface.cloud.neighbors import BLOCK, nearest_neighbors
-from o3dleaf.surface.cloud.normals import SEAM, OrientedPieces, join_neighbors, longest_seam, on_seams, repair_normals
+from o3dleaf.surface.cloud.neighbors import nearest_neighbors
+from o3dleaf.surface.cloud.normals import on_seams
+from o3dleaf.surface.cloud.orientation.close_sheets import (
+    TWO_CLEAR_SHEETS,
+    TWO_SHEETS,
+    TWO_SHEETS_NOTE,
+    middle_of,
+    split_sheets,
+)
+from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE, Sides, find_sides
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
-from o3dleaf.surface.cloud.surfels import FLAT, MIN_POINTS, ROUGH, Surfels
+from o3dleaf.surface.cloud.surfels import MIN_POINTS, Surfels
 from o3dleaf.surface.cloud.winding.closed import close_anew
 from o3dleaf.surface.cloud.winding.consistency import place_of_most, settle_doubts, settle_sheets
-from o3dleaf.surface.cloud.winding.enclosing import enclosing_signs
 
-ROUNDS = 3
 COARSER = 8
 """Times that an open sheet whose normals contradict one another is thinned at most, from where it is flattest."""
-CLEAN_EDGES = 8
-"""Nearest neighbors that are compared where the cloud is clean; all 15 are under noise."""
-OPEN = 0.25
-"""Mean winding number below which a cloud encloses nothing: 1/2 where it does, 0.06 on leaves."""
-OPEN_NOTE = "the cloud encloses no volume and is treated as an open sheet: either side may be outside"
-DECISIVE = 0.1
-"""Gain in the square of the winding number's error from which it, and not the neighbors, decides on a piece."""
-TWO_SHEETS_NOTE = "two sheets lie close together and face away from one another"
-TWO_SHEETS = -0.25
-"""Excess kurtosis of heights below which they are of two sheets: noise has at least 0, sheets 2σ apart -0.5."""
-TWO_CLEAR_SHEETS = -1.3
-"""The same, below which each point lies clearly on one of them: a full slab has -1.2, sheets 4σ apart have -1.28."""
-
 CUT = 2.0
 """Spacings on both sides of a line of contradiction within which points are cut out: planes of sixteen points reach as
 far, and where they hold points of more than one sheet their normals mean nothing."""
@@ -130,19 +121,6 @@ def orient_normals(cloud: CloudLike, normals: npt.ArrayLike | None = None) -> Or
     return Orientation(np.where(side < 0, -1.0, 1.0)[:, np.newaxis] * given, notes, cut)
 
 
-class _Sides(NamedTuple):
-    """Outward normals (m, 3) of surfels, the mean winding number on them, and the length of their longest seam."""
-
-    normals: FloatArray
-    enclosed: float
-    seam: float
-
-    @property
-    def contradictory(self) -> bool:
-        """True for an open sheet whose normals contradict one another along a line."""
-        return self.enclosed < OPEN and self.seam > SEAM
-
-
 def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     """Return outward normals at `points` (n, 3), those of the surfels blended, found on coarser ones if need be.
 
@@ -159,7 +137,7 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     coarser_scales = int(np.log2(COARSER * surfels.scale.flattest / surfels.scale.thinning))
     first, *more = progress.split(*(coarser_scales + 1) * [1])
     with first:
-        sides = _find_sides(surfels)
+        sides = find_sides(surfels)
     if (close := _close_sheets(points, surfels, sides)) is not None:
         return close
     finest = surfels, sides
@@ -169,10 +147,10 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
             if coarser is None:
                 break
             surfels = coarser
-            sides = _find_sides(surfels)
+            sides = find_sides(surfels)
     if sides.contradictory:
         return _orient_apart(points, *finest)
-    found = _split_sheets(_blended(points, surfels, sides.normals), _notes(surfels, sides))
+    found = Orientation(*split_sheets(middle_of(points, surfels, sides.normals), _notes(surfels, sides)))
     if TWO_SHEETS_NOTE in found.notes:
         return found
     if sides.enclosed < OPEN:
@@ -182,24 +160,24 @@ def orient_surfels(points: FloatArray, surfels: Surfels) -> Orientation:
     return Orientation(normals, (*found.notes, *notes))
 
 
-def _close_sheets(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation | None:
+def _close_sheets(points: FloatArray, surfels: Surfels, sides: Sides) -> Orientation | None:
     """Return the normals (n, 3) of two sheets that groups of points do not tell apart, or None where they show one.
 
     The wall of a vessel is such, though its middle encloses something, the hollow.
     """
-    blended = _blended(points, surfels, sides.normals)
-    if blended.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
-        found = _split_sheets(blended, _notes(surfels, sides))
+    middle = middle_of(points, surfels, sides.normals)
+    if middle.excess < TWO_CLEAR_SHEETS and not sides.contradictory:
+        found = Orientation(*split_sheets(middle, _notes(surfels, sides)))
         if sides.enclosed < OPEN:
             return found
         return found._replace(normals=settle_sheets(points, surfels.spacing, found.normals))
-    if sides.enclosed < OPEN and TWO_CLEAR_SHEETS <= blended.excess < TWO_SHEETS:
-        anew = close_anew(points, surfels, sides.normals, blended.normals, thin=True)
+    if sides.enclosed < OPEN and TWO_CLEAR_SHEETS <= middle.excess < TWO_SHEETS:
+        anew = close_anew(points, surfels, sides.normals, middle.normals, thin=True)
         return None if anew is None else Orientation(*anew)
     return None
 
 
-def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orientation:
+def _orient_apart(points: FloatArray, surfels: Surfels, sides: Sides) -> Orientation:
     """Return normals (n, 3) of sheets cut apart along the lines where those of a whole contradict one another.
 
     The points within `CUT` spacings of a line go, and the others are oriented anew, up to three times.
@@ -215,10 +193,10 @@ def _orient_apart(points: FloatArray, surfels: Surfels, sides: _Sides) -> Orient
             break
         with progress.silent():
             surfels = Surfels.of(rest, nearest_neighbors(cKDTree(rest)).row)
-            sides = _find_sides(surfels)
+            sides = find_sides(surfels)
         if not sides.contradictory:
             normals = np.zeros_like(points)
-            normals[~cut], notes, _ = _split_sheets(_blended(rest, surfels, sides.normals), _notes(surfels, sides))
+            normals[~cut], notes = split_sheets(middle_of(rest, surfels, sides.normals), _notes(surfels, sides))
             normals[cut] = normals[~cut][cKDTree(rest).query(points[cut])[1]]
             note = CUT_NOTE.format(cut.sum(), 100 * cut.mean(), place_of_most(points[cut]))
             return Orientation(normals, (*notes, note), cut)
@@ -233,49 +211,7 @@ def _coarser(surfels: Surfels, points: FloatArray) -> Surfels | None:
         return surfels.coarser(points)
 
 
-def _find_sides(surfels: Surfels) -> _Sides:
-    """Find the outward normals of surfels, and whether they contradict one another."""
-    points, rows = surfels.points, surfels.rows
-    smoothing, joining, turning = progress.split(1, 4, 1)
-    with smoothing:
-        smoothed = _smoothed(surfels)
-    with joining:
-        near = rows if surfels.scale.flatness > FLAT else np.ascontiguousarray(rows[:, : CLEAN_EDGES + 1])
-        pieces = join_neighbors(points, smoothed, near)
-    with turning:
-        agreed = pieces.sign[:, np.newaxis] * smoothed
-        area = surfels.total(surfels.spacing**2)
-        sign, winding, gain = enclosing_signs(points, agreed, area, pieces.piece)
-        _follow_neighbors(pieces, sign, gain)
-        repaired = repair_normals(points, sign[pieces.piece][:, np.newaxis] * agreed, rows)
-    enclosed = float(np.average(winding[pieces.piece], weights=area))
-    seam = longest_seam(points, repaired.normals, rows) if repaired.conflict else 0.0
-    return _Sides(repaired.normals, enclosed, seam)
-
-
-def _smoothed(surfels: Surfels) -> FloatArray:
-    """Return the normals (m, 3) of the surfels, averaged on their own sheet where they are rough."""
-    normals = surfels.planes.normal
-    if surfels.scale.flatness <= ROUGH:
-        return normals
-    noise = float(np.median(np.sqrt(surfels.planes.variance[:, 0])))
-    for _ in range(ROUNDS):
-        smoothed, args = np.empty_like(normals), (surfels.points, normals, surfels.rows, noise)
-        run_blocks(lambda i, j: cloud_loops.smooth_normals(*args, i, j, smoothed), len(normals), BLOCK)  # noqa: B023
-        normals = smoothed
-    return normals
-
-
-def _follow_neighbors(pieces: OrientedPieces, sign: FloatArray, gain: FloatArray) -> None:
-    """Turn pieces on whose sign the winding number decides little so that they agree with larger neighbors."""
-    for c in np.flatnonzero(gain < DECISIVE):
-        edges = pieces.other == c  # pieces.one is the larger one
-        agreement = float(np.sum(pieces.agreement[edges] * sign[pieces.one[edges]]))
-        if agreement:
-            sign[c] = np.sign(agreement)
-
-
-def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
+def _notes(surfels: Surfels, sides: Sides) -> tuple[str, ...]:
     notes = []
     if sides.enclosed < OPEN:
         notes.append(OPEN_NOTE)
@@ -285,38 +221,3 @@ def _notes(surfels: Surfels, sides: _Sides) -> tuple[str, ...]:
             f"noise is too large to orient single points: groups of {groups:.0f} points were oriented together"
         )
     return tuple(notes)
-
-
-class _Blended(NamedTuple):
-    """Normals (n, 3) of surfels blended at the points, the points' heights (n,) over them, and their excess kurtosis.
-
-    The excess kurtosis of noise is 0; of two sheets 2a apart with noise σ it is -2 a⁴/(a² + σ²)². It is that around
-    most places: heights of parts that differ in thickness have more than those of each part, and rims have more.
-    """
-
-    normals: FloatArray
-    height: FloatArray
-    excess: float
-
-
-def _blended(points: FloatArray, surfels: Surfels, normals: FloatArray) -> _Blended:
-    outward, height = surfels.blend(points, normals)
-    if len(surfels.points) == len(points):
-        return _Blended(outward, height, 0.0)
-    count, second, fourth = (surfels.total(height**power)[surfels.rows].sum(axis=1) for power in (0, 2, 4))
-    if not (second.all() and count.min() > 1):
-        return _Blended(outward, height, 0.0)
-    # So many values from a normal distribution have 3 on average if their ratio is multiplied with the first factor.
-    kurtosis = (count + 1) / (count - 1) * count * fourth / second**2
-    return _Blended(outward, height, float(np.median(kurtosis[surfels.rows].mean(axis=1))) - 3)
-
-
-def _split_sheets(blended: _Blended, notes: tuple[str, ...]) -> Orientation:
-    """Return the normals (n, 3) of one sheet, or of two, turned outward from the middle between them."""
-    if blended.excess < TWO_CLEAR_SHEETS:
-        side = np.where(blended.height < 0, -1.0, 1.0)[:, np.newaxis]
-        kept = tuple(note for note in notes if note != OPEN_NOTE)
-        return Orientation(side * blended.normals, (*kept, TWO_SHEETS_NOTE))
-    if blended.excess < TWO_SHEETS:
-        notes += ("two sheets lie within the noise, cannot be told apart and are treated as one; give normals",)
-    return Orientation(blended.normals, notes)

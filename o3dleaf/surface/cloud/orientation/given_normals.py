@@ -7,7 +7,8 @@ from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.errors import OrientationError
 from o3dleaf.surface.cloud.neighbors import IndexArray, fit_planes
 from o3dleaf.surface.cloud.normals import repair_normals
-from o3dleaf.surface.cloud.orientation import OPEN, OPEN_NOTE, Orientation, orient_surfels
+from o3dleaf.surface.cloud.orientation.orientation import Orientation, orient_surfels
+from o3dleaf.surface.cloud.orientation.sides import OPEN, OPEN_NOTE
 from o3dleaf.surface.cloud.oriented_cloud import OrientedCloud
 from o3dleaf.surface.cloud.surfels import Surfels
 from o3dleaf.surface.cloud.winding.closed import imbalance

@@ -3,7 +3,7 @@
 import numpy as np
 
 from o3dleaf.core.checks.arrays import FloatArray
-from o3dleaf.surface.cloud.orientation import Orientation
+from o3dleaf.surface.cloud.orientation.orientation import Orientation
 
 
 def face_viewpoint(points: FloatArray, normals: FloatArray, viewpoint: FloatArray) -> FloatArray:
