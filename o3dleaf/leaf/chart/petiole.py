@@ -7,8 +7,8 @@ from scipy.spatial import cKDTree
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import BoolArray, IntArray
+from o3dleaf.core.places import tell_place
 from o3dleaf.core.trees import query
-from o3dleaf.leaf.chart.flattening.sheet_shape import place_of
 from o3dleaf.leaf.chart.stalk.junction import Junction, find_junction
 from o3dleaf.leaf.chart.stalk.lobes import is_one_of_several
 from o3dleaf.leaf.chart.stalk.point_ways import PointWays
@@ -48,10 +48,9 @@ class Petiole:
     junction: tuple[float, float, float]
 
     def __str__(self) -> str:
-        return (
-            f"petiole: {self.length:.3g} long and {self.width:.2g} wide, from {place_of(np.array(self.end))} "
-            f"to the blade at {place_of(np.array(self.junction))}"
-        )
+        ends = np.array([self.end, self.junction])
+        end, junction = (tell_place(place, ends) for place in ends)
+        return f"petiole: {self.length:.3g} long and {self.width:.2g} wide, from {end} to the blade at {junction}"
 
 
 def find_petiole(points: FloatArray, noise: float = 0.0) -> tuple[BoolArray, Petiole | None]:

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from o3dleaf.core.checks.arrays import FloatArray
 from o3dleaf.core.mesh_arrays import IntArray, triangle_areas
-from o3dleaf.leaf.sheet.pieces.leftovers import place_of
+from o3dleaf.core.places import tell_middle, tell_place
 from o3dleaf.surface.mesh.topology import EdgeTable
 
 NARROW = 0.5
@@ -61,9 +61,10 @@ def find_necks(vertices: FloatArray, triangles: IntArray) -> Necks | None:
     label = np.where(nearest >= 0, label[nearest], label)
     names, part, sizes = _ranked(label, area)
     shown = "; ".join(
-        f"{size:.3g} at {place_of(vertices[part == name])}" for name, size in zip(names, sizes, strict=True)
+        f"{size:.3g} at {tell_middle(vertices[part == name], vertices)}"
+        for name, size in zip(names, sizes, strict=True)
     )
-    at = ", ".join(f"{2 * depth[place]:.2g} wide at {place_of(vertices[[place]])}" for place in necks)
+    at = ", ".join(f"{2 * depth[place]:.2g} wide at {tell_place(vertices[place], vertices)}" for place in necks)
     return Necks(part, f"{len(names)} parts, areas about {shown}, hang together by {at}: `piece` takes one of them")
 
 
