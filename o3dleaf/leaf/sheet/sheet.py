@@ -274,9 +274,10 @@ def _refuse_layers(points: FloatArray, sheets: OpenSheets) -> None:
     passes = find_passes(points, sheets)
     places = np.concatenate([layers.places, passes.places])
     if len(places):
+        off = max(passes.apart, layers.need.max(initial=0.0))
         raise ReconstructionError(
-            f"scan: is no single sheet: at {len(places)} places, most around {tell_middle(places, points)}, another layer "
-            f"lies up to {max(passes.apart, layers.need.max(initial=0.0)):.3g} off; allow them to be averaged, or cut them out",
+            f"scan: is no single sheet: at {len(places)} places, most around {tell_middle(places, points)}, another "
+            f"layer lies up to {off:.3g} off; allow them to be averaged, or cut them out",
             places,
         )
     if len(sheets.cut):
